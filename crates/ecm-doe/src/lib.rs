@@ -1,0 +1,1 @@
+//! Designs of informative poses: D-optimal and maximin exchange, with a certificate

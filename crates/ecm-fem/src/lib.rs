@@ -1,0 +1,1 @@
+//! Static finite elements for soft mechanisms between a clamped base and a rigid platform

@@ -1,0 +1,1 @@
+//! Pose-to-wrench models: polynomials, principal component regression, symmetric energies, analytic stiffness

@@ -1,0 +1,1 @@
+//! Poses, wrenches and mid-frame coordinates on SE(3), without std
