@@ -1,0 +1,290 @@
+"""The Rust core. Poses are (x, y, z, theta_x, theta_y, theta_z) in m and rad,
+wrenches (fx, fy, fz, tau_x, tau_y, tau_z) in N and N m, both in base axes at the
+top frame's origin (see docs/conventions in README). Arrays are float64, C order.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]  # noqa: E741
+Progress = Callable[[int, int], object] | None
+StiffnessKind = Literal["partial", "generalised", "screw"]
+
+__version__: str
+
+class EcmError(Exception): ...
+class FemError(EcmError): ...
+class ModelError(EcmError): ...
+class DesignError(EcmError): ...
+
+# --- se3 ---------------------------------------------------------------
+def rotation_matrices(rotation_vectors: F) -> F:
+    """exp of (N, 3) rotation vectors: (N, 3, 3)."""
+
+def rotation_vectors(rotation_matrices: F) -> F:
+    """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi."""
+
+def left_jacobians(rotation_vectors: F) -> F:
+    """J(theta) with dphi = J dtheta: (N, 3, 3)."""
+
+def mid_frame(poses: F, length_m: float) -> F:
+    """q = (c, theta) of (N, 6) poses: c = A' r - (L, 0, 0), A = exp(theta/2)."""
+
+def convert_stiffness(
+    stiffness: F, poses: F, wrenches: F, *, source: StiffnessKind, target: StiffnessKind
+) -> F:
+    """Between K = dh/dp, H = d(f, J' tau)/dp and K_s = K diag(I, J^-1): (N, 6, 6)."""
+
+# --- fem ---------------------------------------------------------------
+@final
+class Mesh:
+    @staticmethod
+    def cylinder(
+        *, length_m: float, radius_m: float, quality: str = "standard"
+    ) -> Mesh: ...
+    @staticmethod
+    def tube(
+        *, length_m: float, radius_m: float, inner_radius_m: float, quality: str = "standard"
+    ) -> Mesh: ...
+    @staticmethod
+    def hourglass(
+        *, length_m: float, radius_m: float, waist_radius_m: float, quality: str = "standard"
+    ) -> Mesh: ...
+    @staticmethod
+    def read(path: str) -> Mesh:
+        """Gmsh 4.1 ASCII with named faces `base` and `top`; linear or quadratic tetrahedra."""
+    @property
+    def nodes_m(self) -> F: ...
+    @property
+    def tetrahedra(self) -> I:
+        """(M, 10), corner nodes then mid-edge nodes 01 12 02 03 13 23."""
+    @property
+    def base_nodes(self) -> I: ...
+    @property
+    def top_nodes(self) -> I: ...
+    @property
+    def length_m(self) -> float:
+        """Distance of the centres of the two named faces."""
+    @property
+    def volume_m3(self) -> float: ...
+
+@final
+class FemResults:
+    """One row per load case; rows that did not converge hold the last stable state."""
+    @property
+    def status(self) -> list[str]:
+        """solved | unstable | not_converged | inverted | cancelled"""
+    @property
+    def poses(self) -> F: ...
+    @property
+    def wrenches(self) -> F: ...
+    @property
+    def energy_J(self) -> F: ...
+    @property
+    def stiffness(self) -> F:
+        """K = dh/dp, (N, 6, 6)."""
+    @property
+    def smallest_eigenvalue(self) -> F:
+        """Of the Hessian H in scaled coordinates (lengths by L)."""
+    @property
+    def largest_stretch(self) -> F: ...
+    @property
+    def smallest_jacobian(self) -> F: ...
+    @property
+    def iterations(self) -> I: ...
+    @property
+    def residual(self) -> F: ...
+
+@final
+class Fem:
+    def __init__(
+        self,
+        mesh: Mesh,
+        *,
+        young_modulus_Pa: float,
+        poisson_ratio: float,
+        element_modulus_scale: F | None = None,
+    ) -> None:
+        """Neo-Hookean body clamped at `base`, rigid platform on `top`.
+        element_modulus_scale: (M,) factor on E per tetrahedron."""
+    def rest_stiffness(self) -> F: ...
+    def solve_wrenches(
+        self, wrenches: F, *, threads: int = 0, progress: Progress = None
+    ) -> FemResults: ...
+    def solve_poses(
+        self, poses: F, *, threads: int = 0, progress: Progress = None
+    ) -> FemResults: ...
+
+def rod_poses(
+    wrenches: F,
+    *,
+    length_m: float,
+    axial_stiffness_N: float,
+    shear_stiffness_N: float,
+    bending_stiffness_Nm2: float,
+    torsion_stiffness_Nm2: float,
+) -> tuple[F, NDArray[np.bool_]]:
+    """Cosserat rod clamped at its base under a dead tip wrench: poses (N, 6), converged (N,)."""
+
+# --- poly --------------------------------------------------------------
+def polynomial_exponents(n_inputs: int, degree: int) -> I:
+    """(k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4)."""
+
+def polynomial_regressor(inputs: F, degree: int, lower: F, upper: F) -> F:
+    """(N, k) regressor of inputs mapped from [lower, upper] to [-1, 1]."""
+
+@final
+class PolynomialModel:
+    """n inputs to m outputs; the paper's map has n = m = 6."""
+    @staticmethod
+    def fit(
+        inputs: F,
+        outputs: F,
+        degree: int,
+        *,
+        method: Literal["least_squares", "ridge", "pcr"] = "least_squares",
+        threshold: float = 0.0,
+        ridge: float = 0.0,
+        weights: F | None = None,
+    ) -> PolynomialModel:
+        """threshold: PCR drops singular values of the normalised, un-centred regressor below it."""
+    @staticmethod
+    def from_coefficients(
+        degree: int, lower: F, upper: F, coefficients: F
+    ) -> PolynomialModel: ...
+    def predict(self, inputs: F) -> F: ...
+    def jacobian(self, inputs: F) -> F:
+        """(N, m, n); K = dh/dp for the paper's map."""
+    @property
+    def degree(self) -> int: ...
+    @property
+    def coefficients(self) -> F:
+        """(k, m), of the normalised inputs, outputs in their own unit."""
+    @property
+    def lower(self) -> F: ...
+    @property
+    def upper(self) -> F: ...
+    @property
+    def condition_number(self) -> float:
+        """kappa of the normalised regressor that was kept (after PCR)."""
+    @property
+    def condition_number_raw(self) -> float:
+        """kappa before normalisation."""
+    @property
+    def rank(self) -> int: ...
+
+@final
+class EnergyModel:
+    """U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines."""
+    @staticmethod
+    def fit(
+        poses: F,
+        wrenches: F,
+        *,
+        length_m: float,
+        degree: int,
+        symmetry: Literal["alike", "revolution", "general"] = "alike",
+        covariance: F | None = None,
+    ) -> EnergyModel:
+        """covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
+        by the spread of each."""
+    @staticmethod
+    def from_coefficients(
+        *,
+        length_m: float,
+        degree: int,
+        symmetry: Literal["alike", "revolution", "general"],
+        scale: F,
+        coefficients: F,
+    ) -> EnergyModel: ...
+    @staticmethod
+    def regressor(
+        poses: F,
+        *,
+        length_m: float,
+        degree: int,
+        symmetry: Literal["alike", "revolution", "general"],
+        scale: F,
+    ) -> F:
+        """(N, 6, k): h = regressor @ coefficients."""
+    def energy_J(self, poses: F) -> F: ...
+    def predict(self, poses: F) -> F: ...
+    def stiffness(self, poses: F, kind: StiffnessKind = "partial") -> F: ...
+    @property
+    def coefficients(self) -> F: ...
+    @property
+    def covariance(self) -> F:
+        """(k, k) of the coefficients."""
+    @property
+    def terms(self) -> I:
+        """(k, n_invariants) exponents."""
+    @property
+    def scale(self) -> F:
+        """(2,) length and angle that make the coordinates dimensionless."""
+    @property
+    def length_m(self) -> float: ...
+    @property
+    def degree(self) -> int: ...
+    @property
+    def symmetry(self) -> str: ...
+
+def seal_model(document: str) -> str:
+    """A model document (JSON text, interfaces.md) checked, and sealed with its sha256."""
+
+def open_model(text: str) -> dict[str, Any]:
+    """The document of a model file; ModelError when its sum, version, kind or a range is wrong."""
+
+# --- doe ---------------------------------------------------------------
+@final
+class DesignResult:
+    @property
+    def indices(self) -> I:
+        """Rows of the candidates, sorted."""
+    @property
+    def value(self) -> float:
+        """log det(M/n)/k, or the smallest distance."""
+    @property
+    def bound(self) -> float:
+        """Certified upper bound of `value` for any design of this size."""
+    @property
+    def efficiency(self) -> float:
+        """exp(value - bound), or value / bound."""
+    @property
+    def exchanges(self) -> int: ...
+    @property
+    def status(self) -> str:
+        """converged | budget | interrupted"""
+
+def d_optimal(
+    regressor: F,
+    n: int,
+    *,
+    rows_per_pose: int = 1,
+    starts: int = 10,
+    iterations: int = 0,
+    seed: int = 0,
+    threads: int = 0,
+    time_limit_s: float = 0.0,
+    include: I | None = None,
+    replicates: bool = False,
+    progress: Progress = None,
+) -> DesignResult:
+    """regressor: (N * rows_per_pose, k). iterations 0: the default budget."""
+
+def maximin(
+    points: F,
+    n: int,
+    *,
+    method: Literal["exchange", "search"] = "search",
+    starts: int = 10,
+    iterations: int = 0,
+    seed: int = 0,
+    threads: int = 0,
+    time_limit_s: float = 0.0,
+    include: I | None = None,
+    progress: Progress = None,
+) -> DesignResult: ...
