@@ -1,0 +1,100 @@
+//! Poses and wrenches, and how a wrench moves between frames.
+
+use crate::jacobian::{left_jacobian, left_jacobian_inverse};
+use crate::linear::{Mat3, Vec3, Vec6, add, apply, apply_transposed, cross};
+use crate::real::Real;
+use crate::rotation::rotation_matrix;
+
+/// Pose of the top frame in the base frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pose<R> {
+    /// r: position of the top frame's origin in the base frame (m).
+    pub position: Vec3<R>,
+    /// θ: rotation vector of the top frame's orientation in the base frame (rad), |θ| < π.
+    pub rotation_vector: Vec3<R>,
+}
+
+/// What the surroundings exert on the platform: force and moment at the top frame's origin, base axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench<R> {
+    /// f (N).
+    pub force: Vec3<R>,
+    /// τ (N m).
+    pub torque: Vec3<R>,
+}
+
+impl<R: Real> Pose<R> {
+    /// From (x, y, z, θx, θy, θz) in m and rad.
+    #[inline(always)]
+    pub fn from_array(p: &Vec6<R>) -> Self {
+        Self {
+            position: [p[0], p[1], p[2]],
+            rotation_vector: [p[3], p[4], p[5]],
+        }
+    }
+
+    /// (x, y, z, θx, θy, θz) in m and rad.
+    #[inline(always)]
+    pub fn to_array(&self) -> Vec6<R> {
+        joined(&self.position, &self.rotation_vector)
+    }
+
+    /// The undeformed pose of a mechanism of length `length_m`.
+    pub fn at_rest(length_m: R) -> Self {
+        Self {
+            position: [length_m, R::ZERO, R::ZERO],
+            rotation_vector: [R::ZERO; 3],
+        }
+    }
+
+    /// R of the top frame in the base frame.
+    pub fn base_from_top(&self) -> Mat3<R> {
+        rotation_matrix(&self.rotation_vector)
+    }
+}
+
+impl<R: Real> Wrench<R> {
+    /// From (fx, fy, fz, τx, τy, τz) in N and N m.
+    #[inline(always)]
+    pub fn from_array(h: &Vec6<R>) -> Self {
+        Self {
+            force: [h[0], h[1], h[2]],
+            torque: [h[3], h[4], h[5]],
+        }
+    }
+
+    /// (fx, fy, fz, τx, τy, τz) in N and N m.
+    #[inline(always)]
+    pub fn to_array(&self) -> Vec6<R> {
+        joined(&self.force, &self.torque)
+    }
+
+    /// The wrench in another frame by the adjoint: f' = R f, τ' = R τ + t × R f.
+    ///
+    /// (`rotation`, `translation`) is the pose of the old frame in the new one.
+    pub fn moved(&self, rotation: &Mat3<R>, translation: &Vec3<R>) -> Self {
+        let force = apply(rotation, &self.force);
+        let torque = add(&apply(rotation, &self.torque), &cross(translation, &force));
+        Self { force, torque }
+    }
+
+    /// ∂W/∂p = (f, J(θ)ᵀ τ): the generalised force to the pose's coordinates.
+    pub fn generalised(&self, pose: &Pose<R>) -> Vec6<R> {
+        let theta = apply_transposed(&left_jacobian(&pose.rotation_vector), &self.torque);
+        joined(&self.force, &theta)
+    }
+
+    /// The wrench of a generalised force (f, J(θ)ᵀ τ).
+    pub fn from_generalised(pose: &Pose<R>, generalised: &Vec6<R>) -> Self {
+        let g = Self::from_array(generalised);
+        Self {
+            force: g.force,
+            torque: apply_transposed(&left_jacobian_inverse(&pose.rotation_vector), &g.torque),
+        }
+    }
+}
+
+#[inline(always)]
+fn joined<R: Real>(a: &Vec3<R>, b: &Vec3<R>) -> Vec6<R> {
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}

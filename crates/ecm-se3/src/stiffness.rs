@@ -1,0 +1,104 @@
+//! The three stiffnesses of a pose-to-wrench map, and the ways between them.
+//!
+//! K = ∂h/∂p (partial, the paper's); H = ∂(f, Jᵀτ)/∂p (generalised, the Hessian of the
+//! stored energy); K_s = K diag(I, J⁻¹) (screw, in rotation increments of base axes), whose
+//! rotation block has K_s − K_sᵀ = −[τ]× where the mechanism is conservative.
+
+use crate::jacobian::{left_jacobian_from, left_jacobian_inverse_from, torque_derivative_from};
+use crate::linear::{
+    Mat3, Mat6, Vec3, block, diagonal, difference, dot, from_blocks, identity, product, skew, sum,
+    times, transposed_product,
+};
+use crate::pose::{Pose, Wrench};
+use crate::real::Real;
+use crate::stumpff::Stumpff;
+
+/// Which of the three stiffnesses a matrix is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StiffnessKind {
+    /// K = ∂h/∂p.
+    Partial,
+    /// H = ∂(f, Jᵀτ)/∂p.
+    Generalised,
+    /// K_s = K diag(I, J⁻¹).
+    Screw,
+}
+
+/// A stiffness of one kind as another, at a pose and the wrench there.
+pub fn convert<R: Real>(
+    stiffness: &Mat6<R>,
+    pose: &Pose<R>,
+    wrench: &Wrench<R>,
+    source: StiffnessKind,
+    target: StiffnessKind,
+) -> Mat6<R> {
+    if source == target {
+        return *stiffness;
+    }
+    let theta = &pose.rotation_vector;
+    let functions = Stumpff::new(dot(theta, theta));
+    let j = left_jacobian_from(theta, &functions);
+    let inverse = left_jacobian_inverse_from(theta, &functions);
+    let partial = match source {
+        StiffnessKind::Partial => *stiffness,
+        StiffnessKind::Generalised => {
+            partial_from_generalised_with(theta, &functions, &inverse, stiffness, &wrench.torque)
+        }
+        StiffnessKind::Screw => rotation_columns_times(stiffness, &j),
+    };
+    match target {
+        StiffnessKind::Partial => partial,
+        StiffnessKind::Generalised => {
+            let d = torque_derivative_from(theta, &functions, &wrench.torque);
+            from_blocks(
+                &block(&partial, 0, 0),
+                &block(&partial, 0, 1),
+                &transposed_product(&j, &block(&partial, 1, 0)),
+                &sum(&transposed_product(&j, &block(&partial, 1, 1)), &d),
+            )
+        }
+        StiffnessKind::Screw => rotation_columns_times(&partial, &inverse),
+    }
+}
+
+/// K = [[H_rr, H_rθ], [J⁻ᵀ H_θr, J⁻ᵀ (H_θθ − D)]], D = ∂(Jᵀτ)/∂θ at constant τ.
+#[inline]
+pub(crate) fn partial_from_generalised_with<R: Real>(
+    theta: &Vec3<R>,
+    functions: &Stumpff<R>,
+    inverse_jacobian: &Mat3<R>,
+    hessian: &Mat6<R>,
+    torque: &Vec3<R>,
+) -> Mat6<R> {
+    let d = torque_derivative_from(theta, functions, torque);
+    from_blocks(
+        &block(hessian, 0, 0),
+        &block(hessian, 0, 1),
+        &transposed_product(inverse_jacobian, &block(hessian, 1, 0)),
+        &transposed_product(inverse_jacobian, &difference(&block(hessian, 1, 1), &d)),
+    )
+}
+
+/// M diag(I, J).
+fn rotation_columns_times<R: Real>(m: &Mat6<R>, j: &Mat3<R>) -> Mat6<R> {
+    from_blocks(
+        &block(m, 0, 0),
+        &product(&block(m, 0, 1), j),
+        &block(m, 1, 0),
+        &product(&block(m, 1, 1), j),
+    )
+}
+
+/// The skew part that the load alone makes in K_s: −[τ]×/2 in its rotation block.
+///
+/// K_s minus this is symmetric for a conservative mechanism; what remains skew measures
+/// noise and effects that are not conservative.
+pub fn geometric_skew<R: Real>(wrench: &Wrench<R>) -> Mat6<R> {
+    let zero = times(R::ZERO, &identity());
+    from_blocks(
+        &zero,
+        &zero,
+        &diagonal(R::ZERO),
+        &times(-R::HALF, &skew(&wrench.torque)),
+    )
+}
