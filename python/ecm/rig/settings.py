@@ -1,0 +1,175 @@
+"""The rig file: tables [rig] [instrument] [plant] [hidden], each a frozen dataclass.
+
+Every figure is a setting of the user, none is a vendor's. Instrument figures are per sample; the
+campaign writes those of the averaged row into the measurement table.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.rig.fields import from_table, nearest, setting
+
+TABLES = ("rig", "instrument", "plant", "hidden")
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """[rig]: how the poses are visited and how long that takes."""
+
+    mode: str = setting("quasi_static", choices=("quasi_static",))
+    """The robot is a source of poses; nothing moves while the window is open."""
+    approach: str = setting("initial", choices=("initial", "previous"))
+    """Where a pose is driven from when the plan has no `approach`: home, or the pose before."""
+    dwell_s: float = setting(2.0, low=0.0, high=1e5)
+    """Rest before the window where the plan has no `dwell_s`."""
+    window_s: float = setting(0.2, low=1e-3, high=1e3)
+    """Readings are averaged over this window."""
+    speed_m_s: float = setting(0.02, low=1e-5, high=10.0)
+    speed_rad_s: float = setting(0.15, low=1e-4, high=100.0)
+    """Peak speed of the cubic timing law, of translation and rotation."""
+    pose_error_m: float = setting(1.5e-4, low=0.0, high=5e-3)
+    pose_error_rad: float = setting(1e-3, low=0.0, high=0.05)
+    """Standard deviation of the reached minus the commanded pose, per axis."""
+    offset_compensation: str = setting("linear", choices=("linear", "before", "none"))
+    """`linear` in time between the unloaded readings before and after; `before`: the last one."""
+    offset_every: int = setting(50, low=0, high=1_000_000)
+    """Poses between two unloaded readings; 0: only before the first and after the last pose."""
+    offset_window_s: float = setting(30.0, low=1e-2, high=1e5)
+    """An unloaded reading is averaged over this time."""
+    unload_s: float = setting(90.0, low=0.0, high=1e5)
+    """Time to free the sensor, and to connect it again."""
+    handling_s: float = setting(600.0, low=0.0, high=1e6)
+    """Time of a remount, of a payload taken off, of a dead weight."""
+    rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
+    stretch_limit: float = setting(0.6, low=0.0, high=10.0)
+    """Limit of |r - r0| over the length of the mechanism; poses outside are skipped."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """[instrument]: force-torque sensor, camera, thermometers; figures of one sample."""
+
+    force_noise_N: float = setting(3.0, low=0.0, high=1e4)
+    torque_noise_Nm: float = setting(0.1, low=0.0, high=1e3)
+    """White, each axis of the sensor's own frame."""
+    fts_rate_Hz: float = setting(500.0, low=1.0, high=1e6)
+    fts_range: tuple[float, ...] = setting((400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9)
+    """A reading beyond is clipped, axis by axis of the sensor."""
+    fts_resolution: tuple[float, ...] = setting((0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0)
+    """One count; 0: none."""
+    top_from_sensor: tuple[float, ...] = setting(
+        (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0), low=-10.0, high=10.0
+    )
+    """Sensor frame in the top frame: position in m, unit quaternion w x y z."""
+    zeroed_with_payload: bool = setting(False)
+    """The sensor was zeroed with the payload hanging on it, at the rest pose."""
+    camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5)
+    camera_error_m: float = setting(37e-6, low=0.0, high=0.1)
+    camera_error_rad: float = setting(4e-4, low=0.0, high=0.5)
+    """Error of localisation that all LEDs share: constant while the target rests, so a window
+    does not average it out; new at each visit."""
+    camera_jitter_m: float = setting(2e-5, low=0.0, high=0.1)
+    camera_jitter_rad: float = setting(1e-4, low=0.0, high=0.5)
+    """White from image to image."""
+    thermometer_noise_degC: float = setting(0.05, low=0.0, high=100.0)
+    thermometer_lag_s: float = setting(60.0, low=0.0, high=1e5)
+    """Of the probe behind the mechanism's mean temperature."""
+
+
+@dataclass(frozen=True)
+class PlantTable:
+    """[plant]: the true surroundings of the mechanism. Its own material is `[mechanism]`."""
+
+    room_temperature_degC: float = setting(22.0, low=-50.0, high=100.0)
+    room_cycle_degC: float = setting(1.5, low=0.0, high=50.0)
+    """Amplitude of the heating's cycle."""
+    room_cycle_s: float = setting(2700.0, low=1.0, high=1e6)
+    room_wander_degC: float = setting(0.7, low=0.0, high=50.0)
+    """Standard deviation of a slow random part (Ornstein-Uhlenbeck, 1 h)."""
+    thermal_lag_s: float = setting(600.0, low=1.0, high=1e6)
+    """The mechanism's mean temperature behind the room's."""
+    offset_N: float = setting(4.0, low=0.0, high=1e3)
+    offset_Nm: float = setting(0.15, low=0.0, high=1e2)
+    """Size of the sensor's constant offset, drawn by the seed."""
+    drift_N: float = setting(1.0, low=0.0, high=1e3)
+    drift_Nm: float = setting(0.03, low=0.0, high=1e2)
+    """Size of the sensor's warm-up, drawn by the seed; the compensation sees it."""
+    drift_time_s: float = setting(3600.0, low=1.0, high=1e6)
+    """Time constant of the warm-up."""
+    drift_wander: float = setting(0.05, low=0.0, high=10.0)
+    """Slow random part as a share of the warm-up (Ornstein-Uhlenbeck, 1 h)."""
+    payload_mass_kg: float = setting(0.0, low=0.0, high=100.0)
+    payload_centre_m: tuple[float, ...] = setting((0.03, 0.0, 0.0), low=-10.0, high=10.0)
+    """Known load between sensor and mechanism, in the top frame; declared in the data."""
+    gravity_m_s2: tuple[float, ...] = setting((-9.81, 0.0, 0.0), low=-100.0, high=100.0)
+    """In base axes."""
+
+
+@dataclass(frozen=True)
+class HiddenTable:
+    """[hidden]: an effect put into the plant, its truth sealed; the flag --hide goes before it."""
+
+    effect: str = setting("")
+    """An id of the catalogue, `random`, or empty for nothing."""
+    strength: float = setting(1.0, low=1e-3, high=100.0)
+    """s: root mean square of the whitened effect after projecting out the base."""
+
+
+@dataclass(frozen=True)
+class RigSettings:
+    """A whole rig file."""
+
+    rig: Procedure = field(default_factory=Procedure)
+    instrument: Instruments = field(default_factory=Instruments)
+    plant: PlantTable = field(default_factory=PlantTable)
+    hidden: HiddenTable = field(default_factory=HiddenTable)
+
+    def __post_init__(self) -> None:
+        quaternion = np.asarray(self.instrument.top_from_sensor[3:])
+        if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
+            raise InputError(
+                f"[instrument] top_from_sensor: the quaternion (w, x, y, z) = "
+                f"{tuple(quaternion.tolist())} has norm {np.linalg.norm(quaternion):.6g}, "
+                "expected 1; give x y z then w x y z"
+            )
+
+    @staticmethod
+    def from_dict(tables: Mapping[str, Any], where: str = "rig file") -> RigSettings:
+        """The four tables of a parsed TOML; each may be absent.
+
+        Raises
+        ------
+        InputError
+            Naming file, table, key and the nearest known name.
+        """
+        if isinstance(tables, Mapping) and tables.get("rig", {}).get("mode") == "robot":
+            raise InputError(
+                f"{where} [rig] mode = 'robot': the manipulator with its own dynamics is not "
+                "there yet; expected 'quasi_static'"
+            )
+        for name in tables:
+            if name not in TABLES:
+                raise InputError(
+                    f"{where}: unknown table [{name}]{nearest(name, list(TABLES))}. "
+                    f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
+                )
+        return RigSettings(
+            rig=from_table(Procedure, tables.get("rig", {}), f"{where} [rig]"),
+            instrument=from_table(
+                Instruments, tables.get("instrument", {}), f"{where} [instrument]"
+            ),
+            plant=from_table(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
+            hidden=from_table(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every setting, defaults included, as plain lists and numbers."""
+        document: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return document
