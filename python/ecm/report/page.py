@@ -1,0 +1,189 @@
+"""The page: sections of text, tables and figures in one HTML file without external requests.
+
+All text is escaped by the template; figures are plotly's, drawn by its script that the page
+carries once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ecm.errors import MissingExtra
+from ecm.stages import write_atomically
+
+
+@dataclass(frozen=True)
+class TextBlock:
+    """A paragraph; `strong` marks the sentence that a reader in a hurry should read."""
+
+    text: str
+    strong: bool = False
+
+
+@dataclass(frozen=True)
+class TableBlock:
+    """A table: the first column is text, numbers are right-aligned."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class FigureBlock:
+    """A plotly figure (its dict form), and what it shows in words."""
+
+    caption: str
+    figure: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of the report."""
+
+    title: str
+    blocks: Sequence[TextBlock | TableBlock | FigureBlock] = field(default_factory=tuple)
+
+    @property
+    def anchor(self) -> str:
+        """The section's name in links."""
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower())
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number for a table: significant digits, no needless exponent."""
+    if value != value:  # NaN
+        return "–"
+    if value == 0.0:
+        return "0"
+    size = abs(value)
+    if size >= 1e5 or size < 1e-4:
+        return f"{value:.{digits - 1}e}"
+    decimals = max(0, digits - 1 - len(str(int(size))) + 1) if size >= 1 else digits
+    text = f"{value:.{decimals}f}" if size >= 1 else f"{value:.{digits}g}"
+    return text
+
+
+def write_page(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
+    """Write the report.
+
+    Raises
+    ------
+    MissingExtra
+        Without the extra `report`.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, render_page(title, lead, sections).encode("utf-8"))
+
+
+def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
+    """The HTML text of the report."""
+    require_report()
+    import jinja2
+    from plotly.offline import get_plotlyjs
+
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    figures: list[dict[str, Any]] = []
+    prepared = []
+    for section in sections:
+        blocks = []
+        for block in section.blocks:
+            entry: dict[str, Any] = {"kind": type(block).__name__, "block": block}
+            if isinstance(block, FigureBlock):
+                entry["index"] = len(figures)
+                entry["height"] = block.figure.get("layout", {}).get("height", 420)
+                figures.append(block.figure)
+            blocks.append(entry)
+        prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
+    # "<" never stands in the script's data, so no text of a data file can end the script.
+    data = json.dumps(figures, allow_nan=False).replace("<", "\\u003c")
+    return environment.from_string(_TEMPLATE).render(
+        title=title, lead=lead, sections=prepared, figures=data, plotly=get_plotlyjs()
+    )
+
+
+def require_report() -> None:
+    """Fail early where the extra `report` is not installed."""
+    try:
+        import jinja2  # noqa: F401
+        import plotly  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra(str(error.name), "report", "The HTML report") from error
+
+
+_TEMPLATE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ title }}</title>
+<link rel="icon" href="data:,">
+<style>
+:root { --ink: #1c2430; --soft: #5b6675; --line: #d9dee5; --paper: #ffffff; --wash: #f5f7f9; }
+* { box-sizing: border-box; }
+body { margin: 0; color: var(--ink); background: var(--paper);
+  font: 16px/1.5 system-ui, "DejaVu Sans", Arial, sans-serif; }
+header, main { max-width: 1080px; margin: 0 auto; padding: 0 24px; }
+header { padding-top: 32px; }
+h1 { font-size: 28px; line-height: 1.2; margin: 0 0 8px; }
+h2 { font-size: 20px; margin: 44px 0 10px; padding-top: 14px; border-top: 1px solid var(--line); }
+nav { display: flex; flex-wrap: wrap; gap: 4px 18px; margin: 16px 0; font-size: 14px; }
+nav a { color: var(--ink); }
+p { max-width: 76ch; margin: 8px 0; }
+p.strong { font-weight: 600; background: var(--wash); border-left: 4px solid var(--ink);
+  padding: 8px 12px; max-width: none; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 14px; margin: 6px 0 4px;
+  font-variant-numeric: tabular-nums; }
+th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--line);
+  white-space: nowrap; }
+th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
+th:first-child, td:first-child { text-align: left; }
+figure { margin: 18px 0; }
+figcaption, caption { color: var(--soft); font-size: 14px; text-align: left; max-width: 90ch;
+  caption-side: top; padding: 4px 0; }
+@media print { nav { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+</style>
+<script>{{ plotly|safe }}</script>
+</head>
+<body>
+<header>
+<h1>{{ title }}</h1>
+<p>{{ lead }}</p>
+<nav>{% for s in sections %}<a href="#{{ s.anchor }}">{{ s.title }}</a>{% endfor %}</nav>
+</header>
+<main>
+{% for s in sections %}
+<section id="{{ s.anchor }}">
+<h2>{{ s.title }}</h2>
+{% for e in s.blocks %}
+{% if e.kind == "TextBlock" %}
+<p{% if e.block.strong %} class="strong"{% endif %}>{{ e.block.text }}</p>
+{% elif e.kind == "TableBlock" %}
+<div class="scroll"><table>
+<caption>{{ e.block.caption }}</caption>
+<thead><tr>{% for h in e.block.header %}<th scope="col">{{ h }}</th>{% endfor %}</tr></thead>
+<tbody>{% for row in e.block.rows %}
+<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}
+</tbody></table></div>
+{% else %}
+<figure><div id="figure-{{ e.index }}" style="height:{{ e.height }}px"></div>
+<figcaption>{{ e.block.caption }}</figcaption></figure>
+{% endif %}
+{% endfor %}
+</section>
+{% endfor %}
+</main>
+<script>
+const figures = {{ figures|safe }};
+figures.forEach((f, i) => Plotly.newPlot("figure-" + i, f.data, f.layout,
+  {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]}));
+document.documentElement.dataset.figures = figures.length;
+</script>
+</body>
+</html>
+"""

@@ -1,0 +1,273 @@
+"""Step 1 of the paper: random wrenches of a box, FEM poses, kept to an admissible workspace.
+
+Only about one draw in five of the paper's Table I box stays inside |theta| <= 0.8 rad, so a
+Cosserat rod, microseconds a case, screens the draws before the FEM. The rod lacks the stiffening
+of bonded ends (about 10 %), so the screen lets everything pass that could be inside after the FEM:
+its limit is the admissible rotation times `screen_margin`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm._native import rod_poses
+from ecm.errors import ComputationError, InputError
+from ecm.mechanism import Mechanism
+from ecm.stages import Stage
+
+F = NDArray[np.float64]
+Progress = Callable[[int, int, str], object] | None
+
+# Table I of the paper: N, N m; compression negative.
+TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
+TABLE_I_MAX = (30.0, 100.0, 100.0, 5.0, 5.0, 5.0)
+
+_CHUNK = 100  # FEM cases that are solved, written and resumed together
+_BLOCK = 2048  # wrenches that are drawn and screened together
+_DRY_BLOCKS = 50  # so many blocks without a single case: the workspace is empty
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Which simulated poses are admissible."""
+
+    rotation_limit_rad: float = 0.8
+    """Largest |theta|."""
+    stretch_limit: float = 2.5
+    """Largest principal stretch anywhere in the body."""
+    wrench_min: tuple[float, ...] = TABLE_I_MIN
+    """Lower corner of the wrench box, N and N m."""
+    wrench_max: tuple[float, ...] = TABLE_I_MAX
+    """Upper corner of the wrench box, N and N m."""
+    full_box: bool = False
+    """Keep every stable solution of the box."""
+    screen_margin: float = 1.25
+    """The rod lets draws pass up to this factor times the rotation limit."""
+
+    def __post_init__(self) -> None:
+        for name in ("rotation_limit_rad", "stretch_limit", "screen_margin"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"workspace.{name} = {value}: expected a positive number")
+        if self.rotation_limit_rad > np.pi:
+            raise InputError(
+                f"workspace.rotation_limit_rad = {self.rotation_limit_rad}: expected at most pi; "
+                "is it in degrees?"
+            )
+        for name in ("wrench_min", "wrench_max"):
+            if len(getattr(self, name)) != 6:
+                raise InputError(
+                    f"workspace.{name} has {len(getattr(self, name))} entries: expected six, "
+                    "fx fy fz in N and taux tauy tauz in N m"
+                )
+        if not all(a < b for a, b in zip(self.wrench_min, self.wrench_max, strict=True)):
+            raise InputError("workspace.wrench_min must be below wrench_max in each component")
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Wrench-pose pairs by FEM, in the order in which they were drawn."""
+
+    wrenches: F
+    poses: F
+    stiffness: F
+    """K = dh/dp, (N, 6, 6)."""
+    energy_J: F
+    largest_stretch: F
+    smallest_jacobian: F
+    smallest_eigenvalue: F
+    iterations: NDArray[np.int64]
+    counts: dict[str, int]
+    """drawn, screened (passed the rod), solved, unstable, failed, kept."""
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+_ARRAYS = (
+    "wrenches",
+    "poses",
+    "stiffness",
+    "energy_J",
+    "largest_stretch",
+    "smallest_jacobian",
+    "smallest_eigenvalue",
+    "iterations",
+)
+
+
+def simulate(
+    mechanism: Mechanism,
+    workspace: Workspace,
+    n: int,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    directory: Path | None = None,
+    progress: Progress = None,
+) -> Simulated:
+    """n admissible wrench-pose pairs by FEM.
+
+    Parameters
+    ----------
+    n
+        Pairs to keep.
+    directory
+        Where finished chunks are kept; a later call with the same settings goes on there.
+    progress
+        Called with pairs kept, n, and a word.
+    """
+    if n < 1:
+        raise InputError(f"simulate: n = {n}, expected at least 1 pair")
+    stage = None
+    if directory is not None:
+        settings = {
+            "mechanism": mechanism.key(),
+            "workspace": workspace.__dict__,
+            "seed": seed,
+            "chunk": _CHUNK,
+        }
+        stage = Stage(directory, "simulate", settings)
+    draws = _Draws(mechanism, workspace, seed)
+    fem = None
+    parts: list[dict[str, F]] = []
+    kept = solved = unstable = failed = chunk = 0
+    while kept < n:
+        wrenches, serial = draws.next(_CHUNK)
+        part = stage.load_part(chunk) if stage is not None else None
+        if part is None:
+            fem = mechanism.fem() if fem is None else fem
+            before = kept
+
+            def report(done: int, total: int, before: int = before) -> None:
+                if progress is not None:
+                    progress(min(n, before + done * (n - before > 0)), n, "solving")
+
+            results = fem.solve_wrenches(
+                wrenches, threads=threads, progress=None if progress is None else report
+            )
+            part = {
+                "ok": np.array([s == "solved" for s in results.status]),
+                "unstable": np.array([s == "unstable" for s in results.status]),
+                **{name: np.asarray(getattr(results, name)) for name in _ARRAYS},
+            }
+            if stage is not None:
+                stage.save_part(chunk, part)
+        inside = part["ok"].astype(bool)
+        solved += int(inside.sum())
+        unstable += int(part["unstable"].sum())
+        failed += int((~inside & ~part["unstable"].astype(bool)).sum())
+        if not workspace.full_box:
+            rotation = np.linalg.norm(part["poses"][:, 3:], axis=1)
+            inside &= rotation <= workspace.rotation_limit_rad
+            inside &= part["largest_stretch"] <= workspace.stretch_limit
+        take = np.flatnonzero(inside)[: n - kept]
+        if len(take) == n - kept and len(take):
+            draws.stop_at(int(serial[take[-1]]))
+        parts.append({name: part[name][take] for name in _ARRAYS})
+        kept += len(take)
+        chunk += 1
+        if progress is not None:
+            progress(kept, n, "solved")
+        if chunk >= 20 and kept == 0:
+            raise ComputationError(
+                f"none of {chunk * _CHUNK} FEM poses is admissible (|theta| <= "
+                f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
+                "widen the [workspace] limits or shrink the wrench box"
+            )
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in _ARRAYS}
+    counts = {
+        "drawn": draws.drawn,
+        "screened": draws.screened,
+        "solved": solved,
+        "unstable": unstable,
+        "failed": failed,
+        "kept": kept,
+    }
+    return Simulated(
+        **{name: arrays[name] for name in _ARRAYS if name != "iterations"},
+        iterations=arrays["iterations"].astype(np.int64),
+        counts=counts,
+    )
+
+
+class _Draws:
+    """Uniform wrenches of the box that pass the rod's screen, in a fixed order."""
+
+    def __init__(self, mechanism: Mechanism, workspace: Workspace, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, 1])
+        self._low = np.asarray(workspace.wrench_min)
+        self._high = np.asarray(workspace.wrench_max)
+        self._limit = workspace.rotation_limit_rad * workspace.screen_margin
+        self._screen = not workspace.full_box
+        self._sections = mechanism.rod_sections() if self._screen else None
+        self._length_m = mechanism.length_m
+        self._pending = np.empty((0, 6))
+        self._serials = np.empty(0, dtype=np.int64)
+        self._serial = 0
+        self.drawn = 0
+        self.screened = 0
+        self._passed: list[NDArray[np.int64]] = []
+
+    def next(self, count: int) -> tuple[F, NDArray[np.int64]]:
+        """The next `count` screened wrenches and their serial numbers among all draws."""
+        dry = 0
+        while len(self._pending) < count:
+            block = self._rng.uniform(self._low, self._high, (_BLOCK, 6))
+            serials = np.arange(self._serial, self._serial + _BLOCK, dtype=np.int64)
+            self._serial += _BLOCK
+            if self._sections is not None:
+                poses, converged = rod_poses(block, length_m=self._length_m, **self._sections)
+                rotation = np.linalg.norm(poses[:, 3:], axis=1)
+                # A rod that found no equilibrium says nothing: the FEM decides.
+                passed = ~converged | (rotation <= self._limit)
+                block, serials = block[passed], serials[passed]
+            dry = 0 if len(block) else dry + 1
+            if dry >= _DRY_BLOCKS:
+                raise ComputationError(
+                    f"none of {dry * _BLOCK} random wrenches gives a rotation within "
+                    "[workspace] rotation_limit_rad: shrink wrench_min and wrench_max"
+                )
+            self._pending = np.concatenate([self._pending, block])
+            self._serials = np.concatenate([self._serials, serials])
+        taken, serials = self._pending[:count], self._serials[:count]
+        self._pending, self._serials = self._pending[count:], self._serials[count:]
+        self._passed.append(serials)
+        self.drawn = int(serials[-1]) + 1
+        self.screened += count
+        return taken, serials
+
+    def stop_at(self, serial: int) -> None:
+        """Count only what was drawn up to and including this serial number."""
+        self.drawn = serial + 1
+        self.screened = int(sum((s <= serial).sum() for s in self._passed))
+
+
+def fem_poses(
+    mechanism: Mechanism,
+    n: int,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    rotation_limit_rad: float = 0.8,
+    progress: Progress = None,
+) -> tuple[F, F]:
+    """Poses (n, 6) and wrenches (n, 6) of the admissible workspace, e.g. for a surrogate."""
+    # Table I belongs to the neck: forces of another body scale with E I / L^2, moments with E I / L.
+    neck = Mechanism()
+    lever = mechanism.length_m / neck.length_m
+    section = "bending_stiffness_Nm2"
+    moment = mechanism.rod_sections()[section] / neck.rod_sections()[section] / lever
+    factors = np.array([moment / lever] * 3 + [moment] * 3)
+    workspace = Workspace(
+        rotation_limit_rad=rotation_limit_rad,
+        wrench_min=tuple(float(v) for v in np.asarray(TABLE_I_MIN) * factors),
+        wrench_max=tuple(float(v) for v in np.asarray(TABLE_I_MAX) * factors),
+    )
+    found = simulate(mechanism, workspace, n, seed=seed, threads=threads, progress=progress)
+    return found.poses, found.wrenches
