@@ -1,0 +1,34 @@
+"""Programs that only some tests need: found, or one named line in the summary.
+
+With ECM_REQUIRE_PROGRAMS=1 (`.ci/run`, after installing apt.txt) a missing one fails.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+SHARED_DATA = Path(__file__).parent.parent.parent / "shared" / "data"
+
+
+def need_program(*names: str) -> str:
+    """Path of the first of these programs that is installed."""
+    for name in names:
+        found = shutil.which(name)
+        if found is not None:
+            return found
+    message = f"{names[0]} is not installed (see apt.txt)"
+    if os.environ.get("ECM_REQUIRE_PROGRAMS") == "1":
+        pytest.fail(message)
+    pytest.skip(message)
+
+
+def need_data(name: str) -> Path:
+    """A folder of real measurements beside the checkout."""
+    folder = SHARED_DATA / name
+    if not folder.exists():
+        pytest.skip(f"../shared/data/{name} is not beside this checkout")
+    return folder
