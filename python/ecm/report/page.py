@@ -119,6 +119,11 @@ _TEMPLATE = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline';
+ style-src 'unsafe-inline'; img-src data: blob:; font-src data:">
+<script>window.addEventListener("error", e => document.documentElement.dataset.error = e.message);
+document.addEventListener("securitypolicyviolation",
+  e => document.documentElement.dataset.blocked = e.blockedURI);</script>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{{ title }}</title>
 <link rel="icon" href="data:,">
