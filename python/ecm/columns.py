@@ -1,0 +1,119 @@
+"""Names of the measurement table's columns, and the likely name behind a wrong one."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+
+POSE = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
+WRENCH = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
+VELOCITY = tuple(f"v_{name}" for name in POSE)
+SPREAD = tuple(f"sd_{name}" for name in POSE + WRENCH)
+TEXT = ("approach", "kind", "action")
+KINDS = ("pose", "home", "unloaded")
+JOINTS = tuple(f"q{i}_rad" for i in range(1, 8))
+JOINT_SIGNS = tuple(f"q{i}_dir" for i in range(1, 8))
+WHOLE = ("pose_id", "run", "repeat", "leds_visible", *JOINT_SIGNS)
+MAY_BE_EMPTY = ("dwell_s",)
+STANDARD = (
+    *POSE,
+    *WRENCH,
+    "pose_id",
+    "time_s",
+    "run",
+    "repeat",
+    "dwell_s",
+    *TEXT,
+    "temperature_degC",
+    "sensor_temperature_degC",
+    "leds_visible",
+    *JOINTS,
+    *JOINT_SIGNS,
+    *VELOCITY,
+    *SPREAD,
+)
+_TENDON = re.compile(r"tendon[1-9][0-9]*_N")
+_SHORT = tuple(name.rsplit("_", 1)[0] for name in (*WRENCH, *POSE))
+STIFFNESS = tuple(f"k_{force}_{coordinate}" for force in _SHORT[:6] for coordinate in _SHORT[6:])
+"""The 36 columns of `predict --stiffness`: k_fx_x ... k_tau_z_theta_z, row by row of K."""
+
+# What may follow a stem instead of the unit, or where a bracket stands.
+_UNITS = frozenset(
+    (
+        *("m", "mm", "cm", "um", "km", "in", "inch", "ft"),
+        *("rad", "mrad", "urad", "deg", "degree", "degrees", "grad"),
+        *("n", "kn", "mn", "gf", "kgf", "lbf", "g", "kg"),
+        *("nm", "nmm", "mnm", "ncm", "knm", "gfcm", "kgfcm", "ozin", "lbin", "lbfin"),
+        *("s", "ms", "us", "min", "h", "sec", "seconds", "ns"),
+        *("c", "k", "f", "degc", "degf", "kelvin", "celsius"),
+        *("volt", "v", "mps", "rads", "degs"),
+    )
+)
+_ALIASES = {
+    "thetax": "theta_x_rad",
+    "thetay": "theta_y_rad",
+    "thetaz": "theta_z_rad",
+    "taux": "tau_x_Nm",
+    "tauy": "tau_y_Nm",
+    "tauz": "tau_z_Nm",
+    "temp": "temperature_degC",
+    "poseid": "pose_id",
+}
+
+
+def is_standard(name: str) -> bool:
+    """Whether a column of this exact name has a meaning in interfaces.md."""
+    return name in _STANDARD or name in _STIFFNESS or _TENDON.fullmatch(name) is not None
+
+
+def likely_name(name: str) -> str | None:
+    """The standard name that a non-standard one is without its unit, with another, or misspelt.
+
+    None where the name is a standard one or is its own.
+    """
+    if is_standard(name):
+        return None
+    squeezed = re.sub(r"[^a-z0-9]", "", name.lower())
+    if squeezed in _SQUEEZED:
+        return _SQUEEZED[squeezed]
+    stem, unit = _split_unit(name)
+    known = _STEMS.get(stem)
+    if known is not None and (unit == "" or unit in _UNITS):
+        return known
+    tendon = re.fullmatch(r"tendon([1-9][0-9]*)", stem)
+    if tendon is not None and (unit == "" or unit in _UNITS):
+        return f"tendon{tendon[1]}_N"
+    return None
+
+
+def close_name(name: str) -> str | None:
+    """A standard name that this one resembles, for a hint beside a warning."""
+    close = get_close_matches(name, _STANDARD, n=1, cutoff=0.85)
+    return close[0] if close else None
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """'tau_z [N mm]' -> ('tauz', 'nmm'); 'fx_kN' -> ('fx', 'kn'); 'x' -> ('x', '')."""
+    text = name.strip().lower()
+    bracket = re.fullmatch(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]", text)
+    if bracket is not None:
+        return _squeeze(bracket[1]), _squeeze(bracket[2])
+    parts = text.replace(" ", "_").split("_")
+    for size in (2, 1):
+        unit = "".join(parts[-size:])
+        if len(parts) > size and unit in _UNITS:
+            return _squeeze("".join(parts[:-size])), unit
+    return _squeeze(text), ""
+
+
+def _squeeze(text: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", text)
+
+
+_STANDARD = frozenset(STANDARD)
+_STIFFNESS = frozenset(STIFFNESS)
+_NO_UNIT = ("pose_id", "run", "repeat", "leds_visible", *TEXT, *JOINT_SIGNS)
+_SQUEEZED = {_squeeze(name.lower()): name for name in STANDARD}
+_STEMS = {
+    _squeeze(name.rsplit("_", 1)[0].lower()): name for name in STANDARD if name not in _NO_UNIT
+} | _ALIASES

@@ -1,0 +1,326 @@
+"""The mechanism: its shape, its material, and what can be made of them (mesh, FEM, rod)."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.settings import read_settings
+from ecm.stages import hash_of
+from ecm.toml_file import check_keys, nearest
+
+if TYPE_CHECKING:
+    from ecm._native import Fem, Mesh
+
+BUILTIN = ("cylinder", "tube", "hourglass", "rod")
+_DIMENSIONS: dict[str, tuple[str, ...]] = {
+    "cylinder": ("radius_m",),
+    "tube": ("radius_m", "inner_radius_m"),
+    "hourglass": ("radius_m", "waist_radius_m"),
+    "rod": ("radius_m",),
+}
+_SECTIONS = (
+    "axial_stiffness_N",
+    "shear_stiffness_N",
+    "bending_stiffness_Nm2",
+    "torsion_stiffness_Nm2",
+)
+QUALITIES = ("coarse", "standard", "fine")
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """An elastic body between two rigid plates; the default is the neck of the paper."""
+
+    builtin: str = "cylinder"
+    """cylinder, tube, hourglass or rod; empty for a mesh of your own or where only L is known."""
+    length_m: float = 0.1034
+    """Distance of the two faces, undeformed."""
+    radius_m: float = 0.033
+    """Outer radius (of the faces, for the hourglass)."""
+    inner_radius_m: float = 0.0
+    """Inner radius of the tube."""
+    waist_radius_m: float = 0.0
+    """Smallest radius of the hourglass."""
+    young_modulus_Pa: float = 0.65e6
+    """E at small strain; 0: unknown."""
+    poisson_ratio: float = 0.49
+    """nu, below 0.5."""
+    density_kg_m3: float = 0.0
+    """0: own weight is not considered."""
+    free_length_m: float = 0.0
+    """Length when detached, for a preloaded mechanism; 0: the same as length_m."""
+    mesh_file: Path | None = None
+    """Gmsh 4.1 ASCII file with faces named `base` and `top`, instead of a builtin."""
+    quality: str = "standard"
+    """coarse, standard or fine: element size of a builtin."""
+    axial_stiffness_N: float = 0.0
+    """EA of a builtin rod; 0: from radius and E."""
+    shear_stiffness_N: float = 0.0
+    """GA of a builtin rod, with its shear correction."""
+    bending_stiffness_Nm2: float = 0.0
+    """EI of a builtin rod."""
+    torsion_stiffness_Nm2: float = 0.0
+    """GJ of a builtin rod."""
+
+    def __post_init__(self) -> None:
+        if self.builtin and self.builtin not in BUILTIN:
+            raise InputError(f"builtin = '{self.builtin}': {nearest(self.builtin, BUILTIN)}")
+        if self.builtin and self.mesh_file is not None:
+            raise InputError("found both builtin and mesh: give one of them")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, float) and (not math.isfinite(value) or value < 0.0):
+                raise InputError(f"{field.name} = {value}: expected a positive number")
+        if self.length_m <= 0.0:
+            raise InputError(f"length_m = {self.length_m}: expected a positive length in metres")
+        if self.length_m > 10.0:
+            raise InputError(f"length_m = {self.length_m}: looks like millimetres; give metres")
+        if not 0.0 <= self.poisson_ratio < 0.5:
+            raise InputError(
+                f"poisson_ratio = {self.poisson_ratio}: expected at least 0 and below 0.5 "
+                "(0.49 for rubber)"
+            )
+        if 0.0 < self.young_modulus_Pa < 100.0:
+            raise InputError(
+                f"young_modulus_Pa = {self.young_modulus_Pa}: looks like MPa; give Pa (0.65e6)"
+            )
+        if self.quality not in QUALITIES:
+            raise InputError(f"quality = '{self.quality}': {nearest(self.quality, QUALITIES)}")
+        self._check_dimensions()
+
+    def _check_dimensions(self) -> None:
+        if self.builtin in ("cylinder", "tube", "hourglass") and self.radius_m <= 0.0:
+            raise InputError(f"radius_m = {self.radius_m}: expected a positive radius in metres")
+        if self.builtin and self.radius_m > 10.0 * self.length_m:
+            raise InputError(
+                f"radius_m = {self.radius_m} with length_m = {self.length_m}: expected metres "
+                "for both"
+            )
+        if self.builtin == "tube" and not 0.0 < self.inner_radius_m < self.radius_m:
+            raise InputError(
+                f"inner_radius_m = {self.inner_radius_m}: expected above 0 and below radius_m = "
+                f"{self.radius_m}"
+            )
+        if self.builtin == "hourglass" and not 0.0 < self.waist_radius_m <= self.radius_m:
+            raise InputError(
+                f"waist_radius_m = {self.waist_radius_m}: expected above 0 and at most radius_m = "
+                f"{self.radius_m}"
+            )
+
+    @staticmethod
+    def from_dict(
+        table: Mapping[str, Any], where: str | Path = "[mechanism]", *, base: Path | None = None
+    ) -> Mechanism:
+        """A `[mechanism]` table (interfaces.md).
+
+        Parameters
+        ----------
+        where
+            File and table, for messages; a path also resolves a relative mesh file.
+        base
+            Directory of a relative mesh file, where `where` is text.
+        """
+        place = f"{where} [mechanism]" if isinstance(where, Path) else where
+        if base is None:
+            base = where.parent if isinstance(where, Path) else Path()
+        if not isinstance(table, Mapping):
+            raise InputError(f"{place}: found {table!r}, expected a table of settings")
+        check_keys(table, MECHANISM_KEYS, place)
+        values = {key: value for key, value in table.items() if key not in ("mesh", "material")}
+        values |= _material(table.get("material"), place)
+        if "mesh" in table:
+            if not isinstance(table["mesh"], str):
+                raise InputError(f"{place}: mesh = {table['mesh']!r}: expected a file name")
+            values["mesh_file"] = str(base / table["mesh"])
+        if "mesh" in table or "builtin" not in table:
+            # Only what the file says is known: the neck's figures are no defaults for another body.
+            values = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0} | values
+            if "mesh" in table and "length_m" not in table:
+                values["length_m"] = _mesh_length(Path(values["mesh_file"]))
+            if "length_m" not in values:
+                raise InputError(
+                    f"{place}: the key 'length_m' is missing; it is the least that a model needs"
+                )
+        elif values["builtin"] in _DIMENSIONS:
+            _require(values, place)
+        return read_settings(Mechanism, values, place)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[mechanism]` table that gives this mechanism back."""
+        default = {field.name: field.default for field in fields(self)}
+        always = {"length_m", "builtin", "young_modulus_Pa", "poisson_ratio"}
+        if self.builtin:
+            always |= set(_DIMENSIONS[self.builtin])
+        table: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "mesh_file":
+                if value is not None:
+                    table["mesh"] = str(value)
+            elif value and (field.name in always or value != default[field.name]):
+                table[field.name] = value
+        return table
+
+    def with_modulus(self, young_modulus_Pa: float) -> Mechanism:
+        """The same body of another modulus."""
+        return replace(self, young_modulus_Pa=young_modulus_Pa)
+
+    @property
+    def has_body(self) -> bool:
+        """Whether FEM or rod can be made of it (not of a bare length)."""
+        sections = all(getattr(self, name) > 0.0 for name in _SECTIONS)
+        return (bool(self.builtin) or self.mesh_file is not None) and (
+            self.young_modulus_Pa > 0.0 or sections
+        )
+
+    def mesh(self) -> Mesh:
+        """Tetrahedra of the body; InputError where only its length is known."""
+        from ecm._native import Mesh
+
+        if self.mesh_file is not None:
+            if not self.mesh_file.is_file():
+                raise InputError(f"{self.mesh_file}: this mesh file does not exist: check the path")
+            return Mesh.read(str(self.mesh_file))
+        if self.builtin in ("cylinder", "rod") and self.radius_m > 0.0:
+            return Mesh.cylinder(
+                length_m=self.length_m, radius_m=self.radius_m, quality=self.quality
+            )
+        if self.builtin == "tube":
+            return Mesh.tube(
+                length_m=self.length_m,
+                radius_m=self.radius_m,
+                inner_radius_m=self.inner_radius_m,
+                quality=self.quality,
+            )
+        if self.builtin == "hourglass":
+            return Mesh.hourglass(
+                length_m=self.length_m,
+                radius_m=self.radius_m,
+                waist_radius_m=self.waist_radius_m,
+                quality=self.quality,
+            )
+        raise InputError(
+            '[mechanism] gives no shape: add builtin = "cylinder" with radius_m, or mesh = '
+            '"file.msh"'
+        )
+
+    def fem(self, element_modulus_scale: NDArray[np.float64] | None = None) -> Fem:
+        """The neo-Hookean body clamped at its base with a rigid platform on top.
+
+        Parameters
+        ----------
+        element_modulus_scale
+            (M,) factor on E per tetrahedron.
+        """
+        from ecm._native import Fem
+
+        if self.young_modulus_Pa <= 0.0:
+            raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
+        return Fem(
+            self.mesh(),
+            young_modulus_Pa=self.young_modulus_Pa,
+            poisson_ratio=self.poisson_ratio,
+            element_modulus_scale=element_modulus_scale,
+        )
+
+    def rod_sections(self) -> dict[str, float]:
+        """EA, GA (shear-corrected), EI, GJ of a uniform body, the arguments of `rod_poses`.
+
+        Shear correction of a circle or ring with m = inner / outer radius (Cowper 1966):
+        k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu)(1 + m^2)^2 + (20 + 12 nu) m^2).
+        An hourglass is taken at its mean radius: good enough to screen draws, not to model.
+
+        Errors
+        ------
+        InputError
+            For a mesh or a bare length.
+        """
+        given = {name: float(getattr(self, name)) for name in _SECTIONS}
+        if all(value > 0.0 for value in given.values()):
+            return given
+        if not self.builtin or self.young_modulus_Pa <= 0.0 or self.radius_m <= 0.0:
+            raise InputError(
+                "[mechanism]: a rod needs builtin, radius_m and young_modulus_Pa, or "
+                + ", ".join(_SECTIONS)
+            )
+        outer = self.radius_m
+        if self.builtin == "hourglass":
+            outer = 0.5 * (self.radius_m + self.waist_radius_m)
+        inner = self.inner_radius_m if self.builtin == "tube" else 0.0
+        nu = self.poisson_ratio
+        ratio = (inner / outer) ** 2
+        correction = (
+            6.0
+            * (1.0 + nu)
+            * (1.0 + ratio) ** 2
+            / ((7.0 + 6.0 * nu) * (1.0 + ratio) ** 2 + (20.0 + 12.0 * nu) * ratio)
+        )
+        area = math.pi * (outer**2 - inner**2)
+        second_moment = math.pi * (outer**4 - inner**4) / 4.0
+        shear_modulus = self.young_modulus_Pa / (2.0 * (1.0 + nu))
+        return {
+            "axial_stiffness_N": self.young_modulus_Pa * area,
+            "shear_stiffness_N": correction * shear_modulus * area,
+            "bending_stiffness_Nm2": self.young_modulus_Pa * second_moment,
+            "torsion_stiffness_Nm2": 2.0 * shear_modulus * second_moment,
+        }
+
+    def key(self) -> str:
+        """Hash of shape and material; of a mesh, of its content and not of where it lies."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
+        content = ""
+        if self.mesh_file is not None:
+            try:
+                content = hashlib.sha256(self.mesh_file.read_bytes()).hexdigest()
+            except OSError as error:
+                raise InputError(f"{self.mesh_file}: this mesh cannot be read: {error}") from None
+        return hash_of(values, content)
+
+
+MECHANISM_KEYS = (
+    *(field.name for field in fields(Mechanism) if field.name != "mesh_file"),
+    "mesh",
+    "material",
+)
+
+
+def _require(values: Mapping[str, Any], place: str) -> None:
+    """A builtin needs its dimensions and moduli: the neck's are no silent defaults."""
+    sections = values["builtin"] == "rod" and all(name in values for name in _SECTIONS)
+    needed = ["length_m"] if sections else ["length_m", *_DIMENSIONS[values["builtin"]]]
+    for name in needed:
+        if name not in values:
+            raise InputError(
+                f"{place}: builtin = '{values['builtin']}' needs the key '{name}', which is missing"
+            )
+
+
+def _material(table: Any, place: str) -> dict[str, Any]:
+    if table is None:
+        return {}
+    if not isinstance(table, Mapping):
+        raise InputError(
+            f'{place}: material = {table!r}: expected {{ model = "neo_hookean", ... }}'
+        )
+    check_keys(table, ("model", "young_modulus_Pa", "poisson_ratio"), f"{place} material")
+    model = table.get("model", "neo_hookean")
+    if model != "neo_hookean":
+        raise InputError(f"{place}: material model '{model}' is not known; known: neo_hookean")
+    return {key: value for key, value in table.items() if key != "model"}
+
+
+def _mesh_length(path: Path) -> float:
+    from ecm._native import Mesh
+
+    if not path.is_file():
+        raise InputError(f"{path}: this mesh file does not exist: check the path")
+    return float(Mesh.read(str(path)).length_m)
