@@ -135,7 +135,9 @@ class Mechanism:
         if not isinstance(table, Mapping):
             raise InputError(f"{place}: found {table!r}, expected a table of settings")
         check_keys(table, MECHANISM_KEYS, place)
-        values = {key: value for key, value in table.items() if key not in ("mesh", "material")}
+        values: dict[str, Any] = {
+            key: value for key, value in table.items() if key not in ("mesh", "material")
+        }
         values |= _material(table.get("material"), place)
         if "mesh" in table:
             if not isinstance(table["mesh"], str):

@@ -51,8 +51,8 @@ def assemble(
     warnings: list[str] = []
     chosen = _chosen(raw, meta, source)
     faults = Faults(source, raw.numbers, raw.word)
-    for line, cells in raw.ragged:
-        faults.add_number(line, "", f"{cells} cells", f"{len(raw.names)} as in the header")
+    for line, count in raw.ragged:
+        faults.add_number(line, "", f"{count} cells", f"{len(raw.names)} as in the header")
     columns: dict[str, NDArray[Any]] = {}
     for name, (own, scale) in chosen.items():
         cells = raw.columns[own]
@@ -112,7 +112,8 @@ def _chosen(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, Colu
         if likely is not None:
             raise InputError(
                 f"{source}: column '{name}' looks like '{likely}' without its unit or with "
-                f"another; expected the unit in the name. If it is in that unit rename it '{likely}', "
+                f"another one; expected the unit in the name. If it is in that unit, call it "
+                f"'{likely}'; "
                 f'else give {likely} = {{ column = "{name}", scale = ... }} in [columns].'
             )
         mapped[name] = (position, None)
