@@ -1,1 +1,39 @@
-//! Pose-to-wrench models: polynomials, principal component regression, symmetric energies, analytic stiffness
+//! Pose-to-wrench models: polynomials with principal component regression, and symmetric
+//! energies in mid-frame coordinates, both with analytic stiffness.
+//!
+//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation; fitting and
+//! model files need the feature `std`.
+#![no_std]
+
+#[cfg(feature = "std")]
+extern crate std;
+
+pub mod basis;
+pub mod energy;
+pub mod normalise;
+pub mod polynomial;
+pub mod shape;
+
+#[cfg(feature = "std")]
+pub mod dense;
+#[cfg(feature = "std")]
+pub mod error;
+#[cfg(feature = "std")]
+pub mod metrics;
+#[cfg(feature = "std")]
+pub mod polynomial_model;
+#[cfg(feature = "std")]
+pub mod regression;
+
+#[cfg(feature = "std")]
+pub use energy::{EnergyFit, EnergyModel};
+pub use energy::{EnergyMap, Symmetry};
+#[cfg(feature = "std")]
+pub use error::ModelError;
+#[cfg(feature = "std")]
+pub use polynomial::Polynomial;
+#[cfg(feature = "std")]
+pub use polynomial_model::PolynomialModel;
+#[cfg(feature = "std")]
+pub use regression::Method;
+pub use shape::ShapeError;

@@ -1,0 +1,121 @@
+//! Thin singular value decompositions, by faer.
+//!
+//! faer is built without its feature `rayon`: it runs sequentially and gives the same bits
+//! on any number of threads.
+
+use std::vec::Vec;
+
+use faer::{Mat, MatRef};
+
+use crate::error::ModelError;
+
+/// X = U diag(σ) Vᵀ, singular values falling.
+#[derive(Clone, Debug)]
+pub struct ThinSvd {
+    /// (rows, r).
+    pub u: Mat<f64>,
+    /// (r).
+    pub singular_values: Vec<f64>,
+    /// (columns, r).
+    pub v: Mat<f64>,
+}
+
+impl ThinSvd {
+    /// Of a row-major matrix with `columns` columns.
+    pub fn new(matrix: &[f64], columns: usize) -> Result<Self, ModelError> {
+        Self::of(MatRef::from_row_major_slice(
+            matrix,
+            matrix.len() / columns.max(1),
+            columns,
+        ))
+    }
+
+    fn of(matrix: MatRef<'_, f64>) -> Result<Self, ModelError> {
+        let (rows, columns) = (matrix.nrows(), matrix.ncols());
+        let failed = |_| ModelError::Decomposition { rows, columns };
+        // A tall matrix is first reduced to its triangle: fewer operations, same digits.
+        if rows > 2 * columns && columns > 0 {
+            let qr = matrix.qr();
+            let inner = qr.thin_R().thin_svd().map_err(failed)?;
+            return Ok(Self {
+                u: qr.compute_thin_Q() * inner.U(),
+                singular_values: inner.S().column_vector().iter().copied().collect(),
+                v: inner.V().to_owned(),
+            });
+        }
+        let svd = matrix.thin_svd().map_err(failed)?;
+        Ok(Self {
+            u: svd.U().to_owned(),
+            singular_values: svd.S().column_vector().iter().copied().collect(),
+            v: svd.V().to_owned(),
+        })
+    }
+
+    /// Singular values above rounding: σ > σ₁ ε max(rows, columns).
+    pub fn numerical_rank(&self) -> usize {
+        let largest = self.singular_values.first().copied().unwrap_or(0.0);
+        let size = self.u.nrows().max(self.v.nrows()) as f64;
+        let floor = largest * f64::EPSILON * size;
+        self.singular_values.iter().filter(|&&s| s > floor).count()
+    }
+
+    /// σ₁/σ_rank of the first `rank` singular values; infinite where none is above zero.
+    pub fn condition_number(&self, rank: usize) -> f64 {
+        match (self.singular_values.first(), rank.checked_sub(1)) {
+            (Some(&first), Some(last)) => match self.singular_values.get(last) {
+                Some(&s) if s > 0.0 => first / s,
+                _ => f64::INFINITY,
+            },
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// V diag(filter(σ)) Uᵀ Y of row-major `y` (rows, outputs): row-major (columns, outputs).
+    pub fn solve(&self, y: &[f64], outputs: usize, filter: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let y = MatRef::from_row_major_slice(y, self.u.nrows(), outputs);
+        let mut projected = self.u.transpose() * y;
+        for (i, &s) in self.singular_values.iter().enumerate() {
+            let factor = filter(i, s);
+            for j in 0..outputs {
+                projected[(i, j)] *= factor;
+            }
+        }
+        let solution = &self.v * projected;
+        (0..solution.nrows())
+            .flat_map(|i| (0..outputs).map(move |j| (i, j)))
+            .map(|place| solution[place])
+            .collect()
+    }
+
+    /// V diag(filter(σ)) Vᵀ, row-major (columns, columns), exactly symmetric.
+    pub fn gram(&self, filter: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let n = self.v.nrows();
+        let factors: Vec<f64> = self
+            .singular_values
+            .iter()
+            .enumerate()
+            .map(|(i, &s)| filter(i, s))
+            .collect();
+        let mut gram = std::vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let sum = factors
+                    .iter()
+                    .enumerate()
+                    .map(|(r, f)| f * self.v[(i, r)] * self.v[(j, r)])
+                    .sum();
+                gram[i * n + j] = sum;
+                gram[j * n + i] = sum;
+            }
+        }
+        gram
+    }
+}
+
+/// Singular values alone, falling.
+pub fn singular_values(matrix: &[f64], columns: usize) -> Result<Vec<f64>, ModelError> {
+    let rows = matrix.len() / columns.max(1);
+    MatRef::from_row_major_slice(matrix, rows, columns)
+        .singular_values()
+        .map_err(|_| ModelError::Decomposition { rows, columns })
+}

@@ -1,0 +1,19 @@
+//! Energy models U(q) in mid-frame coordinates: symmetric Hessian by construction.
+
+pub mod invariants;
+pub mod mid_frame;
+pub mod potential;
+
+#[cfg(feature = "std")]
+pub mod fit;
+#[cfg(feature = "std")]
+pub mod model;
+#[cfg(feature = "std")]
+pub mod terms;
+
+#[cfg(feature = "std")]
+pub use fit::EnergyFit;
+pub use invariants::Symmetry;
+pub use mid_frame::EnergyMap;
+#[cfg(feature = "std")]
+pub use model::EnergyModel;

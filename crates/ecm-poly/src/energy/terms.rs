@@ -1,0 +1,102 @@
+//! Which monomials an energy of a symmetry and degree has, and how they are called.
+
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+
+use crate::basis::advance;
+use crate::energy::invariants::Symmetry;
+use crate::error::ModelError;
+
+/// Highest degree in q of an energy.
+pub const MAX_DEGREE: usize = 8;
+
+/// Exponents of the six variables, by degree in q, then in the order of the paper's eq. (4).
+///
+/// Without the constant, which makes no wrench. The linear term c_x of a body of revolution
+/// stays: it is a force at the rest pose, which a length that is not quite L makes.
+pub fn terms(symmetry: Symmetry, degree: usize) -> Result<Vec<[u8; 6]>, ModelError> {
+    if !(1..=MAX_DEGREE).contains(&degree) {
+        return Err(ModelError::Setting {
+            name: "degree",
+            found: format!("{degree}"),
+            expected: "a degree from 1 to 8",
+        });
+    }
+    let of_variable = symmetry.variable_degrees();
+    let in_q = |row: &[u8; 6]| -> usize {
+        row.iter()
+            .zip(of_variable)
+            .map(|(&e, d)| usize::from(e) * usize::from(d))
+            .sum()
+    };
+    let mut rows = Vec::new();
+    let mut current = [0_u8; 6];
+    advance(&mut current);
+    while current.iter().map(|&e| usize::from(e)).sum::<usize>() <= degree {
+        if in_q(&current) <= degree && symmetry.admits(&current) {
+            rows.push(current);
+        }
+        advance(&mut current);
+    }
+    rows.sort_by(|a, b| in_q(a).cmp(&in_q(b)).then(b.cmp(a)));
+    Ok(rows)
+}
+
+/// A term's name, like `c_x^2 |c_perp|^2`.
+pub fn term_name(symmetry: Symmetry, exponents: &[u8; 6]) -> String {
+    let mut name = String::new();
+    for (variable, &e) in symmetry.variable_names().iter().zip(exponents) {
+        if e == 0 {
+            continue;
+        }
+        if !name.is_empty() {
+            name.push(' ');
+        }
+        if e == 1 {
+            name.push_str(variable);
+        } else if variable.contains('^') {
+            name.push_str(&format!("({variable})^{e}"));
+        } else {
+            name.push_str(&format!("{variable}^{e}"));
+        }
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn counts_of_the_conventions() {
+        let count = |s, d| terms(s, d).unwrap().len();
+        let counts = |s| [count(s, 4), count(s, 5), count(s, 6)];
+        assert_eq!(counts(Symmetry::Alike), [22, 37, 65]);
+        assert_eq!(counts(Symmetry::Revolution), [28, 48, 88]);
+        assert_eq!(count(Symmetry::General, 4), 209);
+        assert_eq!(count(Symmetry::General, 6), 923);
+    }
+
+    #[test]
+    fn order_and_names_of_the_first_terms() {
+        let names = |s: Symmetry| -> Vec<String> {
+            terms(s, 2)
+                .unwrap()
+                .iter()
+                .map(|t| term_name(s, t))
+                .collect()
+        };
+        assert_eq!(
+            names(Symmetry::Alike),
+            ["c_x", "c_x^2", "|c_perp|^2", "|theta_perp|^2", "theta_x^2"]
+        );
+        assert_eq!(names(Symmetry::Revolution)[5], "b");
+        assert_eq!(
+            names(Symmetry::General)[..8].join(", "),
+            "c_x, c_y, c_z, theta_x, theta_y, theta_z, c_x^2, c_x c_y"
+        );
+        assert!(terms(Symmetry::Alike, 0).is_err() && terms(Symmetry::Alike, 9).is_err());
+    }
+}

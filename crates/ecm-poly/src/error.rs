@@ -1,0 +1,139 @@
+//! What can be wrong with the data of a model, or with a model file.
+
+use std::string::String;
+
+use crate::shape::ShapeError;
+
+/// Wrong input to a fit, an evaluation or a model file.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// An array of another shape than the call needs.
+    #[error("{name} has {found} {unit}, expected {expected}")]
+    Shape {
+        /// The array.
+        name: &'static str,
+        /// What was counted.
+        unit: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        expected: usize,
+    },
+    /// A table of evaluation of the wrong length.
+    #[error(transparent)]
+    Table(#[from] ShapeError),
+    /// A number that is NaN or infinite.
+    #[error(
+        "{name}: row {row}, column {column} is {value}, expected a finite number; leave the row out"
+    )]
+    NotFinite {
+        /// The array.
+        name: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// Column, counted from 0.
+        column: usize,
+        /// NaN or an infinity.
+        value: f64,
+    },
+    /// A setting out of its range.
+    #[error("{name} is {found}, expected {expected}")]
+    Setting {
+        /// The setting.
+        name: &'static str,
+        /// Its value.
+        found: String,
+        /// Its range.
+        expected: &'static str,
+    },
+    /// Fewer equations than coefficients.
+    #[error(
+        "{equations} equations for {coefficients} coefficients: give more rows, or take a lower degree"
+    )]
+    TooFewRows {
+        /// Rows times components.
+        equations: usize,
+        /// Unknowns.
+        coefficients: usize,
+    },
+    /// A row's covariance that has no inverse root.
+    #[error(
+        "covariance of row {row} is not symmetric positive definite; its diagonal holds the squared standard deviations and must be above zero"
+    )]
+    Covariance {
+        /// Row, counted from 0.
+        row: usize,
+    },
+    /// The singular value decomposition did not converge.
+    #[error(
+        "the singular values of the {rows} x {columns} regressor did not converge; look for rows many orders of magnitude apart"
+    )]
+    Decomposition {
+        /// Rows of the regressor.
+        rows: usize,
+        /// Columns of the regressor.
+        columns: usize,
+    },
+    /// Text that is not JSON.
+    #[error(
+        "model file is not JSON near key \"{key}\": {message}; fetch the file again or fit anew"
+    )]
+    Json {
+        /// The last key before the fault.
+        key: String,
+        /// What the parser says.
+        message: String,
+    },
+    /// A key of a model file that is missing, unknown or out of range.
+    #[error("model file: key \"{key}\" is {found}, expected {expected}")]
+    Key {
+        /// The key, with its place where it is inside another.
+        key: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// A model file whose sum does not fit its content.
+    #[error(
+        "model file: key \"sha256\" is {found}, but the content sums to {expected}: the file was changed or damaged after it was sealed; fetch it again or fit anew"
+    )]
+    Sum {
+        /// The sum in the file.
+        found: String,
+        /// The sum of its content.
+        expected: String,
+    },
+}
+
+/// `Ok` where `found` is `expected`.
+pub(crate) fn check_count(
+    name: &'static str,
+    unit: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), ModelError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(ModelError::Shape {
+            name,
+            unit,
+            found,
+            expected,
+        })
+    }
+}
+
+/// `Ok` where every number of a row-major array is finite.
+pub fn check_finite(name: &'static str, values: &[f64], columns: usize) -> Result<(), ModelError> {
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(place) => Err(ModelError::NotFinite {
+            name,
+            row: place / columns.max(1),
+            column: place % columns.max(1),
+            value: values[place],
+        }),
+    }
+}

@@ -1,0 +1,294 @@
+//! The paper's model: one free polynomial per output, of normalised inputs.
+
+use std::format;
+use std::vec::Vec;
+
+use crate::basis::{exponents, number_of_terms};
+use crate::dense::{ThinSvd, singular_values};
+use crate::error::{ModelError, check_count, check_finite};
+use crate::normalise::ranges;
+use crate::polynomial::Polynomial;
+use crate::regression::{Method, Solution, solve};
+
+/// n inputs to m outputs by polynomials of one degree; n = m = 6 for a pose-to-wrench map.
+#[derive(Clone, Debug)]
+pub struct PolynomialModel {
+    degree: usize,
+    exponents: Vec<u8>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    coefficients: Vec<f64>,
+    outputs: usize,
+    fit: FitFacts,
+}
+
+/// What is known about how a polynomial was fitted; NaN and 0 for one made from coefficients.
+#[derive(Clone, Debug)]
+pub struct FitFacts {
+    /// κ of the normalised regressor that was kept.
+    pub condition_number: f64,
+    /// κ of the regressor before normalisation.
+    pub condition_number_raw: f64,
+    /// Singular values kept.
+    pub rank: usize,
+    /// tr(hat matrix).
+    pub effective_parameters: f64,
+    /// (XᵀX)⁻¹ of what was kept, row-major (k, k).
+    pub unscaled_covariance: Vec<f64>,
+}
+
+impl PolynomialModel {
+    /// Fits row-major `points` (N, inputs) to `observations` (N, outputs).
+    ///
+    /// `weights` (N): each row's squared residual is multiplied by its weight; they are scaled
+    /// to a mean of one, so that the PCR threshold keeps its meaning.
+    pub fn fit(
+        points: &[f64],
+        inputs: usize,
+        observations: &[f64],
+        outputs: usize,
+        degree: usize,
+        method: Method,
+        weights: Option<&[f64]>,
+    ) -> Result<Self, ModelError> {
+        let table = exponents(inputs, degree)?;
+        let k = table.len() / inputs;
+        let rows = points.len() / inputs;
+        check_count("inputs", "numbers", points.len(), rows * inputs)?;
+        check_count("outputs", "numbers", observations.len(), rows * outputs)?;
+        check_finite("inputs", points, inputs)?;
+        check_finite("outputs", observations, outputs)?;
+        if rows < k {
+            return Err(ModelError::TooFewRows {
+                equations: rows,
+                coefficients: k,
+            });
+        }
+        let (lower, upper) = ranges(points, inputs);
+        let raw = regressor(
+            points,
+            &table,
+            &std::vec![-1.0; inputs],
+            &std::vec![1.0; inputs],
+        )?;
+        let mut normalised = regressor(points, &table, &lower, &upper)?;
+        let mut targets = observations.to_vec();
+        if let Some(weights) = weights {
+            check_count("weights", "numbers", weights.len(), rows)?;
+            apply_weights(weights, &mut normalised, k)?;
+            apply_weights(weights, &mut targets, outputs)?;
+        }
+        let Solution {
+            coefficients,
+            rank,
+            condition_number,
+            effective_parameters,
+            unscaled_covariance,
+        } = solve(&ThinSvd::new(&normalised, k)?, &targets, outputs, method)?;
+        let fit = FitFacts {
+            condition_number,
+            condition_number_raw: condition_number_of(&raw, k)?,
+            rank,
+            effective_parameters,
+            unscaled_covariance,
+        };
+        Ok(Self {
+            degree,
+            exponents: table,
+            lower,
+            upper,
+            coefficients,
+            outputs,
+            fit,
+        })
+    }
+
+    /// From coefficients (k, outputs), row-major, of inputs normalised from [lower, upper].
+    pub fn from_coefficients(
+        degree: usize,
+        lower: &[f64],
+        upper: &[f64],
+        coefficients: &[f64],
+    ) -> Result<Self, ModelError> {
+        let inputs = lower.len();
+        check_count("upper", "numbers", upper.len(), inputs)?;
+        let exponents = exponents(inputs, degree)?;
+        let k = exponents.len() / inputs;
+        check_finite("lower", lower, inputs)?;
+        check_finite("upper", upper, inputs)?;
+        let outputs = coefficients.len() / k;
+        if outputs == 0 || coefficients.len() != k * outputs {
+            return Err(ModelError::Setting {
+                name: "coefficients",
+                found: format!("{} numbers", coefficients.len()),
+                expected: "k = C(degree + inputs, degree) rows of at least one output",
+            });
+        }
+        check_finite("coefficients", coefficients, outputs)?;
+        if let Some(i) = (0..inputs).find(|&i| lower[i] > upper[i]) {
+            return Err(ModelError::Setting {
+                name: "lower",
+                found: format!("{} above upper {} at input {i}", lower[i], upper[i]),
+                expected: "lower ≤ upper",
+            });
+        }
+        Ok(Self {
+            degree,
+            exponents,
+            lower: lower.to_vec(),
+            upper: upper.to_vec(),
+            coefficients: coefficients.to_vec(),
+            outputs,
+            fit: FitFacts {
+                condition_number: f64::NAN,
+                condition_number_raw: f64::NAN,
+                rank: k,
+                effective_parameters: k as f64,
+                unscaled_covariance: Vec::new(),
+            },
+        })
+    }
+
+    /// The evaluation tables.
+    pub fn map(&self) -> Result<Polynomial<'_, f64>, ModelError> {
+        Ok(Polynomial::new(
+            &self.exponents,
+            &self.lower,
+            &self.upper,
+            &self.coefficients,
+        )?)
+    }
+
+    /// ĥ (N, outputs) of row-major points (N, inputs).
+    pub fn predict(&self, points: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let map = self.map()?;
+        let rows = self.rows_of(points)?;
+        let mut scratch = std::vec![0.0; map.scratch_len()];
+        let mut values = std::vec![0.0; rows * self.outputs];
+        let lines = values.chunks_exact_mut(self.outputs);
+        for (point, value) in points.chunks_exact(self.inputs()).zip(lines) {
+            map.value(point, value, &mut scratch)?;
+        }
+        Ok(values)
+    }
+
+    /// ∂ĥ/∂p (N, outputs, inputs) of row-major points (N, inputs); the paper's K.
+    pub fn jacobian(&self, points: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let map = self.map()?;
+        let rows = self.rows_of(points)?;
+        let size = self.outputs * self.inputs();
+        let mut scratch = std::vec![0.0; map.scratch_len()];
+        let mut value = std::vec![0.0; self.outputs];
+        let mut jacobians = std::vec![0.0; rows * size];
+        let blocks = jacobians.chunks_exact_mut(size);
+        for (point, block) in points.chunks_exact(self.inputs()).zip(blocks) {
+            map.value_and_jacobian(point, &mut value, block, &mut scratch)?;
+        }
+        Ok(jacobians)
+    }
+
+    fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {
+        let rows = points.len() / self.inputs();
+        check_count("inputs", "numbers", points.len(), rows * self.inputs())?;
+        check_finite("inputs", points, self.inputs())?;
+        Ok(rows)
+    }
+
+    /// Highest degree of a term.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+    /// n.
+    pub fn inputs(&self) -> usize {
+        self.lower.len()
+    }
+    /// m.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+    /// (k, inputs), row-major.
+    pub fn exponents(&self) -> &[u8] {
+        &self.exponents
+    }
+    /// Inputs that map to −1.
+    pub fn lower(&self) -> &[f64] {
+        &self.lower
+    }
+    /// Inputs that map to 1.
+    pub fn upper(&self) -> &[f64] {
+        &self.upper
+    }
+    /// (k, outputs), row-major.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+    /// How it was fitted.
+    pub fn facts(&self) -> &FitFacts {
+        &self.fit
+    }
+}
+
+/// X (N, k), row-major, of row-major points and exponents (k, inputs).
+pub fn regressor(
+    points: &[f64],
+    exponents: &[u8],
+    lower: &[f64],
+    upper: &[f64],
+) -> Result<Vec<f64>, ModelError> {
+    let inputs = lower.len().max(1);
+    let map = Polynomial::new(exponents, lower, upper, &[])?;
+    let k = exponents.len() / inputs;
+    let mut scratch = std::vec![0.0; map.scratch_len()];
+    let mut matrix = std::vec![0.0; points.len() / inputs * k];
+    for (point, row) in points
+        .chunks_exact(inputs)
+        .zip(matrix.chunks_exact_mut(k.max(1)))
+    {
+        map.regressor_row(point, row, &mut scratch)?;
+    }
+    Ok(matrix)
+}
+
+/// X (N, k) of the monomials up to `degree`, inputs mapped from [lower, upper] to [−1, 1].
+pub fn polynomial_regressor(
+    points: &[f64],
+    degree: usize,
+    lower: &[f64],
+    upper: &[f64],
+) -> Result<Vec<f64>, ModelError> {
+    check_count("upper", "numbers", upper.len(), lower.len())?;
+    check_finite("inputs", points, lower.len())?;
+    regressor(points, &exponents(lower.len(), degree)?, lower, upper)
+}
+
+/// k of a polynomial.
+pub fn coefficients_per_output(inputs: usize, degree: usize) -> Option<usize> {
+    number_of_terms(inputs, degree)
+}
+
+fn condition_number_of(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {
+    let values = singular_values(matrix, columns)?;
+    Ok(match (values.first(), values.last()) {
+        (Some(&first), Some(&last)) if last > 0.0 => first / last,
+        _ => f64::INFINITY,
+    })
+}
+
+/// Rows times the root of their weight over the mean weight.
+fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) -> Result<(), ModelError> {
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));
+    if bad.is_some() || mean <= 0.0 {
+        let row = bad.unwrap_or(0);
+        return Err(ModelError::Setting {
+            name: "weights",
+            found: format!("{} in row {row}", weights[row]),
+            expected: "finite numbers, 0 or above, not all 0",
+        });
+    }
+    for (line, w) in matrix.chunks_exact_mut(columns).zip(weights) {
+        let factor = (w / mean).sqrt();
+        line.iter_mut().for_each(|x| *x *= factor);
+    }
+    Ok(())
+}
