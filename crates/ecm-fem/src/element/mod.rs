@@ -1,0 +1,6 @@
+//! The ten-node tetrahedron with a linear pressure, and its quadrature.
+
+mod quadrature;
+pub mod tet10;
+
+pub use quadrature::Rule;

@@ -1,0 +1,31 @@
+//! Stored energies of rubber-like solids.
+//!
+//! W(F, p) = W_d(F) + p (J − 1) − p² / (2 κ): a distortional part per material, and
+//! a pressure p that is an unknown of its own; without it, W_d + κ/2 (J − 1)².
+
+mod neo_hookean;
+
+pub use neo_hookean::NeoHookean;
+
+use crate::tensor::Mat3;
+
+/// Distortional energy density with its derivatives by the deformation gradient.
+#[derive(Debug, Clone, Copy)]
+pub struct Response {
+    /// W_d, J/m³.
+    pub energy: f64,
+    /// P_iJ = ∂W_d/∂F_iJ, Pa.
+    pub stress: Mat3,
+    /// ∂P_iJ/∂F_kL at `[3 i + J][3 k + L]`, Pa; symmetric.
+    pub tangent: [[f64; 9]; 9],
+}
+
+/// A material whose distortional energy is a function of F.
+pub trait Material: Send + Sync + std::fmt::Debug {
+    /// W_d, its stress and its tangent; `f` has a positive determinant `jacobian`.
+    fn respond(&self, f: &Mat3, jacobian: f64) -> Response;
+    /// Shear modulus at rest, Pa.
+    fn shear_modulus_Pa(&self) -> f64;
+    /// Bulk modulus, Pa.
+    fn bulk_modulus_Pa(&self) -> f64;
+}

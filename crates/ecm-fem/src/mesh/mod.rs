@@ -1,0 +1,154 @@
+//! Meshes of ten-node tetrahedra with two named faces.
+
+mod check;
+mod gmsh;
+mod quadratic;
+mod revolve;
+mod surface;
+
+pub use revolve::{Profile, Quality};
+
+use crate::FemError;
+use std::path::Path;
+
+/// Edges of a tetrahedron in the order of its mid-edge nodes 4..10.
+pub const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
+
+/// Faces of a tetrahedron, outward: corners, then mid-edge nodes.
+pub const FACES: [[usize; 6]; 4] = [
+    [0, 2, 1, 6, 5, 4],
+    [0, 1, 3, 4, 8, 7],
+    [1, 2, 3, 5, 9, 8],
+    [0, 3, 2, 7, 9, 6],
+];
+
+/// A checked body: every element right side out, one piece, both faces there,
+/// base centre at the origin and top centre at (L, 0, 0).
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    nodes_m: Vec<[f64; 3]>,
+    tetrahedra: Vec<[usize; 10]>,
+    base_nodes: Vec<usize>,
+    top_nodes: Vec<usize>,
+    length_m: f64,
+    volume_m3: f64,
+}
+
+impl Mesh {
+    /// Checks a mesh and moves it so that the centre of its base is the origin.
+    ///
+    /// `nodes_m`: N × 3; `tetrahedra`: corners, then mid-edge nodes 01 12 02 03
+    /// 13 23; the two node lists hold all nodes of the clamped and the rigid face.
+    ///
+    /// # Errors
+    /// [`FemError`] naming the first thing that is wrong.
+    pub fn new(
+        nodes_m: Vec<[f64; 3]>,
+        tetrahedra: Vec<[usize; 10]>,
+        base_nodes: Vec<usize>,
+        top_nodes: Vec<usize>,
+    ) -> Result<Self, FemError> {
+        let mut mesh =
+            Self { nodes_m, tetrahedra, base_nodes, top_nodes, length_m: 0.0, volume_m3: 0.0 };
+        mesh.check_indices()?;
+        mesh.base_nodes.sort_unstable();
+        mesh.base_nodes.dedup();
+        mesh.top_nodes.sort_unstable();
+        mesh.top_nodes.dedup();
+        mesh.volume_m3 = mesh.check_shape()?;
+        mesh.place()?;
+        Ok(mesh)
+    }
+
+    /// A clamped cylinder along x.
+    ///
+    /// # Errors
+    /// A length or radius that is not positive.
+    pub fn cylinder(length_m: f64, radius_m: f64, quality: Quality) -> Result<Self, FemError> {
+        revolve::mesh(length_m, &Profile::Cylinder { radius_m }, quality)
+    }
+
+    /// A clamped tube along x.
+    ///
+    /// # Errors
+    /// A length or radius that is not positive, or an inner radius not below the outer.
+    pub fn tube(
+        length_m: f64,
+        radius_m: f64,
+        inner_radius_m: f64,
+        quality: Quality,
+    ) -> Result<Self, FemError> {
+        revolve::mesh(length_m, &Profile::Tube { radius_m, inner_radius_m }, quality)
+    }
+
+    /// A body of revolution with parabolic profile:
+    /// r(x) = waist + (radius − waist)(2x/L − 1)².
+    ///
+    /// # Errors
+    /// A length or radius that is not positive.
+    pub fn hourglass(
+        length_m: f64,
+        radius_m: f64,
+        waist_radius_m: f64,
+        quality: Quality,
+    ) -> Result<Self, FemError> {
+        revolve::mesh(length_m, &Profile::Hourglass { radius_m, waist_radius_m }, quality)
+    }
+
+    /// A Gmsh 4.1 ASCII file with physical groups `base` and `top`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is malformed, or describes a broken mesh.
+    pub fn read(path: &Path) -> Result<Self, FemError> {
+        gmsh::read(path)
+    }
+
+    /// Node positions in the base frame, m.
+    pub fn nodes_m(&self) -> &[[f64; 3]] {
+        &self.nodes_m
+    }
+
+    /// Corner nodes then mid-edge nodes 01 12 02 03 13 23.
+    pub fn tetrahedra(&self) -> &[[usize; 10]] {
+        &self.tetrahedra
+    }
+
+    /// Nodes of the clamped face, sorted.
+    pub fn base_nodes(&self) -> &[usize] {
+        &self.base_nodes
+    }
+
+    /// Nodes of the rigid face, sorted.
+    pub fn top_nodes(&self) -> &[usize] {
+        &self.top_nodes
+    }
+
+    /// Distance between the centres of the two faces.
+    pub fn length_m(&self) -> f64 {
+        self.length_m
+    }
+
+    /// Volume of the curved elements.
+    pub fn volume_m3(&self) -> f64 {
+        self.volume_m3
+    }
+
+    fn place(&mut self) -> Result<(), FemError> {
+        let base = surface::centre(&self.nodes_m, &self.tetrahedra, &self.base_nodes)
+            .ok_or(FemError::NotASurface { name: "base", nodes: self.base_nodes.len() })?;
+        let top = surface::centre(&self.nodes_m, &self.tetrahedra, &self.top_nodes)
+            .ok_or(FemError::NotASurface { name: "top", nodes: self.top_nodes.len() })?;
+        let offset = [0, 1, 2].map(|k| top[k] - base[k]);
+        // 1e-3: a millimetre per metre, more than meshing tolerance, less than a mistake.
+        if offset[0] <= 0.0 || offset[1].hypot(offset[2]) > 1e-3 * offset[0] {
+            return Err(FemError::WrongAxis { offset });
+        }
+        for node in &mut self.nodes_m {
+            for k in 0..3 {
+                node[k] -= base[k];
+            }
+        }
+        self.length_m = offset[0];
+        Ok(())
+    }
+}

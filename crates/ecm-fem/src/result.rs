@@ -1,0 +1,61 @@
+//! What a load case ends with.
+
+/// How a load case ended; only [`Status::Solved`] is a stable equilibrium at the
+/// given load, every other status comes with the last stable state before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Stable equilibrium at the load asked for.
+    Solved,
+    /// The load lies beyond a loss of stability (buckling).
+    Unstable,
+    /// The load steps became too small.
+    NotConverged,
+    /// The load steps became too small because elements turn inside out.
+    Inverted,
+    /// The caller raised the cancel flag.
+    Cancelled,
+}
+
+impl Status {
+    /// The word used in files and in Python.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Solved => "solved",
+            Self::Unstable => "unstable",
+            Self::NotConverged => "not_converged",
+            Self::Inverted => "inverted",
+            Self::Cancelled => "cancelled",
+        }
+    }
+}
+
+/// One load case: the state reached and what is known about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CaseResult {
+    /// How it ended.
+    pub status: Status,
+    /// (x, y, z, θx, θy, θz) of the platform, m and rad.
+    pub pose: [f64; 6],
+    /// (fx, fy, fz, τx, τy, τz) that the pose needs, N and N m, base axes.
+    pub wrench: [f64; 6],
+    /// Stored energy, J.
+    pub energy_J: f64,
+    /// K = ∂h/∂p.
+    pub stiffness: [[f64; 6]; 6],
+    /// H = ∂(f, Jᵀτ)/∂p.
+    pub hessian: [[f64; 6]; 6],
+    /// Smallest eigenvalue of H with lengths divided by L, N m.
+    pub smallest_eigenvalue: f64,
+    /// Negative pivots beyond the number of pressures: instabilities at held pose.
+    pub inner_instabilities: usize,
+    /// Largest principal stretch at a quadrature point.
+    pub largest_stretch: f64,
+    /// Smallest det F at a quadrature point.
+    pub smallest_jacobian: f64,
+    /// Newton iterations of all load steps.
+    pub iterations: usize,
+    /// Load steps.
+    pub load_steps: usize,
+    /// Norm of the residual over the force unit μ V / L.
+    pub residual: f64,
+}

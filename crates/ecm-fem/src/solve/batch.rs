@@ -1,0 +1,1 @@
+//! Many load cases, each from its nearest solved neighbour.

@@ -1,0 +1,218 @@
+//! Load cases: Newton, load stepping, batches.
+
+mod condense;
+mod newton;
+mod path;
+
+pub use newton::Timing;
+
+use crate::assembly::{Body, Field};
+use crate::element::Rule;
+use crate::material::Material;
+use crate::mesh::Mesh;
+use crate::pattern::{Hold, Pattern};
+use crate::platform::Platform;
+use crate::result::CaseResult;
+use crate::{FemError, tensor};
+use newton::Workspace;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
+
+/// What the platform is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Load {
+    /// Dead wrench (fx, fy, fz, τx, τy, τz) about the platform's origin, base axes, N and N m.
+    Wrench([f64; 6]),
+    /// Pose (x, y, z, θx, θy, θz), m and rad.
+    Pose([f64; 6]),
+}
+
+impl Load {
+    fn values(&self) -> &[f64; 6] {
+        match self {
+            Self::Wrench(v) | Self::Pose(v) => v,
+        }
+    }
+}
+
+/// Settings of the nonlinear solver.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Residual over the force unit μ V / L at which a state counts as equilibrium (1e-9).
+    pub tolerance: f64,
+    /// Newton iterations per load step (25).
+    pub iterations: usize,
+    /// Largest platform rotation (rad) or translation (over L) of one Newton step (0.5).
+    pub step_limit: f64,
+    /// Smallest load step as a share of the way (1/64).
+    pub smallest_load_step: f64,
+    /// Quadrature ([`Rule::Degree2`]).
+    pub rule: Rule,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-9,
+            iterations: 25,
+            step_limit: 0.5,
+            smallest_load_step: 1.0 / 64.0,
+            rule: Rule::Degree2,
+        }
+    }
+}
+
+/// How the outside looks in on long work.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Watch<'a> {
+    /// Raised to end the work after the current factorisation.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Counts load cases that are done.
+    pub done: Option<&'a AtomicUsize>,
+}
+
+/// A body with its platform: equilibrium and the last load on it.
+#[derive(Debug, Clone, PartialEq)]
+struct State {
+    field: Field,
+    platform: Platform,
+}
+
+/// A mechanism ready for load cases.
+#[derive(Debug)]
+pub struct Fem {
+    body: Body,
+    pattern: Pattern,
+    settings: Settings,
+    force_unit_N: f64,
+}
+
+impl Fem {
+    /// `modulus_scale`: factor on the moduli of each tetrahedron.
+    ///
+    /// # Errors
+    /// A scale of the wrong length or not positive; a mesh too large to factorise.
+    pub fn new(
+        mesh: Mesh,
+        material: Box<dyn Material>,
+        modulus_scale: Option<Vec<f64>>,
+    ) -> Result<Self, FemError> {
+        Self::with_settings(mesh, material, modulus_scale, Settings::default())
+    }
+
+    /// As [`Fem::new`] with other solver settings.
+    ///
+    /// # Errors
+    /// As [`Fem::new`].
+    pub fn with_settings(
+        mesh: Mesh,
+        material: Box<dyn Material>,
+        modulus_scale: Option<Vec<f64>>,
+        settings: Settings,
+    ) -> Result<Self, FemError> {
+        let elements = mesh.tetrahedra().len();
+        let modulus_scale = modulus_scale.unwrap_or_else(|| vec![1.0; elements]);
+        if modulus_scale.len() != elements {
+            return Err(FemError::Size {
+                what: "element_modulus_scale",
+                found: modulus_scale.len(),
+                expected: elements,
+                why: "one per tetrahedron",
+            });
+        }
+        if let Some(&value) = modulus_scale.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
+            return Err(FemError::Parameter {
+                name: "an entry of element_modulus_scale",
+                value,
+                expected: "a positive factor",
+            });
+        }
+        let mut hold = vec![Hold::Free; 3 * mesh.nodes_m().len()];
+        for &node in mesh.base_nodes() {
+            hold[3 * node..3 * node + 3].fill(Hold::Prescribed);
+        }
+        for &node in mesh.top_nodes() {
+            hold[3 * node..3 * node + 3].fill(Hold::Platform);
+        }
+        let pattern = Pattern::new(&mesh, &hold)?;
+        let force_unit_N = material.shear_modulus_Pa() * mesh.volume_m3() / mesh.length_m();
+        let body = Body::new(mesh, material, modulus_scale, settings.rule);
+        Ok(Self { body, pattern, settings, force_unit_N })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.body.mesh
+    }
+
+    /// Unknowns of K_ff, entries of its lower triangle, and entries of its factor.
+    pub fn sizes(&self) -> (usize, usize, usize) {
+        let symbolic = &self.pattern.symbolic;
+        (self.pattern.unknowns, symbolic.entries(), symbolic.factor_entries())
+    }
+
+    /// K at rest.
+    ///
+    /// # Errors
+    /// None today; kept for loads that do not vanish at rest.
+    pub fn rest_stiffness(&self) -> Result<[[f64; 6]; 6], FemError> {
+        Ok(self.solve_wrench(&[0.0; 6])?.stiffness)
+    }
+
+    /// Equilibrium under a dead wrench, from rest.
+    ///
+    /// # Errors
+    /// A wrench that is not finite.
+    pub fn solve_wrench(&self, wrench: &[f64; 6]) -> Result<CaseResult, FemError> {
+        self.solve(&Load::Wrench(*wrench)).map(|r| r.0)
+    }
+
+    /// Wrench that a pose needs, from rest.
+    ///
+    /// # Errors
+    /// A pose that is not finite.
+    pub fn solve_pose(&self, pose: &[f64; 6]) -> Result<CaseResult, FemError> {
+        self.solve(&Load::Pose(*pose)).map(|r| r.0)
+    }
+
+    /// One load case from rest, and where its time went.
+    ///
+    /// # Errors
+    /// A load that is not finite.
+    pub fn solve(&self, load: &Load) -> Result<(CaseResult, Timing), FemError> {
+        self.check_load(0, load)?;
+        let mut work = Workspace::new(self);
+        let result = self.follow_from_rest(&mut work, load, Watch::default()).0;
+        Ok((result, work.timing))
+    }
+
+    fn rest(&self) -> State {
+        State {
+            field: self.body.rest(),
+            platform: Platform::at_rest(self.body.mesh.length_m()),
+        }
+    }
+
+    fn check_load(&self, index: usize, load: &Load) -> Result<(), FemError> {
+        match load.values().iter().find(|v| !v.is_finite()) {
+            Some(&value) => {
+                let what = match load {
+                    Load::Wrench(_) => "a component of wrench",
+                    Load::Pose(_) => "a component of pose",
+                };
+                return Err(FemError::NotFinite { what, index, value });
+            }
+            None => {}
+        }
+        if let Load::Pose(p) = load {
+            let angle = tensor::norm([p[3], p[4], p[5]]);
+            if angle > std::f64::consts::PI {
+                return Err(FemError::Parameter {
+                    name: "the rotation of a pose",
+                    value: angle,
+                    expected: "|theta| at most pi",
+                });
+            }
+        }
+        Ok(())
+    }
+}

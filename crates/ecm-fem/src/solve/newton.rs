@@ -1,0 +1,297 @@
+//! Newton's method on nodes, pressures and platform together.
+
+use super::{Fem, Load, State, Watch};
+use crate::assembly::Sums;
+use crate::factor::Factor;
+use crate::pattern::NONE;
+use crate::platform::{Platform, step_size};
+use crate::tensor::Mat3;
+use faer::mat::MatMut;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// Seconds spent in the parts of a solve.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Timing {
+    /// Element loops.
+    pub assembly_s: f64,
+    /// Numeric factorisations.
+    pub factor_s: f64,
+    /// Triangular solves.
+    pub solve_s: f64,
+    /// Number of factorisations.
+    pub factorisations: usize,
+}
+
+/// Memory of one thread.
+#[derive(Debug)]
+pub(super) struct Workspace {
+    pub sums: Sums,
+    pub factor: Factor,
+    /// L⁻¹ K_f6, column by column, then one column for the step.
+    pub columns: Vec<f64>,
+    pub pivots: Vec<f64>,
+    residual: Vec<f64>,
+    trial: State,
+    /// `sums`, `factor` and the first six `columns` belong to the current state.
+    pub ready: bool,
+    pub balance: Balance,
+    pub timing: Timing,
+}
+
+/// What the platform's nodes say at a state.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Balance {
+    pub wrench: [f64; 6],
+    pub geometric: Mat3,
+    /// Norm of all residuals over the force unit.
+    pub residual: f64,
+    pub inner_instabilities: usize,
+}
+
+/// Why Newton stopped without an equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Failure {
+    Diverged,
+    Inverted,
+    Cancelled,
+}
+
+/// Smallest share of a Newton step that is tried.
+const SMALLEST_SHARE: f64 = 1.0 / 64.0;
+
+impl Workspace {
+    pub fn new(fem: &Fem) -> Self {
+        let n = fem.pattern.unknowns;
+        Self {
+            sums: Sums::new(&fem.body, &fem.pattern),
+            factor: Factor::new(&fem.pattern.symbolic),
+            columns: vec![0.0; 7 * n],
+            pivots: vec![0.0; n],
+            residual: vec![0.0; n],
+            trial: fem.rest(),
+            ready: false,
+            balance: Balance::default(),
+            timing: Timing::default(),
+        }
+    }
+}
+
+impl Fem {
+    /// Takes `state` to equilibrium under `load`; returns the number of iterations.
+    ///
+    /// On success tangent, factor and `balance` belong to the final state.
+    pub(super) fn newton(
+        &self,
+        work: &mut Workspace,
+        state: &mut State,
+        load: &Load,
+        watch: Watch,
+    ) -> Result<usize, (Failure, usize)> {
+        let n = self.pattern.unknowns;
+        if !work.ready {
+            self.hold_platform_nodes(state);
+            self.assemble(work, state).map_err(|f| (f, 0))?;
+        }
+        let target = match load {
+            Load::Pose(p) => Some(Platform::from_pose(p)),
+            Load::Wrench(_) => None,
+        };
+        let mut iteration = 0;
+        let mut previous_share = 1.0;
+        loop {
+            if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+                work.ready = false;
+                return Err((Failure::Cancelled, iteration));
+            }
+            let gap = self.residuals(work, state, load, target.as_ref());
+            if work.balance.residual.is_nan() {
+                return Err((Failure::Diverged, iteration));
+            }
+            if !work.ready {
+                self.factorise(work).map_err(|f| (f, iteration))?;
+            }
+            if work.balance.residual <= self.settings.tolerance {
+                return Ok(iteration);
+            }
+            if iteration == self.settings.iterations {
+                work.ready = false;
+                return Err((Failure::Diverged, iteration));
+            }
+            let platform_step = self.step(work, &gap, target.is_some()).ok_or((Failure::Diverged, iteration))?;
+            let size = step_size(&platform_step, self.body.mesh.length_m());
+            // After a step cut short by folding elements, do not at once try the whole way.
+            let mut share =
+                (self.settings.step_limit / size).min(1.0).min(2.0 * previous_share);
+            loop {
+                self.move_by(work, state, &platform_step, share);
+                std::mem::swap(state, &mut work.trial);
+                match self.assemble(work, state) {
+                    Ok(()) => break,
+                    Err(failure) => {
+                        // Back to where the step began; `columns[6 n..]` still holds the step.
+                        std::mem::swap(state, &mut work.trial);
+                        share *= 0.5;
+                        if share < SMALLEST_SHARE {
+                            return Err((failure, iteration));
+                        }
+                    }
+                }
+            }
+            previous_share = share;
+            debug_assert_eq!(work.columns.len(), 7 * n);
+            iteration += 1;
+        }
+    }
+
+    fn hold_platform_nodes(&self, state: &mut State) {
+        for &node in &self.pattern.platform_nodes {
+            let u = state.platform.displacement(&self.body.mesh, node);
+            state.field.displacement[3 * node..3 * node + 3].copy_from_slice(&u);
+        }
+    }
+
+    fn assemble(&self, work: &mut Workspace, state: &State) -> Result<(), Failure> {
+        let start = Instant::now();
+        work.ready = false;
+        let arm = |node| state.platform.arm(&self.body.mesh, node);
+        let outcome = work.sums.assemble(&self.body, &self.pattern, &state.field, arm);
+        work.timing.assembly_s += start.elapsed().as_secs_f64();
+        outcome.map_err(|_| Failure::Inverted)
+    }
+
+    /// Fills the residual and its norm; returns what is missing at the platform:
+    /// wrench (given − found) or the step to the given pose.
+    fn residuals(
+        &self,
+        work: &mut Workspace,
+        state: &State,
+        load: &Load,
+        target: Option<&Platform>,
+    ) -> [f64; 6] {
+        let mut square = 0.0;
+        for (component, &unknown) in self.pattern.of_displacement.iter().enumerate() {
+            if unknown != NONE {
+                let r = work.sums.force[component];
+                work.residual[unknown as usize] = r;
+                square += r * r;
+            }
+        }
+        for (node, &unknown) in self.pattern.of_pressure.iter().enumerate() {
+            if unknown != NONE {
+                let r = work.sums.volume[node];
+                work.residual[unknown as usize] = r;
+                square += r * r;
+            }
+        }
+        let mesh = &self.body.mesh;
+        let (wrench, geometric) =
+            state.platform.wrench(mesh, &self.pattern.platform_nodes, &work.sums.force);
+        work.balance.wrench = wrench;
+        work.balance.geometric = geometric;
+        let length = mesh.length_m();
+        let gap = match (load, target) {
+            (Load::Wrench(h), _) => std::array::from_fn(|k| h[k] - wrench[k]),
+            (_, Some(target)) => state.platform.step_to(target),
+            _ => [0.0; 6],
+        };
+        for k in 0..6 {
+            // Moments over L and steps over L, both in the force unit.
+            let g = match target {
+                None if k < 3 => gap[k],
+                None => gap[k] / length,
+                Some(_) if k < 3 => gap[k] / length * self.force_unit_N,
+                Some(_) => gap[k] * self.force_unit_N,
+            };
+            square += g * g;
+        }
+        work.balance.residual = square.sqrt() / self.force_unit_N;
+        gap
+    }
+
+    /// Factor of K_ff and L⁻¹ K_f6.
+    fn factorise(&self, work: &mut Workspace) -> Result<(), Failure> {
+        let n = self.pattern.unknowns;
+        let symbolic = &self.pattern.symbolic;
+        let start = Instant::now();
+        let negative = work
+            .factor
+            .factorise(symbolic, &work.sums.tangent)
+            .map_err(|_| Failure::Diverged)?;
+        work.balance.inner_instabilities = negative.saturating_sub(self.pattern.pressures);
+        let middle = Instant::now();
+        for k in 0..6 {
+            for (entry, row) in work.columns[k * n..(k + 1) * n].iter_mut().zip(&work.sums.coupling) {
+                *entry = row[k];
+            }
+        }
+        let columns = MatMut::from_column_major_slice_mut(&mut work.columns[..6 * n], n, 6);
+        work.factor.forward(symbolic, columns);
+        work.factor.pivots(symbolic, &mut work.pivots);
+        work.timing.factor_s += (middle - start).as_secs_f64();
+        work.timing.solve_s += middle.elapsed().as_secs_f64();
+        work.timing.factorisations += 1;
+        work.ready = true;
+        Ok(())
+    }
+
+    /// Newton step of the platform; the step of the unknowns is left in the seventh column.
+    fn step(&self, work: &mut Workspace, gap: &[f64; 6], pose_given: bool) -> Option<[f64; 6]> {
+        let n = self.pattern.unknowns;
+        let start = Instant::now();
+        let (six, last) = work.columns.split_at_mut(6 * n);
+        for (entry, r) in last.iter_mut().zip(&work.residual) {
+            *entry = -r;
+        }
+        work.factor.forward(
+            &self.pattern.symbolic,
+            MatMut::from_column_major_slice_mut(last, n, 1),
+        );
+        let delta = if pose_given {
+            *gap
+        } else {
+            // (K_66 − K_6f K_ff⁻¹ K_f6) δ = gap − K_6f y with y = −K_ff⁻¹ r.
+            let mut right = *gap;
+            for (k, value) in right.iter_mut().enumerate() {
+                let column = &six[k * n..(k + 1) * n];
+                *value -= (0..n).map(|i| column[i] * last[i] / work.pivots[i]).sum::<f64>();
+            }
+            self.condensed(&work.sums, &work.balance, six, &work.pivots).solve(&right)?
+        };
+        for (k, d) in delta.iter().enumerate() {
+            for (entry, z) in last.iter_mut().zip(&six[k * n..(k + 1) * n]) {
+                *entry -= d * z;
+            }
+        }
+        for (entry, pivot) in last.iter_mut().zip(&work.pivots) {
+            *entry /= pivot;
+        }
+        work.factor.backward(
+            &self.pattern.symbolic,
+            MatMut::from_column_major_slice_mut(last, n, 1),
+        );
+        work.timing.solve_s += start.elapsed().as_secs_f64();
+        Some(delta)
+    }
+
+    /// `work.trial` = `state` moved by `share` of the step.
+    fn move_by(&self, work: &mut Workspace, state: &State, platform_step: &[f64; 6], share: f64) {
+        let step = &work.columns[6 * self.pattern.unknowns..];
+        let trial = &mut work.trial;
+        trial.platform = state.platform.moved(platform_step, share);
+        let displacement = trial.field.displacement.iter_mut().zip(&state.field.displacement);
+        for ((new, old), &unknown) in displacement.zip(&self.pattern.of_displacement) {
+            *new = *old;
+            if unknown != NONE {
+                *new += share * step[unknown as usize];
+            }
+        }
+        let pressure = trial.field.pressure.iter_mut().zip(&state.field.pressure);
+        for ((new, old), &unknown) in pressure.zip(&self.pattern.of_pressure) {
+            if unknown != NONE {
+                *new = old + share * step[unknown as usize];
+            }
+        }
+        self.hold_platform_nodes(trial);
+    }
+}

@@ -1,0 +1,154 @@
+//! From a known equilibrium to a load, in as few steps as stability and Newton allow.
+
+use super::condense::smallest_eigenvalue;
+use super::newton::{Failure, Workspace};
+use super::{Fem, Load, State, Watch};
+use crate::platform::Platform;
+use crate::result::{CaseResult, Status};
+use crate::tensor::{Mat3, product, transpose};
+use ecm_se3::stiffness::{StiffnessKind, convert};
+use ecm_se3::{Pose, Wrench};
+use nalgebra::Matrix3;
+
+impl Fem {
+    /// Follows the load from rest; also returns the final state.
+    pub(super) fn follow_from_rest(
+        &self,
+        work: &mut Workspace,
+        load: &Load,
+        watch: Watch,
+    ) -> (CaseResult, State) {
+        let start = match load {
+            Load::Wrench(_) => Load::Wrench([0.0; 6]),
+            Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
+        };
+        self.follow(work, self.rest(), &start, load, watch)
+    }
+
+    /// Follows the load from `state`, an equilibrium under `start`, to `load`.
+    pub(super) fn follow(
+        &self,
+        work: &mut Workspace,
+        mut state: State,
+        start: &Load,
+        load: &Load,
+        watch: Watch,
+    ) -> (CaseResult, State) {
+        work.ready = false;
+        let (mut reached, mut step) = (0.0, 1.0f64);
+        let (mut iterations, mut load_steps) = (0, 0);
+        let mut last_good = state.clone();
+        let mut last_result: Option<CaseResult> = None;
+        let status = loop {
+            let next = if reached + step >= 1.0 - 1e-12 { 1.0 } else { reached + step };
+            let outcome = self.newton(work, &mut state, &between(start, load, next), watch);
+            let failure = match outcome {
+                Ok(n) => {
+                    iterations += n;
+                    let result = self.report(work, &state);
+                    let stable = result.inner_instabilities == 0
+                        && (matches!(load, Load::Pose(_)) || result.smallest_eigenvalue > 0.0);
+                    if stable {
+                        load_steps += 1;
+                        reached = next;
+                        step = (2.0 * step).min(1.0 - reached);
+                        last_good.clone_from(&state);
+                        last_result = Some(result);
+                        if reached == 1.0 {
+                            break Status::Solved;
+                        }
+                        continue;
+                    }
+                    Status::Unstable
+                }
+                Err((failure, n)) => {
+                    iterations += n;
+                    match failure {
+                        Failure::Cancelled => break Status::Cancelled,
+                        Failure::Diverged => Status::NotConverged,
+                        Failure::Inverted => Status::Inverted,
+                    }
+                }
+            };
+            step *= 0.5;
+            if step < self.settings.smallest_load_step {
+                break failure;
+            }
+            state.clone_from(&last_good);
+            work.ready = false;
+        };
+        let mut result = match last_result {
+            Some(result) => result,
+            None => self.start_result(work, &mut last_good, start),
+        };
+        result.status = status;
+        result.iterations = iterations;
+        result.load_steps = load_steps;
+        (result, last_good)
+    }
+
+    /// Result of the equilibrium a path began with, when no step succeeded.
+    fn start_result(&self, work: &mut Workspace, state: &mut State, start: &Load) -> CaseResult {
+        work.ready = false;
+        // The start is an equilibrium: this only assembles and factorises there.
+        let _ = self.newton(work, state, start, Watch::default());
+        self.report(work, state)
+    }
+
+    /// Everything about the state the workspace belongs to.
+    fn report(&self, work: &Workspace, state: &State) -> CaseResult {
+        let n = self.pattern.unknowns;
+        let k_s = self
+            .condensed(&work.sums, &work.balance, &work.columns[..6 * n], &work.pivots)
+            .0;
+        let pose = state.platform.pose();
+        let wrench = work.balance.wrench;
+        let (at, h) = (Pose::from_array(&pose), Wrench::from_array(&wrench));
+        let to = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
+        let hessian = to(StiffnessKind::Generalised);
+        CaseResult {
+            status: Status::Solved,
+            pose,
+            wrench,
+            energy_J: work.sums.energy_J,
+            stiffness: to(StiffnessKind::Partial),
+            hessian,
+            smallest_eigenvalue: smallest_eigenvalue(&hessian, self.body.mesh.length_m()),
+            inner_instabilities: work.balance.inner_instabilities,
+            largest_stretch: self.largest_stretch(state),
+            smallest_jacobian: work.sums.smallest_jacobian,
+            iterations: 0,
+            load_steps: 0,
+            residual: work.balance.residual,
+        }
+    }
+
+    fn largest_stretch(&self, state: &State) -> f64 {
+        let elements = 0..self.body.mesh.tetrahedra().len();
+        elements
+            .flat_map(|e| self.body.deformation_gradients(e, &state.field))
+            .map(|f| largest_eigenvalue(&product(&transpose(&f), &f)))
+            .fold(0.0, f64::max)
+            .sqrt()
+    }
+}
+
+fn largest_eigenvalue(c: &Mat3) -> f64 {
+    Matrix3::from_fn(|i, j| c[i][j]).symmetric_eigenvalues().max()
+}
+
+/// The load at `share` of the way from `start` to `end`: wrenches along a straight
+/// line, poses along the screw-free path (straight origin, one rotation axis).
+fn between(start: &Load, end: &Load, share: f64) -> Load {
+    match (start, end) {
+        _ if share == 1.0 => *end,
+        (Load::Wrench(a), Load::Wrench(b)) => {
+            Load::Wrench(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])))
+        }
+        (Load::Pose(a), Load::Pose(b)) => {
+            let (from, to) = (Platform::from_pose(a), Platform::from_pose(b));
+            Load::Pose(from.moved(&from.step_to(&to), share).pose())
+        }
+        _ => *end,
+    }
+}
