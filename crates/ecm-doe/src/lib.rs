@@ -1,1 +1,24 @@
-//! Designs of informative poses: D-optimal and maximin exchange, with a certificate
+//! Designs of informative poses: which of many candidates to measure, and how good that is.
+//!
+//! - [`d_optimal`]: the subset with the largest log det of the information matrix, by
+//!   Fedorov's exchange (the paper's), by the row-wise exchange, or by a search that starts
+//!   from the continuous optimum; with the certified bound of [`certificate`].
+//! - [`maximin`]: the subset with the largest smallest distance, by the paper's exchange or by
+//!   a threshold search; with an upper bound from clique covers.
+//!
+//! The same seed and budget give the same design on any number of threads.
+
+mod budget;
+pub mod certificate;
+pub mod criterion;
+mod error;
+mod exchange;
+mod linalg;
+mod problem;
+pub mod regressor;
+
+pub use budget::{Control, ProgressFn, Status};
+pub use criterion::d::{DSettings, Design, Method, d_optimal};
+pub use error::DesignError;
+pub use exchange::InformationMatrix;
+pub use problem::Problem;

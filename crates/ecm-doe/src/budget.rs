@@ -1,0 +1,109 @@
+//! How long a search may take, how it is stopped, and what came of it.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Why a search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Nothing left to try: the design is provably the best, or no exchange improves it.
+    Converged,
+    /// The iterations or the time were used up; the design is the best found.
+    Budget,
+    /// Stopped by the caller; the design is the best found so far.
+    Interrupted,
+}
+
+impl Status {
+    /// `converged`, `budget` or `interrupted`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Budget => "budget",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+/// Called with (done, total) units of work and the best value so far.
+pub type ProgressFn<'a> = &'a (dyn Fn(usize, usize, f64) + Sync);
+
+/// The caller's hands on a running search: a stop flag, progress, and a time limit.
+///
+/// With a time limit the result depends on the machine; without it, it does not.
+#[derive(Clone, Copy)]
+pub struct Control<'a> {
+    cancel: Option<&'a AtomicBool>,
+    progress: Option<ProgressFn<'a>>,
+    deadline: Option<Instant>,
+}
+
+impl Default for Control<'_> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<'a> Control<'a> {
+    /// No stop flag, no progress, no time limit.
+    pub fn new() -> Self {
+        Self { cancel: None, progress: None, deadline: None }
+    }
+
+    /// Stops soon after `flag` becomes true.
+    #[must_use]
+    pub fn with_cancel(mut self, flag: &'a AtomicBool) -> Self {
+        self.cancel = Some(flag);
+        self
+    }
+
+    /// Calls `report(done, total, best value)` now and then.
+    #[must_use]
+    pub fn with_progress(mut self, report: ProgressFn<'a>) -> Self {
+        self.progress = Some(report);
+        self
+    }
+
+    /// Stops after `seconds`, counted from now; 0 means no limit.
+    #[must_use]
+    pub fn with_time_limit(mut self, seconds: f64) -> Self {
+        if seconds > 0.0 && seconds.is_finite() {
+            self.deadline = Some(Instant::now() + Duration::from_secs_f64(seconds.min(1e8)));
+        }
+        self
+    }
+
+    /// The caller asked to stop.
+    pub fn cancelled(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    /// The caller asked to stop or the time is up.
+    pub fn stop(&self) -> bool {
+        self.cancelled() || self.deadline.is_some_and(|end| Instant::now() >= end)
+    }
+
+    /// A time limit is set.
+    pub fn timed(&self) -> bool {
+        self.deadline.is_some()
+    }
+
+    pub(crate) fn report(&self, done: usize, total: usize, best: f64) {
+        if let Some(report) = self.progress {
+            report(done, total, best);
+        }
+    }
+}
+
+/// Runs `work` on `threads` worker threads (0: as many as the machine has).
+pub(crate) fn on_threads<R: Send>(
+    threads: usize,
+    work: impl FnOnce() -> R + Send,
+) -> Result<R, crate::DesignError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| crate::DesignError::Threads { threads, reason: e.to_string() })?;
+    Ok(pool.install(work))
+}

@@ -1,0 +1,3 @@
+//! What a design is good for.
+
+pub mod d;

@@ -1,0 +1,57 @@
+//! Exchange algorithms: swap a design row for a candidate while the determinant grows.
+
+mod block;
+mod cross;
+pub(crate) mod fedorov;
+mod information;
+mod kernel;
+pub(crate) mod pool;
+pub(crate) mod rowwise;
+pub(crate) mod search;
+mod start;
+
+pub(crate) use block::BlockState;
+pub(crate) use cross::CrossState;
+pub use information::InformationMatrix;
+pub(crate) use start::{random_design, rounded_design, spanning_design};
+
+/// A swap of design row `row` for pool candidate `candidate` and its growth of log det.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Swap {
+    pub row: usize,
+    pub candidate: usize,
+    pub gain: f64,
+}
+
+/// Growth of log det below which a design counts as a local optimum.
+pub(crate) const LEAST_GAIN: f64 = 1e-9;
+
+/// A design on which exchanges are tried; `candidate` counts within the pool.
+pub(crate) trait State: Clone {
+    /// Candidates of the design rows that may be exchanged.
+    fn design(&self) -> &[usize];
+    /// log det M in whitened coordinates.
+    fn log_det(&self) -> f64;
+    /// The best candidate for one row; its gain may be approximate.
+    fn best_for_row(&mut self, row: usize) -> Option<Swap>;
+    /// The exact gain of one swap.
+    fn gain(&self, row: usize, candidate: usize) -> f64;
+    /// Carries out a swap whose exact gain is finite; `false` when it had to be undone.
+    fn swap(&mut self, row: usize, candidate: usize) -> bool;
+    /// The candidate is not in the design, or may be in it again.
+    fn is_free(&self, candidate: usize) -> bool;
+    /// Copies `other` into self without allocating.
+    fn copy_from(&mut self, other: &Self);
+    /// The best swap over all rows.
+    fn best_pair(&mut self) -> Option<Swap> {
+        let mut best: Option<Swap> = None;
+        for row in 0..self.design().len() {
+            if let Some(swap) = self.best_for_row(row)
+                && best.is_none_or(|b| swap.gain > b.gain)
+            {
+                best = Some(swap);
+            }
+        }
+        best
+    }
+}

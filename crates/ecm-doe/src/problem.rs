@@ -1,0 +1,172 @@
+//! The candidates as information: whitened regressor blocks and the rows that are fixed.
+
+use crate::DesignError;
+use crate::linalg::{add_transposed_product, cholesky, inverse, log_det, lower_inverse, product_transposed};
+
+/// Candidates of a model-based design in coordinates in which their mean information is I.
+///
+/// Each pose i has a block A_i of `block` rows; a design w has M(w) = F + sum w_i A_i' A_i
+/// with F the information of the rows that are fixed. Determinants change under the
+/// whitening X <- X R^-1 only by the constant `shift` = log det R'R, so designs do not.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// Number of candidate poses N.
+    pub(crate) poses: usize,
+    /// Regressor rows of a pose.
+    pub(crate) block: usize,
+    /// Number of coefficients k.
+    pub(crate) terms: usize,
+    /// (N * block) x k, whitened.
+    pub(crate) rows: Vec<f64>,
+    /// F, k x k, whitened.
+    pub(crate) fixed: Vec<f64>,
+    /// log det R'R.
+    pub(crate) shift: f64,
+    /// Candidates that may still be chosen.
+    pub(crate) available: Vec<bool>,
+    /// R^-1 transposed, k x k: whitens a column vector x as `back * x`.
+    pub(crate) back: Vec<f64>,
+}
+
+impl Problem {
+    /// Whitens the (N * block) x k regressor `rows`; `prior` (k x k) is known beforehand.
+    ///
+    /// # Errors
+    /// Wrong shapes, numbers that are not finite, and candidates that cannot determine the
+    /// model even with the prior.
+    pub fn new(
+        rows: &[f64],
+        block: usize,
+        terms: usize,
+        prior: Option<&[f64]>,
+    ) -> Result<Self, DesignError> {
+        if terms == 0 || block == 0 || rows.is_empty() {
+            return Err(DesignError::Empty);
+        }
+        let stride = block * terms;
+        if rows.len() % stride != 0 {
+            let expected = rows.len().div_ceil(stride) * stride;
+            return Err(DesignError::Shape { what: "the regressor", found: rows.len(), expected });
+        }
+        check_finite("the regressor", rows, terms)?;
+        let poses = rows.len() / stride;
+        let k = terms;
+        let mut gram = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
+        if gram.len() != k * k {
+            return Err(DesignError::Shape { what: "the prior", found: gram.len(), expected: k * k });
+        }
+        check_finite("the prior", &gram, k)?;
+        add_transposed_product(&mut gram, (k, poses * block, k), rows, rows);
+        // Twice: the first factor leaves an error of kappa^2 eps, the second removes it.
+        let (first, shift_1) = whitening(&gram, poses, k)?;
+        let mut once = vec![0.0; rows.len()];
+        product_transposed(&mut once, (poses * block, k, k), rows, &first);
+        let mut fixed = prior.map_or_else(|| vec![0.0; k * k], |p| congruence(p, &first, k));
+        let mut gram = fixed.clone();
+        add_transposed_product(&mut gram, (k, poses * block, k), &once, &once);
+        let (second, shift_2) = whitening(&gram, poses, k)?;
+        let mut white = vec![0.0; rows.len()];
+        product_transposed(&mut white, (poses * block, k, k), &once, &second);
+        fixed = congruence(&fixed, &second, k);
+        let mut back = vec![0.0; k * k];
+        crate::linalg::product(&mut back, (k, k, k), &second, &first, 1.0, false);
+        Ok(Self {
+            poses,
+            block,
+            terms,
+            rows: white,
+            fixed,
+            shift: shift_1 + shift_2,
+            available: vec![true; poses],
+            back,
+        })
+    }
+
+    /// log det R'R: what is added to a whitened log det to have the given coordinates'.
+    pub fn log_det_shift(&self) -> f64 {
+        self.shift
+    }
+
+    /// Rows of pose i, block x k.
+    pub(crate) fn pose(&self, i: usize) -> &[f64] {
+        let stride = self.block * self.terms;
+        &self.rows[i * stride..(i + 1) * stride]
+    }
+
+    /// Adds A_i' A_i to the fixed information.
+    pub(crate) fn fix(&mut self, i: usize) {
+        let (b, k) = (self.block, self.terms);
+        let rows = self.pose(i).to_vec();
+        add_transposed_product(&mut self.fixed, (k, b, k), &rows, &rows);
+    }
+
+    /// Adds raw regressor rows measured before (any number x k) to the fixed information.
+    pub(crate) fn fix_rows(&mut self, rows: &[f64]) {
+        let k = self.terms;
+        let count = rows.len() / k;
+        let mut white = vec![0.0; rows.len()];
+        product_transposed(&mut white, (count, k, k), rows, &self.back);
+        add_transposed_product(&mut self.fixed, (k, count, k), &white, &white);
+    }
+
+    /// F + the information of `design`, whitened.
+    pub(crate) fn information(&self, design: &[usize]) -> Vec<f64> {
+        let (b, k) = (self.block, self.terms);
+        let mut m = self.fixed.clone();
+        let rows: Vec<f64> = design.iter().flat_map(|&i| self.pose(i).iter().copied()).collect();
+        add_transposed_product(&mut m, (k, design.len() * b, k), &rows, &rows);
+        m
+    }
+
+    /// log det of F + the information of `design` in the given (not whitened) coordinates.
+    pub fn log_det(&self, design: &[usize]) -> Option<f64> {
+        inverse(&self.information(design), self.terms).ok().map(|(v, _)| v + self.shift)
+    }
+}
+
+/// R^-T (lower triangular) with R'R = gram / poses, and log det R'R.
+fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), DesignError> {
+    let scale: Vec<f64> = (0..k).map(|j| (gram[j * k + j] / poses as f64).sqrt()).collect();
+    if let Some(column) = scale.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
+        return Err(DesignError::RankDeficient { candidates: poses, column });
+    }
+    let mut l = vec![0.0; k * k];
+    for i in 0..k {
+        for j in 0..k {
+            l[i * k + j] = gram[i * k + j] / (poses as f64 * scale[i] * scale[j]);
+        }
+    }
+    // Dependent columns leave a pivot of the size of rounding, about k eps.
+    cholesky(&mut l, k, 1e-13)
+        .map_err(|column| DesignError::RankDeficient { candidates: poses, column })?;
+    let shift = log_det(&l, k) + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
+    let mut inv = lower_inverse(&l, k);
+    for i in 0..k {
+        for j in 0..k {
+            inv[i * k + j] /= scale[j];
+        }
+    }
+    Ok((inv, shift))
+}
+
+/// T A T'.
+fn congruence(a: &[f64], t: &[f64], k: usize) -> Vec<f64> {
+    let mut half = vec![0.0; k * k];
+    crate::linalg::product(&mut half, (k, k, k), t, a, 1.0, false);
+    let mut full = vec![0.0; k * k];
+    product_transposed(&mut full, (k, k, k), &half, t);
+    full
+}
+
+/// Refuses NaN and infinite numbers, naming the first.
+pub(crate) fn check_finite(what: &'static str, values: &[f64], columns: usize) -> Result<(), DesignError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(DesignError::NotFinite {
+            what,
+            row: at / columns,
+            column: at % columns,
+            value: values[at],
+        }),
+    }
+}
