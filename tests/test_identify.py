@@ -1,0 +1,99 @@
+"""The main job from mesh to report, small: resumable, the same on any number of threads."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from browser import open_page
+
+ROOT = Path(__file__).parent.parent
+CONFIG = ROOT / "examples" / "quick.toml"
+
+
+def command(out: Path, *options: str) -> list[str]:
+    ecm = Path(sys.executable).parent / "ecm"
+    return [str(ecm), "identify", str(CONFIG), "--out", str(out), *options]
+
+
+def identify(out: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        command(out, *options), capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One whole run on two threads."""
+    out = tmp_path_factory.mktemp("identify") / "two"
+    identify(out, "--threads", "2")
+    return out
+
+
+def test_the_results_are_there_and_hang_together(finished: Path) -> None:
+    summary = json.loads((finished / "summary.json").read_text())
+    counts = summary["simulate"]["counts"]
+    assert counts["kept"] == 320
+    assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
+    with (finished / "simulated.csv").open() as file:
+        assert sum(1 for _ in csv.reader(file)) == 321
+    degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
+    for component in (1, 2):
+        assert degrees[2]["rmse"][component] > 3.0 * degrees[3]["rmse"][component]
+    assert degrees[1]["kappa"] < degrees[2]["kappa"] < degrees[3]["kappa"]
+    assert degrees[3]["kappa_raw"] > 5e6
+    for design in summary["select"]["designs"].values():
+        assert design["n"] == 120
+        assert 0.5 < design["efficiency"] <= 1.0
+    assert (finished / "model.json").exists()
+
+
+def test_the_hidden_effect_is_found_and_the_error_falls(finished: Path) -> None:
+    loop = json.loads((finished / "summary.json").read_text())["loop"]
+    assert any("base_compliance" in names for names in loop["diagnosis"]["answer"])
+    held_out = [step["held_out"] for step in loop["history"]]
+    assert held_out[-1] < 0.8 * held_out[0]
+
+
+def test_one_thread_gives_the_same_bytes(finished: Path, tmp_path: Path) -> None:
+    identify(tmp_path / "one", "--threads", "1", "--quiet")
+    for name in ("summary.json", "model.json", "simulated.csv", "measured-d.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (finished / name).read_bytes(), name
+
+
+def test_a_killed_run_goes_on_and_ends_the_same(finished: Path, tmp_path: Path) -> None:
+    out = tmp_path / "killed"
+    for how, when in ((signal.SIGINT, 4.0), (signal.SIGKILL, 7.0)):
+        run = subprocess.Popen(
+            command(out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        time.sleep(when)
+        if run.poll() is None:
+            os.kill(run.pid, how)
+        _, errors = run.communicate(timeout=60)
+        if how == signal.SIGINT:
+            assert run.returncode == 130, errors
+            assert "Traceback" not in errors
+    assert any((out / "stages").iterdir())
+    identify(out)
+    assert (out / "summary.json").read_bytes() == (finished / "summary.json").read_bytes()
+
+
+@pytest.mark.browser
+def test_the_report_opens_in_a_browser(finished: Path) -> None:
+    seen = open_page(finished / "report.html")
+    assert seen.attribute("error") is None
+    assert seen.attribute("blocked") is None
+    figures = int(seen.attribute("figures") or 0)
+    assert figures >= 12
+    assert seen.html.count('class="main-svg"') >= figures
+    assert (finished / "report.html").stat().st_size < 10e6
