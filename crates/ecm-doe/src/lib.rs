@@ -15,10 +15,12 @@ mod error;
 mod exchange;
 mod linalg;
 mod problem;
+mod spacing;
 pub mod regressor;
 
 pub use budget::{Control, ProgressFn, Status};
 pub use criterion::d::{DSettings, Design, Method, d_optimal};
+pub use criterion::maximin::{MaximinSettings, SpacingMethod, maximin};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
 pub use problem::Problem;

@@ -1,3 +1,4 @@
 //! What a design is good for.
 
 pub mod d;
+pub mod maximin;

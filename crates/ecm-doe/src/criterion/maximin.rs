@@ -1,0 +1,301 @@
+//! Maximin designs: the largest smallest distance between two chosen points.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::d::{Design, apply_lists, generator};
+use crate::budget::on_threads;
+use crate::spacing::cover::cover_bound;
+use crate::spacing::neighbours::{Neighbours, farthest_points, squared};
+use crate::spacing::simple;
+use crate::spacing::threshold::Chain;
+use crate::{Control, DesignError, Status};
+
+/// How the space-filling subset is searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpacingMethod {
+    /// Exchange of a point of the closest pair (the paper's), the best of all starts.
+    Exchange,
+    /// Threshold search on the conflict graph.
+    #[default]
+    Search,
+}
+
+/// Settings of [`maximin`].
+#[derive(Debug, Clone)]
+pub struct MaximinSettings {
+    /// Design size, with the included points and without those measured before.
+    pub n: usize,
+    /// Starts: of the exchange, or farthest-point designs of which the search takes the best.
+    pub starts: usize,
+    /// Search: thousands of swaps in each of the [`CHAINS`] chains; 0: default.
+    pub iterations: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Worker threads, 0 for all; without influence on the result.
+    pub threads: usize,
+    /// How to search.
+    pub method: SpacingMethod,
+    /// Candidates that must be in the design.
+    pub include: Vec<usize>,
+    /// Candidates that must not be chosen.
+    pub exclude: Vec<usize>,
+    /// Points already measured, any number x columns: kept away from, not chosen again.
+    pub measured: Vec<f64>,
+}
+
+impl Default for MaximinSettings {
+    fn default() -> Self {
+        Self {
+            n: 0,
+            starts: 10,
+            iterations: 0,
+            seed: 0,
+            threads: 0,
+            method: SpacingMethod::Search,
+            include: Vec::new(),
+            exclude: Vec::new(),
+            measured: Vec::new(),
+        }
+    }
+}
+
+/// Chains of the search; a constant, so that threads do not change the result.
+pub const CHAINS: usize = 4;
+/// Thousands of swaps per chain by default.
+pub const DEFAULT_ITERATIONS: usize = 4000;
+/// More candidates than this are first thinned to a farthest-point subset.
+pub const MOST_CANDIDATES: usize = 6000;
+
+/// The `settings.n` points whose closest two are farthest apart (Euclid, coordinates as given).
+///
+/// # Arguments
+/// - `points`: N x columns row-major; scale the columns beforehand
+///
+/// # Errors
+/// Wrong input: shape, numbers that are not finite, n below 2 or above the candidates,
+/// contradictory lists.
+pub fn maximin(
+    points: &[f64],
+    columns: usize,
+    settings: &MaximinSettings,
+    control: &Control<'_>,
+) -> Result<Design, DesignError> {
+    if columns == 0 || points.is_empty() {
+        return Err(DesignError::Empty);
+    }
+    for (what, values) in [("the points", points), ("the measured points", &settings.measured)] {
+        if values.len() % columns != 0 {
+            let expected = values.len().div_ceil(columns) * columns;
+            return Err(DesignError::Shape { what, found: values.len(), expected });
+        }
+        crate::problem::check_finite(what, values, columns)?;
+    }
+    if settings.starts == 0 {
+        let expected = "at least 1";
+        return Err(DesignError::Setting { name: "starts", value: "0".into(), expected });
+    }
+    if settings.n < 2 && settings.measured.is_empty() {
+        return Err(DesignError::Small { n: settings.n, least: 2, criterion: "maximin" });
+    }
+    if settings.n == 0 {
+        return Err(DesignError::Small { n: 0, least: 1, criterion: "maximin" });
+    }
+    let mut available = vec![true; points.len() / columns];
+    apply_lists(&mut available, settings.n, &settings.include, &settings.exclude, false)?;
+    on_threads(settings.threads, || search(points, columns, &available, settings, control))
+}
+
+/// The points looked at: first those that are fixed, then candidates.
+struct Field {
+    points: Vec<f64>,
+    /// Row of the candidates, or `usize::MAX` for a measured point.
+    origin: Vec<usize>,
+    fixed: usize,
+    allowed: Vec<bool>,
+    /// Candidates were left out: an upper bound has to add how far they are from those kept.
+    covering: f64,
+}
+
+fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinSettings) -> Field {
+    let at = |i: usize| &points[i * columns..(i + 1) * columns];
+    let mut all = settings.measured.clone();
+    let mut origin = vec![usize::MAX; all.len() / columns];
+    for &i in &settings.include {
+        all.extend_from_slice(at(i));
+        origin.push(i);
+    }
+    let fixed = origin.len();
+    for i in (0..available.len()).filter(|&i| available[i]) {
+        all.extend_from_slice(at(i));
+        origin.push(i);
+    }
+    let mut covering = 0.0;
+    let most = MOST_CANDIDATES.max(10 * settings.n) + fixed;
+    if origin.len() > most {
+        let keep: Vec<usize> = (0..fixed).collect();
+        let allowed = vec![true; origin.len()];
+        let (mut order, _) = farthest_points(&all, columns, most, &keep, 0, &allowed);
+        order[fixed..].sort_unstable();
+        let nearest = |i: usize| {
+            let own = &all[i * columns..(i + 1) * columns];
+            order
+                .iter()
+                .map(|&j| squared(own, &all[j * columns..(j + 1) * columns]))
+                .fold(f64::INFINITY, f64::min)
+        };
+        covering = (0..origin.len())
+            .into_par_iter()
+            .map(nearest)
+            .reduce(|| 0.0, f64::max)
+            .sqrt();
+        all = order
+            .iter()
+            .flat_map(|&i| all[i * columns..(i + 1) * columns].iter().copied())
+            .collect();
+        origin = order.iter().map(|&i| origin[i]).collect();
+    }
+    let mut allowed = vec![true; origin.len()];
+    allowed[..fixed].fill(false);
+    Field { points: all, origin, fixed, allowed, covering }
+}
+
+fn search(
+    points: &[f64],
+    columns: usize,
+    available: &[bool],
+    settings: &MaximinSettings,
+    control: &Control<'_>,
+) -> Design {
+    let field = field(points, columns, available, settings);
+    let size = settings.n + settings.measured.len() / columns;
+    let fixed: Vec<usize> = (0..field.fixed).collect();
+    let total = settings.starts;
+    let done = AtomicUsize::new(0);
+    let starts: Vec<(Vec<usize>, f64, usize, f64)> = (0..settings.starts)
+        .into_par_iter()
+        .filter(|&s| s == 0 || !control.stop())
+        .map(|s| {
+            let mut rng = generator(settings.seed, s as u64);
+            let first = first_point(&field, s, &mut rng);
+            let (order, reached) =
+                farthest_points(&field.points, columns, size, &fixed, first, &field.allowed);
+            let radius = reached.iter().copied().fold(f64::INFINITY, f64::min);
+            let found = match settings.method {
+                SpacingMethod::Search => (order, radius, 0, radius),
+                SpacingMethod::Exchange => {
+                    let (design, d, swaps) = simple::exchange(
+                        &field.points,
+                        columns,
+                        size,
+                        &fixed,
+                        &field.allowed,
+                        &mut rng,
+                        control,
+                    );
+                    (design, d, swaps, radius)
+                }
+            };
+            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if settings.method == SpacingMethod::Exchange {
+                control.report(finished, total, found.1.sqrt());
+            }
+            found
+        })
+        .collect();
+    // Farthest points reach at least half of what is possible (Gonzalez); squared: a quarter.
+    let gonzalez = starts.iter().map(|s| 4.0 * s.3).fold(f64::INFINITY, f64::min);
+    let mut exchanges: usize = starts.iter().map(|s| s.2).sum();
+    let best = starts.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let (mut design, mut distance) = best.map_or((Vec::new(), 0.0), |b| (b.0, b.1));
+    let first = Neighbours::new(&field.points, columns, gonzalez.min(4.0 * distance).next_up());
+    let mut rng = generator(settings.seed, u64::MAX);
+    let top = if size > 1 {
+        let stop = || control.cancelled();
+        let high = gonzalez.next_up();
+        let limits = (distance.max(1e-300), high);
+        cover_bound(&first, &vec![true; field.origin.len()], size - 1, limits, 3, &mut rng, &stop)
+    } else {
+        gonzalez
+    };
+    let mut complete = !control.stop();
+    if settings.method == SpacingMethod::Search {
+        let near = Neighbours::new(&field.points, columns, top.next_up());
+        let found = raise_threshold(&near, &field, design, settings, control);
+        (design, distance, complete) = (found.0, found.1, found.3);
+        exchanges += found.2;
+    }
+    let mut indices: Vec<usize> =
+        design.iter().map(|&i| field.origin[i]).filter(|&i| i != usize::MAX).collect();
+    indices.sort_unstable();
+    let value = distance.sqrt();
+    // Leaving out candidates that are within `covering` of one kept costs at most twice that.
+    let bound = (top.sqrt() + 2.0 * field.covering).max(value);
+    let optimal = bound <= value * (1.0 + 1e-12);
+    let status = if control.cancelled() {
+        Status::Interrupted
+    } else if optimal || (complete && settings.method == SpacingMethod::Exchange) {
+        Status::Converged
+    } else {
+        Status::Budget
+    };
+    let efficiency = if bound > 0.0 { value / bound } else { 1.0 };
+    Design { indices, value, bound, efficiency, exchanges, status, gap: 0.0 }
+}
+
+fn first_point(field: &Field, start: usize, rng: &mut rand_chacha::ChaCha8Rng) -> usize {
+    use rand::RngExt;
+    let count = field.origin.len();
+    if count == field.fixed {
+        return 0;
+    }
+    let drawn = rng.random_range(field.fixed..count);
+    if start == 0 { field.fixed } else { drawn }
+}
+
+/// Threshold search from `design`: (design, squared distance, swaps, not stopped early).
+fn raise_threshold(
+    near: &Neighbours<'_>,
+    field: &Field,
+    design: Vec<usize>,
+    settings: &MaximinSettings,
+    control: &Control<'_>,
+) -> (Vec<usize>, f64, usize, bool) {
+    const ROUNDS: usize = 40;
+    let moves = 1000 * if settings.iterations == 0 { DEFAULT_ITERATIONS } else { settings.iterations };
+    let mut chains: Vec<Chain<'_>> = (0..CHAINS)
+        .map(|c| {
+            let rng = generator(settings.seed, u64::MAX - 1 - c as u64);
+            Chain::new(near, design.clone(), field.fixed, &field.allowed, rng)
+        })
+        .collect();
+    let part = moves.div_ceil(ROUNDS);
+    let total = CHAINS * ROUNDS;
+    let done = AtomicUsize::new(0);
+    let mut rounds = 0;
+    while rounds < ROUNDS && !control.stop() {
+        chains.par_iter_mut().for_each(|chain| {
+            chain.run(part, PATIENCE, control);
+            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+            control.report(finished, total, chain.best_distance().sqrt());
+        });
+        rounds += 1;
+        let best = chains.iter().enumerate().max_by(|a, b| {
+            a.1.best_distance().total_cmp(&b.1.best_distance()).then(b.0.cmp(&a.0))
+        });
+        if let Some((_, best)) = best {
+            let (design, distance, raise) =
+                (best.best().to_vec(), best.best_distance(), best.raise());
+            for chain in &mut chains {
+                chain.adopt(&design, distance, raise);
+            }
+        }
+    }
+    let (best, distance) =
+        chains.first().map_or((design, 0.0), |c| (c.best().to_vec(), c.best_distance()));
+    (best, distance, rounds * part * CHAINS, rounds == ROUNDS)
+}
+
+/// Swaps at one threshold before it is taken to be too high.
+const PATIENCE: usize = 20_000;

@@ -1,0 +1,126 @@
+//! Who is near whom: for every candidate its near neighbours, nearest first.
+
+use rayon::prelude::*;
+
+/// Squared Euclidean distance.
+pub(crate) fn squared(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
+}
+
+/// Points and, for each, the others nearer than `reach`, sorted by distance.
+#[derive(Debug)]
+pub(crate) struct Neighbours<'a> {
+    pub points: &'a [f64],
+    pub columns: usize,
+    /// Squared distance up to which the lists are complete.
+    pub reach: f64,
+    starts: Vec<usize>,
+    ids: Vec<u32>,
+    distances: Vec<f64>,
+}
+
+impl<'a> Neighbours<'a> {
+    /// Lists of all pairs with squared distance below `reach`.
+    pub fn new(points: &'a [f64], columns: usize, reach: f64) -> Self {
+        let count = points.len() / columns;
+        let lists: Vec<Vec<(f64, u32)>> = (0..count)
+            .into_par_iter()
+            .map(|i| {
+                let own = &points[i * columns..(i + 1) * columns];
+                let mut list: Vec<(f64, u32)> = points
+                    .chunks_exact(columns)
+                    .enumerate()
+                    .filter_map(|(j, other)| {
+                        let d = squared(own, other);
+                        (j != i && d < reach).then_some((d, j as u32))
+                    })
+                    .collect();
+                list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                list
+            })
+            .collect();
+        let mut starts = Vec::with_capacity(count + 1);
+        starts.push(0);
+        let (mut ids, mut distances) = (Vec::new(), Vec::new());
+        for list in lists {
+            ids.extend(list.iter().map(|p| p.1));
+            distances.extend(list.iter().map(|p| p.0));
+            starts.push(ids.len());
+        }
+        Self { points, columns, reach, starts, ids, distances }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Squared distance of two points.
+    pub fn distance(&self, i: usize, j: usize) -> f64 {
+        let c = self.columns;
+        squared(&self.points[i * c..(i + 1) * c], &self.points[j * c..(j + 1) * c])
+    }
+
+    /// Neighbours of i with their squared distances, nearest first.
+    pub fn near(&self, i: usize) -> (&[u32], &[f64]) {
+        let range = self.starts[i]..self.starts[i + 1];
+        (&self.ids[range.clone()], &self.distances[range])
+    }
+
+    /// Number of neighbours of each point nearer than the squared distance `t`.
+    pub fn counts_below(&self, t: f64) -> Vec<u32> {
+        (0..self.len()).map(|i| self.near(i).1.partition_point(|d| *d < t) as u32).collect()
+    }
+
+    /// Smallest squared distance within `design`.
+    pub fn smallest(&self, design: &[usize]) -> f64 {
+        let mut least = f64::INFINITY;
+        for (a, &i) in design.iter().enumerate() {
+            for &j in &design[..a] {
+                least = least.min(self.distance(i, j));
+            }
+        }
+        least
+    }
+}
+
+/// Farthest-point order: each next point is the one farthest from those before it.
+///
+/// `fixed` come first; without any, the first is `start`. Points that are not `allowed` are
+/// never taken. Returns the order and the squared distance of each to those before it.
+pub(crate) fn farthest_points(
+    points: &[f64],
+    columns: usize,
+    n: usize,
+    fixed: &[usize],
+    start: usize,
+    allowed: &[bool],
+) -> (Vec<usize>, Vec<f64>) {
+    let at = |i: usize| &points[i * columns..(i + 1) * columns];
+    let count = points.len() / columns;
+    let mut nearest = vec![f64::INFINITY; count];
+    let mut order = Vec::with_capacity(n);
+    let mut reached = Vec::with_capacity(n);
+    let mut next = fixed.first().copied().unwrap_or(start);
+    while order.len() < n {
+        reached.push(nearest[next]);
+        order.push(next);
+        nearest[next] = -1.0;
+        for (i, near) in nearest.iter_mut().enumerate() {
+            if *near >= 0.0 {
+                *near = near.min(squared(at(i), at(next)));
+            }
+        }
+        next = match fixed.get(order.len()) {
+            Some(&f) => f,
+            None => {
+                let far = (0..count)
+                    .filter(|&i| allowed[i] && nearest[i] >= 0.0)
+                    .max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]).then(b.cmp(&a)));
+                let Some(far) = far else { break };
+                far
+            }
+        };
+    }
+    (order, reached)
+}
