@@ -21,6 +21,8 @@ pub mod error;
 #[cfg(feature = "std")]
 pub mod metrics;
 #[cfg(feature = "std")]
+pub mod model_file;
+#[cfg(feature = "std")]
 pub mod polynomial_model;
 #[cfg(feature = "std")]
 pub mod regression;
@@ -31,6 +33,8 @@ pub use energy::{EnergyMap, Symmetry};
 #[cfg(feature = "std")]
 pub use error::ModelError;
 #[cfg(feature = "std")]
+#[cfg(feature = "std")]
+pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;
 #[cfg(feature = "std")]
 pub use polynomial_model::PolynomialModel;
