@@ -6,6 +6,8 @@
 mod arrays;
 mod door;
 mod errors;
+mod poly;
+mod se3;
 
 use pyo3::prelude::*;
 
@@ -14,6 +16,17 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
+
+    #[pymodule_export]
+    use crate::poly::{
+        EnergyModel, PolynomialModel, open_model, polynomial_exponents, polynomial_regressor,
+        seal_model,
+    };
+
+    #[pymodule_export]
+    use crate::se3::{
+        convert_stiffness, left_jacobians, mid_frame, rotation_matrices, rotation_vectors,
+    };
 
     #[pymodule_export]
     #[allow(non_upper_case_globals)]

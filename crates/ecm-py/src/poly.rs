@@ -1,0 +1,387 @@
+//! Polynomial and energy models, and model files.
+
+use ecm_poly::basis::exponents;
+use ecm_poly::energy::fit::regressor;
+use ecm_poly::energy::terms::terms;
+use ecm_poly::{EnergyFit, Method, Symmetry};
+use numpy::{
+    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{from_matrices, from_rows, matrix, rows};
+use crate::errors::ModelError;
+use crate::se3::{matrices, stiffness_kind};
+
+fn error(error: ecm_poly::ModelError) -> PyErr {
+    ModelError::new_err(error.to_string())
+}
+
+fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
+    array.as_array().iter().copied().collect()
+}
+
+fn shaped<'py>(
+    py: Python<'py>,
+    flat: Vec<f64>,
+    rows: usize,
+    columns: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    PyArray1::from_vec(py, flat).reshape([rows, columns])
+}
+
+/// (k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4).
+#[pyfunction]
+pub fn polynomial_exponents(
+    py: Python<'_>,
+    n_inputs: usize,
+    degree: usize,
+) -> PyResult<Bound<'_, PyArray2<i64>>> {
+    let table = exponents(n_inputs, degree).map_err(error)?;
+    let flat: Vec<i64> = table.into_iter().map(i64::from).collect();
+    let k = flat.len() / n_inputs;
+    PyArray1::from_vec(py, flat).reshape([k, n_inputs])
+}
+
+/// (N, k) regressor of inputs mapped from [lower, upper] to [-1, 1].
+#[pyfunction]
+pub fn polynomial_regressor<'py>(
+    py: Python<'py>,
+    inputs: PyReadonlyArray2<'py, f64>,
+    degree: usize,
+    lower: PyReadonlyArray1<'py, f64>,
+    upper: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (points, n, columns) = matrix(&inputs);
+    let (lower, upper) = (vector(&lower), vector(&upper));
+    check_columns("inputs", columns, lower.len())?;
+    let x = ecm_poly::polynomial_model::polynomial_regressor(&points, degree, &lower, &upper)
+        .map_err(error)?;
+    let k = exponents(columns, degree).map_err(error)?.len() / columns;
+    shaped(py, x, n, k)
+}
+
+fn check_columns(name: &str, found: usize, expected: usize) -> PyResult<()> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(ModelError::new_err(format!(
+        "{name} has {found} columns, expected {expected}"
+    )))
+}
+
+/// n inputs to m outputs; the paper's map has n = m = 6.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct PolynomialModel(ecm_poly::PolynomialModel);
+
+#[pymethods]
+impl PolynomialModel {
+    /// threshold: PCR drops singular values of the normalised, un-centred regressor below it.
+    #[staticmethod]
+    #[pyo3(signature = (inputs, outputs, degree, *, method = "least_squares", threshold = 0.0, ridge = 0.0, weights = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn fit(
+        py: Python<'_>,
+        inputs: PyReadonlyArray2<'_, f64>,
+        outputs: PyReadonlyArray2<'_, f64>,
+        degree: usize,
+        method: &str,
+        threshold: f64,
+        ridge: f64,
+        weights: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        let method = match method {
+            "least_squares" => Method::LeastSquares,
+            "ridge" => Method::Ridge(ridge),
+            "pcr" => Method::Pcr(threshold),
+            _ => {
+                return Err(ModelError::new_err(format!(
+                    "method is {method:?}, expected least_squares, ridge or pcr"
+                )));
+            }
+        };
+        let (points, n, columns) = matrix(&inputs);
+        let (values, m, outputs) = matrix(&outputs);
+        if n != m {
+            return Err(ModelError::new_err(format!(
+                "inputs have {n} rows and outputs {m}, expected as many"
+            )));
+        }
+        let weights = weights.as_ref().map(vector);
+        py.detach(|| {
+            ecm_poly::PolynomialModel::fit(
+                &points,
+                columns,
+                &values,
+                outputs,
+                degree,
+                method,
+                weights.as_deref(),
+            )
+        })
+        .map(Self)
+        .map_err(error)
+    }
+
+    #[staticmethod]
+    fn from_coefficients(
+        degree: usize,
+        lower: PyReadonlyArray1<'_, f64>,
+        upper: PyReadonlyArray1<'_, f64>,
+        coefficients: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let (lower, upper) = (vector(&lower), vector(&upper));
+        let table = exponents(lower.len(), degree).map_err(error)?;
+        let (flat, k, _) = matrix(&coefficients);
+        if k * lower.len() != table.len() {
+            return Err(ModelError::new_err(format!(
+                "coefficients have {k} rows, expected {} of degree {degree} in {} inputs",
+                table.len() / lower.len(),
+                lower.len()
+            )));
+        }
+        ecm_poly::PolynomialModel::from_coefficients(degree, &lower, &upper, &flat)
+            .map(Self)
+            .map_err(error)
+    }
+
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (points, n, columns) = matrix(&inputs);
+        check_columns("inputs", columns, self.0.inputs())?;
+        let values = py.detach(|| self.0.predict(&points)).map_err(error)?;
+        shaped(py, values, n, self.0.outputs())
+    }
+
+    /// (N, m, n); K = dh/dp for the paper's map.
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (points, n, columns) = matrix(&inputs);
+        check_columns("inputs", columns, self.0.inputs())?;
+        let values = py.detach(|| self.0.jacobian(&points)).map_err(error)?;
+        PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), columns])
+    }
+
+    #[getter]
+    fn degree(&self) -> usize {
+        self.0.degree()
+    }
+    /// (k, m), of the normalised inputs, outputs in their own unit.
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let flat = self.0.coefficients().to_vec();
+        let k = flat.len() / self.0.outputs();
+        shaped(py, flat, k, self.0.outputs())
+    }
+    #[getter]
+    fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.lower())
+    }
+    #[getter]
+    fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.upper())
+    }
+    /// kappa of the normalised regressor that was kept (after PCR).
+    #[getter]
+    fn condition_number(&self) -> f64 {
+        self.0.facts().condition_number
+    }
+    /// kappa before normalisation.
+    #[getter]
+    fn condition_number_raw(&self) -> f64 {
+        self.0.facts().condition_number_raw
+    }
+    #[getter]
+    fn rank(&self) -> usize {
+        self.0.facts().rank
+    }
+}
+
+/// U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct EnergyModel(ecm_poly::EnergyModel);
+
+#[pymethods]
+impl EnergyModel {
+    /// covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
+    /// by the spread of each.
+    #[staticmethod]
+    #[pyo3(signature = (poses, wrenches, *, length_m, degree, symmetry = "alike", covariance = None))]
+    fn fit(
+        py: Python<'_>,
+        poses: PyReadonlyArray2<'_, f64>,
+        wrenches: PyReadonlyArray2<'_, f64>,
+        length_m: f64,
+        degree: usize,
+        symmetry: &str,
+        covariance: Option<PyReadonlyArray3<'_, f64>>,
+    ) -> PyResult<Self> {
+        let symmetry = symmetry_of(symmetry)?;
+        let poses = rows::<6>("poses", &poses)?;
+        let wrenches = rows::<6>("wrenches", &wrenches)?;
+        let covariance = match &covariance {
+            Some(array) => Some(matrices::<6, 6>("covariance", array)?),
+            None => None,
+        };
+        py.detach(|| {
+            let fit = EnergyFit {
+                length_m,
+                degree,
+                symmetry,
+                covariance: covariance.as_deref(),
+            };
+            fit.run(&poses, &wrenches)
+        })
+        .map(Self)
+        .map_err(error)
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (*, length_m, degree, symmetry, scale, coefficients))]
+    fn from_coefficients(
+        length_m: f64,
+        degree: usize,
+        symmetry: &str,
+        scale: PyReadonlyArray1<'_, f64>,
+        coefficients: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        let symmetry = symmetry_of(symmetry)?;
+        let (scale, coefficients) = (scale_of(&scale)?, vector(&coefficients));
+        ecm_poly::EnergyModel::from_coefficients(length_m, degree, symmetry, scale, &coefficients)
+            .map(Self)
+            .map_err(error)
+    }
+
+    /// (N, 6, k): h = regressor @ coefficients.
+    #[staticmethod]
+    #[pyo3(signature = (poses, *, length_m, degree, symmetry, scale))]
+    fn regressor<'py>(
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        length_m: f64,
+        degree: usize,
+        symmetry: &str,
+        scale: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let symmetry = symmetry_of(symmetry)?;
+        let scale = scale_of(&scale)?;
+        let poses = rows::<6>("poses", &poses)?;
+        let table = terms(symmetry, degree).map_err(error)?;
+        let flat = py
+            .detach(|| regressor(&poses, length_m, symmetry, &table, scale))
+            .map_err(error)?;
+        PyArray1::from_vec(py, flat).reshape([poses.len(), 6, table.len()])
+    }
+
+    #[pyo3(name = "energy_J")]
+    fn energy<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let poses = rows::<6>("poses", &poses)?;
+        let energies = py.detach(|| self.0.energy(&poses)).map_err(error)?;
+        Ok(PyArray1::from_vec(py, energies))
+    }
+
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let poses = rows::<6>("poses", &poses)?;
+        let wrenches = py.detach(|| self.0.predict(&poses)).map_err(error)?;
+        from_rows(py, &wrenches)
+    }
+
+    #[pyo3(signature = (poses, kind = "partial"))]
+    fn stiffness<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        kind: &str,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let kind = stiffness_kind(kind)?;
+        let poses = rows::<6>("poses", &poses)?;
+        let results = py
+            .detach(|| self.0.stiffness(&poses, kind))
+            .map_err(error)?;
+        from_matrices(py, &results)
+    }
+
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.coefficients())
+    }
+    /// (k, k) of the coefficients.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let k = self.0.coefficients().len();
+        shaped(py, self.0.covariance().to_vec(), k, k)
+    }
+    /// (k, n_invariants) exponents.
+    #[getter]
+    fn terms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let table = self.0.exponents();
+        let flat: Vec<i64> = table.iter().flatten().map(|&e| i64::from(e)).collect();
+        PyArray1::from_vec(py, flat).reshape([table.len(), 6])
+    }
+    /// (2,) length and angle that make the coordinates dimensionless.
+    #[getter]
+    fn scale<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.0.scale())
+    }
+    #[getter]
+    fn length_m(&self) -> f64 {
+        self.0.length_m()
+    }
+    #[getter]
+    fn degree(&self) -> usize {
+        self.0.degree()
+    }
+    #[getter]
+    fn symmetry(&self) -> &'static str {
+        self.0.symmetry().name()
+    }
+}
+
+fn symmetry_of(name: &str) -> PyResult<Symmetry> {
+    Symmetry::from_name(name).ok_or_else(|| {
+        ModelError::new_err(format!(
+            "symmetry is {name:?}, expected alike, revolution or general"
+        ))
+    })
+}
+
+fn scale_of(scale: &PyReadonlyArray1<'_, f64>) -> PyResult<[f64; 2]> {
+    let values = vector(scale);
+    <[f64; 2]>::try_from(values).map_err(|values| {
+        ModelError::new_err(format!(
+            "scale has {} numbers, expected a length in m and an angle in rad",
+            values.len()
+        ))
+    })
+}
+
+/// A model document (JSON text, interfaces.md) checked, and sealed with its sha256.
+#[pyfunction]
+pub fn seal_model(document: &str) -> PyResult<String> {
+    ecm_poly::seal_model(document).map_err(error)
+}
+
+/// The document of a model file; ModelError when its sum, version, kind or a range is wrong.
+#[pyfunction]
+pub fn open_model<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
+    ecm_poly::open_model(text).map_err(error)?;
+    // Python's own reader makes its own objects of what has just been checked.
+    let document = py.import("json")?.call_method1("loads", (text,))?;
+    Ok(document.cast_into::<PyDict>()?)
+}
