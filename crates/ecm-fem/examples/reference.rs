@@ -1,6 +1,6 @@
 //! The reference load case: pose, stiffness, error and where the time goes.
 //!
-//! cargo run --release -p ecm-fem --example reference [rings layers grading_per_mille]
+//! cargo run --release -p ecm-fem --example reference [rings layers around layer_grading ring_grading]
 #![allow(clippy::print_stdout)]
 
 use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality};
@@ -9,10 +9,12 @@ use std::time::Instant;
 fn main() -> Result<(), FemError> {
     let args: Vec<usize> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
     let qualities = match args[..] {
-        [rings, layers, grading] => vec![Quality::Custom {
+        [rings, layers, around, layer, ring] => vec![Quality::Custom {
             rings,
             layers,
-            grading_per_mille: u32::try_from(grading).unwrap_or(1000),
+            around,
+            layer_grading_per_mille: u32::try_from(layer).unwrap_or(1000),
+            ring_grading_per_mille: u32::try_from(ring).unwrap_or(1000),
         }],
         _ => vec![Quality::Standard, Quality::Fine],
     };

@@ -1,1 +1,206 @@
 //! Many load cases, each from its nearest solved neighbour.
+//!
+//! The cases are sorted so that every case is far from all before it (farthest point
+//! first, beginning next to rest), and solved in waves: all cases of a wave start from
+//! states of earlier waves. Waves depend on the cases alone, so the number of threads
+//! changes nothing, not even the last bit.
+
+use super::newton::Workspace;
+use super::{Fem, Load, State, Watch};
+use crate::FemError;
+use crate::assembly::Field;
+use crate::platform::Platform;
+use crate::result::{CaseResult, Status};
+use nalgebra::{Matrix6, Vector6};
+use rayon::prelude::*;
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
+
+/// Largest wave; early waves hold a quarter of what is solved before them.
+const WAVE: usize = 64;
+
+/// A solved state; single precision is ample for a start.
+struct Solved {
+    displacement: Vec<f32>,
+    pressure: Vec<f32>,
+    platform: Platform,
+    load: Load,
+}
+
+impl Solved {
+    fn new(state: &State, load: Load) -> Self {
+        let narrow = |v: &[f64]| v.iter().map(|&x| x as f32).collect();
+        Self {
+            displacement: narrow(&state.field.displacement),
+            pressure: narrow(&state.field.pressure),
+            platform: state.platform,
+            load,
+        }
+    }
+
+    fn state(&self) -> State {
+        let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
+        State {
+            field: Field {
+                displacement: wide(&self.displacement),
+                pressure: wide(&self.pressure),
+            },
+            platform: self.platform,
+        }
+    }
+}
+
+impl Fem {
+    /// Solves all loads (all wrenches or all poses) on rayon's current pool; one
+    /// result per load, in their order.
+    ///
+    /// # Errors
+    /// A load that is not finite, with its row.
+    pub fn solve_all(&self, loads: &[Load], watch: Watch) -> Result<Vec<CaseResult>, FemError> {
+        for (row, load) in loads.iter().enumerate() {
+            self.check_load(row, load)?;
+        }
+        let (rest_result, rest_state) =
+            self.follow_from_rest(&mut Workspace::new(self), &Load::Wrench([0.0; 6]), Watch::default());
+        let points = self.points(loads, &rest_result);
+        let (order, nearest) = farthest_first(&points);
+        let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
+        let mut solved: Vec<Option<Solved>> = loads.iter().map(|_| None).collect();
+        let mut results: Vec<Option<CaseResult>> = vec![None; loads.len()];
+        let mut done = 0;
+        while done < order.len() {
+            let wave = &order[done..order.len().min(done + (done / 4).clamp(1, WAVE))];
+            let outcome: Vec<(CaseResult, Option<Solved>)> = wave
+                .par_iter()
+                .map(|&case| {
+                    let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
+                    let start = self.nearest_solved(case, &order[..done], &points, &solved, &nearest);
+                    let outcome = self.solve_case(
+                        &mut work, &loads[case], start, &rest_state, &rest_result, watch,
+                    );
+                    give(&spare, work);
+                    if let Some(counter) = watch.done {
+                        counter.fetch_add(1, Ordering::Relaxed);
+                    }
+                    outcome
+                })
+                .collect();
+            for (&case, (result, state)) in wave.iter().zip(outcome) {
+                results[case] = Some(result);
+                solved[case] = state;
+            }
+            done += wave.len();
+        }
+        Ok(results.into_iter().flatten().collect())
+    }
+
+    /// Loads as points whose distance is roughly that of the poses: (r / L, θ), a
+    /// wrench through the compliance at rest.
+    fn points(&self, loads: &[Load], rest: &CaseResult) -> Vec<[f64; 6]> {
+        let length = self.body.mesh.length_m();
+        let stiffness = Matrix6::from_fn(|i, j| rest.stiffness[i][j]);
+        let compliance = stiffness.try_inverse().unwrap_or_else(Matrix6::identity);
+        loads
+            .iter()
+            .map(|load| {
+                let p: [f64; 6] = match load {
+                    Load::Wrench(h) => (compliance * Vector6::from_column_slice(h)).into(),
+                    Load::Pose(p) => {
+                        let mut from_rest = *p;
+                        from_rest[0] -= length;
+                        from_rest
+                    }
+                };
+                std::array::from_fn(|k| if k < 3 { p[k] / length } else { p[k] })
+            })
+            .collect()
+    }
+
+    fn nearest_solved<'a>(
+        &self,
+        case: usize,
+        earlier: &[usize],
+        points: &[[f64; 6]],
+        solved: &'a [Option<Solved>],
+        from_rest: &[f64],
+    ) -> Option<&'a Solved> {
+        let mut best = (from_rest[case], None);
+        for &other in earlier {
+            if let Some(state) = &solved[other] {
+                let d = square_distance(&points[case], &points[other]);
+                if d < best.0 {
+                    best = (d, Some(state));
+                }
+            }
+        }
+        best.1
+    }
+
+    fn solve_case(
+        &self,
+        work: &mut Workspace,
+        load: &Load,
+        start: Option<&Solved>,
+        rest_state: &State,
+        rest_result: &CaseResult,
+        watch: Watch,
+    ) -> (CaseResult, Option<Solved>) {
+        if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+            let result = CaseResult { status: Status::Cancelled, ..rest_result.clone() };
+            return (result, None);
+        }
+        let mut spent = 0;
+        if let Some(solved) = start {
+            let (mut result, state) = self.follow(work, solved.state(), &solved.load, load, watch);
+            if matches!(result.status, Status::Solved | Status::Cancelled) {
+                result.load_steps = result.load_steps.max(1);
+                let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
+                return (result, keep);
+            }
+            spent = result.iterations;
+        }
+        // What is lost on the way from a neighbour is told from rest, along proportional load.
+        let from = match load {
+            Load::Wrench(_) => Load::Wrench([0.0; 6]),
+            Load::Pose(_) => Load::Pose(rest_state.platform.pose()),
+        };
+        let (mut result, state) = self.follow(work, rest_state.clone(), &from, load, watch);
+        result.iterations += spent;
+        let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
+        (result, keep)
+    }
+}
+
+fn take(spare: &Mutex<Vec<Workspace>>) -> Option<Workspace> {
+    spare.lock().ok()?.pop()
+}
+
+fn give(spare: &Mutex<Vec<Workspace>>, work: Workspace) {
+    if let Ok(mut list) = spare.lock() {
+        list.push(work);
+    }
+}
+
+fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    (0..6).map(|k| (a[k] - b[k]).powi(2)).sum()
+}
+
+/// Farthest-point order after rest (the origin), and each point's square distance to rest.
+fn farthest_first(points: &[[f64; 6]]) -> (Vec<usize>, Vec<f64>) {
+    let from_rest: Vec<f64> = points.iter().map(|p| square_distance(p, &[0.0; 6])).collect();
+    let mut order = Vec::with_capacity(points.len());
+    let mut gap = from_rest.clone();
+    let mut left: Vec<usize> = (0..points.len()).collect();
+    // The first case is the one nearest to rest: the shortest way from there.
+    let first = left.iter().copied().min_by(|&a, &b| from_rest[a].total_cmp(&from_rest[b]));
+    let mut next = first;
+    while let Some(case) = next {
+        order.push(case);
+        left.retain(|&i| i != case);
+        for &i in &left {
+            gap[i] = gap[i].min(square_distance(&points[i], &points[case]));
+        }
+        next = left.iter().copied().max_by(|&a, &b| gap[a].total_cmp(&gap[b]).then(b.cmp(&a)));
+    }
+    (order, from_rest)
+}

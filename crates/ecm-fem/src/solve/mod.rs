@@ -1,5 +1,6 @@
 //! Load cases: Newton, load stepping, batches.
 
+mod batch;
 mod condense;
 mod newton;
 mod path;

@@ -1,0 +1,72 @@
+//! Many random wrenches of the neck, screened by the rod and solved as one batch.
+//!
+//! cargo run --release -p ecm-fem --example batch [pairs] [largest rotation, rad]
+#![allow(clippy::print_stdout)]
+
+use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Rod, Status, Watch};
+use std::f64::consts::PI;
+use std::time::Instant;
+
+/// A linear congruential generator (Knuth, MMIX): enough to draw loads.
+struct Draw(u64);
+
+impl Draw {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+fn main() -> Result<(), FemError> {
+    let args: Vec<f64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    let count = args.first().map_or(300, |&n| n as usize);
+    let limit = args.get(1).copied().unwrap_or(0.8);
+    let (length_m, r, e, nu): (f64, f64, f64, f64) = (0.1034, 0.033, 0.65e6, 0.49);
+    let (area, inertia) = (PI * r * r, PI * r.powi(4) / 4.0);
+    let g = e / (2.0 * (1.0 + nu));
+    let rod = Rod {
+        length_m,
+        axial_stiffness_N: e * area,
+        shear_stiffness_N: 0.9 * g * area,
+        bending_stiffness_Nm2: e * inertia,
+        torsion_stiffness_Nm2: 2.0 * g * inertia,
+    };
+    let mut draw = Draw(1);
+    let (mut loads, mut drawn, mut failed) = (Vec::new(), 0, 0);
+    let start = Instant::now();
+    while loads.len() < count {
+        drawn += 1;
+        let mut h = [draw.between(-110.0, 30.0), 0.0, 0.0, 0.0, 0.0, 0.0];
+        h[1..3].iter_mut().for_each(|v| *v = draw.between(-100.0, 100.0));
+        h[3..].iter_mut().for_each(|v| *v = draw.between(-5.0, 5.0));
+        let (p, converged) = rod.pose(&h);
+        failed += usize::from(!converged);
+        if (p[3] * p[3] + p[4] * p[4] + p[5] * p[5]).sqrt() <= limit {
+            loads.push(Load::Wrench(h));
+        }
+    }
+    println!(
+        "rod: {drawn} drawn, {failed} not converged, {count} kept, {:.1} us each",
+        1e6 * start.elapsed().as_secs_f64() / drawn as f64
+    );
+    let mesh = Mesh::cylinder(length_m, r, Quality::Standard)?;
+    let fem = Fem::new(mesh, Box::new(NeoHookean::new(e, nu)?), None)?;
+    let start = Instant::now();
+    let results = fem.solve_all(&loads, Watch::default())?;
+    let seconds = start.elapsed().as_secs_f64();
+    let mean = |f: &dyn Fn(&ecm_fem::CaseResult) -> f64| {
+        results.iter().map(f).sum::<f64>() / results.len() as f64
+    };
+    let angle = |r: &ecm_fem::CaseResult| (3..6).map(|k| r.pose[k] * r.pose[k]).sum::<f64>().sqrt();
+    println!(
+        "fem: {seconds:.2} s, {:.1} ms each, {:.2} Newton a case, {:.3} load steps, within the limit {:.3}",
+        1e3 * seconds / count as f64,
+        mean(&|r| r.iterations as f64),
+        mean(&|r| r.load_steps as f64),
+        mean(&|r| f64::from(u8::from(angle(r) <= limit))),
+    );
+    for status in [Status::Solved, Status::Unstable, Status::NotConverged, Status::Inverted] {
+        println!("  {}: {}", status.word(), results.iter().filter(|r| r.status == status).count());
+    }
+    Ok(())
+}
