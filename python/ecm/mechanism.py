@@ -145,7 +145,8 @@ class Mechanism:
             values["mesh_file"] = str(base / table["mesh"])
         if "mesh" in table or "builtin" not in table:
             # Only what the file says is known: the neck's figures are no defaults for another body.
-            values = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0} | values
+            unknown: dict[str, Any] = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0}
+            values = unknown | values
             if "mesh" in table and "length_m" not in table:
                 values["length_m"] = _mesh_length(Path(values["mesh_file"]))
             if "length_m" not in values:

@@ -1,0 +1,57 @@
+"""`ecm campaign`: a simulated rig measures a plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ecm.cli.console import Console
+from ecm.cli.options import (
+    Json,
+    Out,
+    Quiet,
+    Seed,
+    Threads,
+    keep_note,
+    load,
+    output,
+    save_json,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make the command known."""
+    app.command("campaign", short_help="A simulated rig measures a plan.")(campaign)
+
+
+def campaign(
+    *,
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="What `ecm design` writes.")],
+    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="`ecm new rig`.")],
+    out: Out,
+    hide: Annotated[
+        str | None,
+        typer.Option("--hide", metavar="EFFECT=S", help="Hide an effect of strength S; or random."),
+    ] = None,
+    json: Json = None,
+    seed: Seed = 0,
+    threads: Threads = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Drive the simulated rig through a plan and write what it measures."""
+    from ecm.config import read_rig
+    from ecm.rig import run_campaign
+
+    with Console(quiet=quiet) as console:
+        output(out, json)
+        settings = read_rig(rig)
+        table = load([plan], console, need="predict")
+        keep_note("Readings so far are kept: the same command goes on there.")
+        data = run_campaign(
+            table, settings, out, hide=hide, seed=seed, threads=threads,
+            progress=console.bar("campaign"), resume=True,
+        )  # fmt: skip
+        save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
+        console.say(f"{out}: {len(data)} rows")

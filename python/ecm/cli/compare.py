@@ -1,0 +1,64 @@
+"""`ecm compare`: noise floor, excess error, and where."""
+
+from __future__ import annotations
+
+import typer
+
+from ecm.cli.console import Console
+from ecm.cli.options import (
+    Data,
+    HiddenThreads,
+    Json,
+    Meta,
+    ModelFile,
+    Quiet,
+    Report,
+    Seed,
+    SkipBadRows,
+    load,
+    need_report,
+    output,
+    save_json,
+)
+from ecm.cli.text import columns
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make the command known."""
+    app.command("compare", short_help="Noise floor, excess error, where.")(compare)
+
+
+def compare(
+    *,
+    model: ModelFile,
+    data: Data,
+    meta: Meta = None,
+    skip_bad_rows: SkipBadRows = False,
+    json: Json = None,
+    report: Report = None,
+    seed: Seed = 0,
+    threads: HiddenThreads = 0,
+    quiet: Quiet = False,
+) -> None:
+    """A model against a table: RMSE, bias, noise floor and excess error per component."""
+    from ecm.check import excitation_sentences, never_excited
+    from ecm.cli.models import open_model
+    from ecm.compare import compare as run
+
+    with Console(quiet=quiet) as console:
+        output(json, report)
+        need_report(report)
+        table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
+        found = run(open_model(model), table, seed=seed)
+        save_json(json, found.to_dict() | {"never_excited": list(never_excited(table))})
+        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
+        for item in found.components:
+            interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
+            numbers = (f"{value:.3g}" for value in (item.rmse, item.bias, item.floor, item.excess))
+            unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
+            rows.append((item.name, *numbers, interval, unit))
+        console.say(columns(rows))
+        console.say()
+        console.say(found.sentence())
+        for sentence in excitation_sentences(never_excited(table)):
+            console.say(sentence)

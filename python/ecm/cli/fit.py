@@ -1,0 +1,66 @@
+"""`ecm fit`: a model of measured or simulated pairs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ecm.cli.console import Console
+from ecm.cli.options import (
+    Data,
+    HiddenThreads,
+    Json,
+    Meta,
+    Out,
+    Quiet,
+    Seed,
+    SkipBadRows,
+    load,
+    output,
+    save_json,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make the command known."""
+    app.command("fit", short_help="A model of measured or simulated pairs.")(fit)
+
+
+def fit(
+    *,
+    data: Data,
+    out: Out,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            metavar="NAME",
+            help="poly:D, linear, quadratic, cubic, energy4..6, energyD-revolution, "
+            "energyD-general, physics, or a TOML with [mechanism].",
+        ),
+    ] = "cubic",
+    pcr: Annotated[
+        float | None,
+        typer.Option("--pcr", metavar="B", min=0.0, help="Drop singular values below B (poly)."),
+    ] = None,
+    meta: Meta = None,
+    skip_bad_rows: SkipBadRows = False,
+    json: Json = None,
+    seed: Seed = 0,
+    threads: HiddenThreads = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Fit a model to a table and write its file."""
+    from ecm.cli.models import fit_named, fit_summary
+
+    with Console(quiet=quiet) as console:
+        output(out, json)
+        table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
+        fitted = fit_named(table, model, pcr=pcr, threads=threads, console=console)
+        fitted.save(out)
+        summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
+        save_json(json, summary)
+        for line in summary["sentences"]:
+            console.say(line)
+        console.say(f"{out}: model {model}")

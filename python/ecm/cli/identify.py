@@ -1,0 +1,84 @@
+"""`ecm identify`: the paper's three steps and the loop after them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ecm.cli.console import Console
+from ecm.cli.options import (
+    Json,
+    Quiet,
+    Report,
+    Seed,
+    Threads,
+    keep_note,
+    need_report,
+    output,
+    output_directory,
+    save_json,
+)
+
+if TYPE_CHECKING:
+    from ecm.identify import Bar
+    from ecm.identify import Console as JobConsole
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make the command known."""
+    app.command("identify", short_help="Simulate, select, measure, identify: mesh to report.")(
+        identify
+    )
+
+
+def identify(
+    *,
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="For the results.")],
+    json: Json = None,
+    report: Report = None,
+    seed: Seed = 0,
+    threads: Threads = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate, select, measure, identify; then find the effect that was hidden."""
+    from ecm.config import read_config
+    from ecm.identify import identify as run
+    from ecm.stages import write_atomically
+
+    with Console(quiet=quiet) as console:
+        output(json, report)
+        output_directory(out)
+        need_report(report)
+        keep_note(f"Finished stages are kept in {out}: the same command goes on there.")
+        settings = read_config(config)
+        summary = run(settings, out, seed=seed, threads=threads, console=_shown(console))
+        save_json(json, summary)
+        if report is not None:
+            write_atomically(report, (out / "report.html").read_bytes())
+
+
+def _shown(console: Console) -> JobConsole:
+    """The command's lines and bars, as the job wants them."""
+    from ecm import identify as job
+
+    class Shown(job.Console):
+        """Draws."""
+
+        def say(self, text: str) -> None:
+            """A line."""
+            console.say(text)
+
+        @contextmanager
+        def bar(self, title: str, unit: str) -> Iterator[Bar]:
+            """A bar while the block runs."""
+            try:
+                yield console.bar(f"{title} ({unit})")
+            finally:
+                console.close()
+
+    return Shown()

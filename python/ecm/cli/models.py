@@ -1,0 +1,200 @@
+"""What the commands do with models: open, fit by name, predict into columns, sum up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE, STIFFNESS, WRENCH
+from ecm.errors import InputError
+
+if TYPE_CHECKING:
+    from ecm.cli.console import Console
+    from ecm.models import Model
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+_FOLDS = 10
+_FAR = 0.1
+"""A pose is outside the training data beyond this share of the range of a column."""
+
+
+def open_model(name: str) -> Model:
+    """MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model."""
+    from ecm.models import Model, load_model, physics_map
+    from ecm.toml_file import read_toml
+
+    path = Path(name)
+    if path.suffix.lower() != ".toml":
+        return load_model(path)
+    from ecm.mechanism import Mechanism
+
+    document = read_toml(path, "description of a mechanism")
+    if "mechanism" not in document:
+        raise InputError(f"{path}: no table [mechanism], expected one: it is the physics model")
+    where = f"{path} [mechanism]"
+    mechanism = Mechanism.from_dict(document["mechanism"], where, base=path.parent)
+    return Model(base=physics_map(mechanism))
+
+
+def fit_named(
+    table: Table, name: str, *, pcr: float | None, threads: int, console: Console
+) -> Model:
+    """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
+    from ecm.models import fit_model
+
+    if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
+        raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
+    if name.lower().endswith(".toml"):
+        return open_model(name).fit(table.measured())
+    if name == "physics":
+        console.say("FEM poses for the physics model (kept for the next time) ...")
+    return fit_model(table, name, pcr=pcr)
+
+
+def fit_summary(
+    fitted: Model, table: Table, name: str, *, pcr: float | None = None, seed: int = 0
+) -> dict[str, Any]:
+    """Error on the fitted and on held-out rows, absolute and as a share of the spread."""
+    measured = table.measured()
+    predicted = fitted.predict(measured.matrix(fitted.inputs))
+    components: dict[str, dict[str, float | None]] = {}
+    sentences: list[str] = []
+    for j, column in enumerate(fitted.outputs):
+        values = measured.column(column)
+        rmse = float(np.sqrt(np.mean((predicted[:, j] - values) ** 2)))
+        spread = float(np.std(values))
+        share = rmse / spread if spread > 0.0 else None
+        components[column] = {"rmse": rmse, "spread": spread, "rmse_over_spread": share}
+        unit = column.rsplit("_", 1)[1].replace("Nm", "N m")
+        if share is None:
+            sentences.append(f"{column}: never excited, nothing was learnt about it")
+        else:
+            sentences.append(f"{column}: rmse {rmse:.3g} {unit} on the fitted rows, "
+                             f"{100.0 * share:.2g} % of its spread")  # fmt: skip
+    held_out = _held_out(table, name, seed) if pcr is None else None
+    if held_out is not None:
+        sentences += held_out.pop("sentences")
+    return {
+        "schema": 1,
+        "seed": seed,
+        "model": fitted.name,
+        "rows": len(measured),
+        "held_out": held_out,
+        "inputs": list(fitted.inputs),
+        "outputs": list(fitted.outputs),
+        "components": components,
+        "sentences": sentences,
+    }
+
+
+def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
+    """Cross-validated error, by group and by random rows where the table has groups.
+
+    None for the physics model, and where a part of the rows is too few for the model.
+    """
+    from ecm.errors import EcmError
+    from ecm.models import cross_validate
+
+    if name == "physics" or name.lower().endswith(".toml"):
+        return None
+    found: dict[str, Any] = {}
+    words = {"grouped": "held out", "random": "held out by random rows"}
+    if table.meta.group:
+        words["grouped"] = f"held out by {', '.join(table.meta.group)}"
+    sentences: list[str] = []
+    for split, grouped in (("grouped", True), ("random", False)):
+        if split == "random" and not table.meta.group:
+            continue
+        try:
+            result = cross_validate(table, name, folds=_FOLDS, grouped=grouped, seed=seed)
+        except EcmError:
+            return None
+        shares = {
+            column: value / result.spread[column]
+            for column, value in result.rmse.items()
+            if result.spread[column] > 0.0
+        }
+        found[split] = {
+            "folds": result.folds,
+            "rmse": result.rmse,
+            "rmse_over_spread": shares,
+        }
+        listed = ", ".join(f"{column} {share:.2f}" for column, share in shares.items())
+        sentences.append(f"{words[split]}, share of the spread: {listed}")
+    if "random" in found:
+        own, random = (found[split]["rmse_over_spread"] for split in ("grouped", "random"))
+        flattered = [column for column in own if random[column] < own[column]]
+        if flattered:
+            listed = ", ".join(flattered)
+            sentences.append(f"Random rows flatter the model in {listed}: use the split by group.")
+    return found | {"sentences": sentences}
+
+
+def predicted_columns(
+    model: Model, table: Table, stiffness: bool, kind: str, console: Console
+) -> dict[str, F]:
+    """Wrench, its sd where known, and the stiffness; a warning for poses far outside."""
+    poses = table.matrix(model.inputs)
+    wrench = model.predict(table if model.effects else poses)
+    columns = {name: wrench[:, j] for j, name in enumerate(model.outputs)}
+    sd = model.predict_sd(poses)
+    if sd is not None:
+        columns |= {f"sd_{name}": sd[:, j] for j, name in enumerate(model.outputs)}
+    if stiffness:
+        matrix = model.stiffness(poses, kind)
+        short = {name: name.rsplit("_", 1)[0] for name in (*POSE, *WRENCH)}
+        found = {
+            f"k_{short[force]}_{short[coordinate]}": matrix[:, i, j]
+            for i, force in enumerate(model.outputs)
+            for j, coordinate in enumerate(model.inputs)
+        }
+        columns |= {name: found[name] for name in STIFFNESS if name in found}
+    _warn_outside(model, table, console)
+    return columns
+
+
+def _warn_outside(model: Model, table: Table, console: Console) -> None:
+    outside = np.zeros(len(table), dtype=bool)
+    for name, (low, high) in model.domain.items():
+        margin = _FAR * (high - low)
+        values = table.column(name)
+        outside |= (values < low - margin) | (values > high + margin)
+    if outside.any():
+        console.warn(
+            f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained "
+            "on: there it extrapolates"
+        )
+
+
+def refit_summary(fitted: Model) -> dict[str, Any]:
+    """Values of the effects and the error ladder."""
+    effects = []
+    sentences = []
+    for item in fitted.effects:
+        values = [
+            {"name": p.name, "value": float(v), "sd": float(s), "unit": p.unit}
+            for p, v, s in zip(item.effect.parameters, item.values, item.sd, strict=True)
+        ]
+        effects.append({"id": item.id, "frozen": item.frozen, "parameters": values})
+        shown = ", ".join(
+            f"{v['name']} = {v['value']:.4g} +- {v['sd']:.2g} {v['unit']}" for v in values
+        )
+        sentences.append(f"{item.id}: {shown}")
+    history = [rung.to_dict() for rung in fitted.history]
+    for rung in fitted.history:
+        ceiling = "" if rung.ceiling is None else f", ceiling {rung.ceiling:.3f}"
+        sentences.append(
+            f"{rung.name}: error over noise {rung.train:.3f} on the fitted rows, "
+            f"{rung.held_out:.3f} held out{ceiling}"
+        )
+    return {
+        "schema": 1,
+        "model": fitted.name,
+        "effects": effects,
+        "history": history,
+        "sentences": sentences,
+    }
