@@ -41,9 +41,9 @@ class Procedure:
     """`linear` in time between the unloaded readings before and after; `before`: the last one."""
     offset_every: int = setting(50, low=0, high=1_000_000)
     """Poses between two unloaded readings; 0: only before the first and after the last pose."""
-    offset_window_s: float = setting(30.0, low=1e-2, high=1e5)
+    offset_window_s: float = setting(60.0, low=1e-2, high=1e5)
     """An unloaded reading is averaged over this time."""
-    unload_s: float = setting(90.0, low=0.0, high=1e5)
+    unload_s: float = setting(60.0, low=0.0, high=1e5)
     """Time to free the sensor, and to connect it again."""
     handling_s: float = setting(600.0, low=0.0, high=1e6)
     """Time of a remount, of a payload taken off, of a dead weight."""
@@ -99,11 +99,11 @@ class PlantTable:
     offset_Nm: float = setting(0.15, low=0.0, high=1e2)
     """Size of the sensor's constant offset, drawn by the seed."""
     drift_N: float = setting(1.0, low=0.0, high=1e3)
-    drift_Nm: float = setting(0.03, low=0.0, high=1e2)
-    """Size of the sensor's warm-up, drawn by the seed; the compensation sees it."""
+    """Size of the sensor's warm-up, with 0.033 N m per N; its direction is drawn by the seed and
+    the compensation sees it."""
     drift_time_s: float = setting(3600.0, low=1.0, high=1e6)
     """Time constant of the warm-up."""
-    drift_wander: float = setting(0.05, low=0.0, high=10.0)
+    drift_wander: float = setting(0.02, low=0.0, high=10.0)
     """Slow random part as a share of the warm-up (Ornstein-Uhlenbeck, 1 h)."""
     payload_mass_kg: float = setting(0.0, low=0.0, high=100.0)
     payload_centre_m: tuple[float, ...] = setting((0.03, 0.0, 0.0), low=-10.0, high=10.0)

@@ -1,0 +1,50 @@
+"""Where solved anchors are kept between campaigns on the same poses."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def directory() -> Path:
+    """ECM_CACHE, else XDG_CACHE_HOME/ecm, else ~/.cache/ecm."""
+    named = os.environ.get("ECM_CACHE")
+    if named:
+        return Path(named)
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "ecm"
+
+
+def digest(label: str, array: NDArray[np.float64]) -> str:
+    """Hash of a label and the exact bytes of an array."""
+    text = f"{label}|{array.shape}|".encode()
+    return hashlib.sha256(text + np.ascontiguousarray(array, dtype="<f8").tobytes()).hexdigest()
+
+
+def load(path: Path) -> dict[str, NDArray[np.float64]] | None:
+    """The arrays of a finished file, or None where there is none or it is damaged."""
+    try:
+        with np.load(path) as data:
+            return {name: data[name] for name in data.files}
+    except (OSError, ValueError, EOFError, KeyError):
+        return None
+
+
+def save(path: Path, arrays: dict[str, NDArray[np.float64]]) -> None:
+    """Atomic: temporary file, fsync, rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

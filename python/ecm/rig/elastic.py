@@ -1,0 +1,156 @@
+"""The true elastic map: FEM solved at the commanded poses, a smooth map only for the increments.
+
+Around anchor a, which is a commanded pose with FEM wrench h_a and stiffness K_a,
+
+    h(p) = h_a + K_a d + [s(p) - s(a) - S(a) d],    d = p - a
+
+where s with S = ds/dp is any smooth map fitted to the anchors: value and slope are the FEM's, the
+surrogate gives the curvature of a sub-millimetre step only.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig import cache
+
+F = NDArray[np.float64]
+Progress = Callable[[int, int, str], object] | None
+
+PLAIN, COS2, SIN2 = "plain", "cos2", "sin2"
+CONTRAST = 0.05
+"""Of the graded modulus whose FEM solution is subtracted from the plain one."""
+
+
+class Source(Protocol):
+    """Solves the mechanism at given poses: FEM, or a closed form in tests."""
+
+    @property
+    def length_m(self) -> float: ...
+    def key(self) -> str:
+        """Names everything that the solution depends on."""
+        ...
+
+    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+        """Modulus E (plain) or E (1 + CONTRAST rho^2/R^2 cos or sin 2 phi)."""
+        ...
+
+    def surrogate(self, anchors: Anchors) -> Smooth | None:
+        """A smooth map fitted to solved anchors; None where they are too few."""
+        ...
+
+
+class Smooth(Protocol):
+    """A smooth map fitted to the anchors."""
+
+    def predict(self, poses: F) -> F: ...
+    def stiffness(self, poses: F) -> F: ...
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Solutions at (N, 6) poses; `status` other than "solved" marks rows not to be visited."""
+
+    poses: F
+    wrenches: F
+    stiffness: F
+    status: tuple[str, ...]
+
+
+class Elastic:
+    """h(p) and K(p) near the anchors."""
+
+    def __init__(self, anchors: Anchors, smooth: Smooth | None = None) -> None:
+        self.anchors = anchors
+        self._smooth = smooth
+        if smooth is not None:
+            self._s = smooth.predict(anchors.poses)
+            self._slope = smooth.stiffness(anchors.poses)
+
+    def wrench(self, anchor: NDArray[np.int64], poses: F) -> F:
+        """h at (N, 6) poses, each near the anchor of its index (N,)."""
+        step = poses - self.anchors.poses[anchor]
+        h: F = self.anchors.wrenches[anchor] + np.einsum(
+            "nij,nj->ni", self.anchors.stiffness[anchor], step
+        )
+        if self._smooth is not None:
+            line = self._s[anchor] + np.einsum("nij,nj->ni", self._slope[anchor], step)
+            h = h + self._smooth.predict(poses) - line
+        return h
+
+    def stiffness(self, anchor: NDArray[np.int64], poses: F) -> F:
+        """K = dh/dp at the poses: (N, 6, 6)."""
+        stiffness: F = self.anchors.stiffness[anchor]
+        if self._smooth is not None:
+            stiffness = stiffness + self._smooth.stiffness(poses) - self._slope[anchor]
+        return stiffness
+
+
+@dataclass(frozen=True)
+class Grading:
+    """Change of wrench and stiffness at the anchors per unit contrast of a graded modulus."""
+
+    wrenches: F
+    stiffness: F
+
+    def wrench(self, anchor: NDArray[np.int64], step: F) -> F:
+        """At `step` (N, 6) away from the anchors."""
+        change: F = self.wrenches[anchor] + np.einsum("nij,nj->ni", self.stiffness[anchor], step)
+        return change
+
+
+def solve_cached(
+    source: Source, poses: F, grade: str, folder: Path | None, progress: Progress = None
+) -> Anchors:
+    """`source.solve`, kept on disk under a hash of the mechanism and the poses."""
+    path = None
+    if folder is not None:
+        name = cache.digest(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
+        path = folder / f"anchors-{name[:32]}.npz"
+        try:
+            found = cache.load(path)
+        except zipfile.BadZipFile:
+            found = None
+        if found is not None:
+            status = tuple(str(s) for s in found["status"])
+            return Anchors(poses, found["wrenches"], found["stiffness"], status)
+    anchors = source.solve(poses, grade, progress)
+    if path is not None:
+        cache.save(
+            path,
+            {
+                "wrenches": anchors.wrenches,
+                "stiffness": anchors.stiffness,
+                "status": np.asarray(anchors.status),
+            },
+        )
+    return anchors
+
+
+def grading(
+    source: Source, plain: Anchors, grade: str, folder: Path | None, progress: Progress = None
+) -> Grading:
+    """Difference of the graded and the plain solution, per unit contrast; 0 where unsolved."""
+    graded = solve_cached(source, plain.poses, grade, folder, progress)
+    solved = np.asarray(
+        [a == b == "solved" for a, b in zip(graded.status, plain.status, strict=True)]
+    )
+    return Grading(
+        np.where(solved[:, None], graded.wrenches - plain.wrenches, 0.0) / CONTRAST,
+        np.where(solved[:, None, None], graded.stiffness - plain.stiffness, 0.0) / CONTRAST,
+    )
+
+
+def unique_poses(poses: F) -> tuple[F, NDArray[np.int64]]:
+    """Distinct rows in the order of first visit, and the index of each row in them."""
+    seen: dict[bytes, int] = {}
+    index = np.asarray([seen.setdefault(row.tobytes(), len(seen)) for row in poses], dtype=np.int64)
+    first: Sequence[int] = np.unique(index, return_index=True)[1].tolist()
+    return poses[first], index

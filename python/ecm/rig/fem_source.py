@@ -1,0 +1,93 @@
+"""Anchors of the plant by the finite element solver, pose-driven."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm._native import EnergyModel
+from ecm.rig.elastic import CONTRAST, COS2, PLAIN, SIN2, Anchors, Progress, Smooth
+
+if TYPE_CHECKING:
+    from ecm.mechanism import Mechanism
+
+F = NDArray[np.float64]
+
+
+class FemSource:
+    """A mechanism file as a source of anchors."""
+
+    def __init__(self, mechanism: Mechanism, *, threads: int = 0) -> None:
+        self._mechanism = mechanism
+        self._threads = threads
+
+    @property
+    def length_m(self) -> float:
+        return self._mechanism.length_m
+
+    def key(self) -> str:
+        return self._mechanism.key()
+
+    def solve(self, poses: F, grade: str, progress: Progress = None) -> Anchors:
+        """FEM wrench and K at each pose, with the modulus graded over the cross-section."""
+        scale = None if grade == PLAIN else modulus_grade(self._mechanism, grade)
+        fem = self._mechanism.fem(element_modulus_scale=scale)
+        word = "plant" if grade == PLAIN else f"plant ({grade})"
+
+        def report(done: int, total: int) -> None:
+            if progress is not None:
+                progress(done, total, word)
+
+        found = fem.solve_poses(poses, threads=self._threads, progress=report)
+        return Anchors(poses, found.wrenches, found.stiffness, tuple(found.status))
+
+    def surrogate(self, anchors: Anchors) -> Smooth | None:
+        """A symmetric energy model of the anchors that moved."""
+        if sum(s == "solved" for s in anchors.status) < ENOUGH_FOR_SURROGATE:
+            return None
+        return EnergySurrogate(anchors, self.length_m)
+
+
+def modulus_grade(mechanism: Mechanism, grade: str) -> F:
+    """(M,) factor 1 + CONTRAST (rho/R)^2 cos 2 phi (or sin) on E per tetrahedron.
+
+    phi is the azimuth of the element's centre from y; the bending stiffnesses of a full cylinder
+    become EI (1 +- CONTRAST / 3).
+    """
+    wave = {COS2: np.cos, SIN2: np.sin}[grade]
+    mesh = mechanism.mesh()
+    corners: F = mesh.nodes_m[mesh.tetrahedra[:, :4]]
+    y, z = corners.mean(axis=1)[:, 1:].T
+    squared = y**2 + z**2
+    radius_squared = float(np.max(np.sum(mesh.nodes_m[:, 1:] ** 2, axis=1)))
+    factor: F = 1.0 + CONTRAST * squared / radius_squared * wave(2.0 * np.arctan2(z, y))
+    return factor
+
+
+class EnergySurrogate:
+    """A symmetric energy model fitted to the anchors: it gives curvature, never the value."""
+
+    def __init__(self, anchors: Anchors, length_m: float) -> None:
+        solved = np.asarray([s == "solved" for s in anchors.status])
+        # The rest pose has h = 0 and tells the fit nothing that the energy's form does not.
+        moving = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
+        degree = 6 if moving.sum() >= 60 else 4
+        self._model = EnergyModel.fit(
+            anchors.poses[moving],
+            anchors.wrenches[moving],
+            length_m=length_m,
+            degree=degree,
+            symmetry="revolution",
+        )
+
+    def predict(self, poses: F) -> F:
+        return self._model.predict(poses)
+
+    def stiffness(self, poses: F) -> F:
+        return self._model.stiffness(poses)
+
+
+ENOUGH_FOR_SURROGATE = 20
+"""Below so many anchors the increment is the linear one of the anchor's own K."""

@@ -1,0 +1,93 @@
+"""The journal of a running campaign: every reading is on disk before the next one is taken.
+
+`NAME.journal.csv` holds sensor readings before compensation, which needs the unloaded reading
+after them; when the last one is there the table is written and the journal goes.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+from ecm.errors import ComputationError, InputError
+
+_MARK = "# campaign "
+
+
+class Journal:
+    """Lines of readings in the order of visits, appended and synchronised one by one."""
+
+    def __init__(self, path: Path, key: str, header: str, *, resume: bool) -> None:
+        """
+        Raises
+        ------
+        InputError
+            Where the journal of another campaign stands at `path`.
+        """
+        self.path = path
+        self._head = f"{_MARK}{key}\n{header}\n"
+        self.lines: list[str] = self._read() if resume and path.exists() else []
+        self._stream: IO[str] | None = None
+
+    def __enter__(self) -> Journal:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            # Written anew, so that a line that a kill cut in half is gone.
+            self._stream = self.path.open("w", encoding="utf-8", newline="")
+            self._stream.write(self._head + "".join(f"{line}\n" for line in self.lines))
+            self._sync()
+        except OSError as error:
+            raise _disk(self.path, error) from None
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._stream is not None:
+            self._stream.close()
+
+    def append(self, line: str) -> None:
+        """One more reading, on disk when this returns."""
+        try:
+            if self._stream is not None:
+                self._stream.write(line + "\n")
+                self._sync()
+        except OSError as error:
+            raise _disk(self.path, error) from None
+        self.lines.append(line)
+
+    def remove(self) -> None:
+        """The table is written: the journal has done its work."""
+        self.path.unlink(missing_ok=True)
+
+    def _sync(self) -> None:
+        if self._stream is not None:
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+
+    def _read(self) -> list[str]:
+        try:
+            text = self.path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{self.path}: the journal cannot be read: {error}") from None
+        complete = text[: text.rfind("\n") + 1]
+        if len(complete) < len(self._head) and self._head.startswith(complete):
+            return []
+        if not complete.startswith(self._head):
+            raise InputError(
+                f"{self.path}: this is the journal of another campaign (other plan, rig, seed or "
+                "hidden effect). Remove it to begin anew, or choose another --out"
+            )
+        return complete[len(self._head) :].splitlines()
+
+
+def _disk(path: Path, error: OSError) -> ComputationError:
+    return ComputationError(
+        f"{path}: a reading could not be written: {error}. All readings before it are kept; free "
+        "the disk and run the same command again"
+    )

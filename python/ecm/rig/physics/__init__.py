@@ -1,0 +1,51 @@
+"""Physical truths of the plant, one idea a file; formulas of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from ecm.rig.physics.ageing import Ageing
+from ecm.rig.physics.anisotropy import Anisotropy
+from ecm.rig.physics.base_plate import BasePlate
+from ecm.rig.physics.hysteresis import Hysteresis
+from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.relaxation import Relaxation
+from ecm.rig.physics.sensor_gain import SensorGain
+from ecm.rig.physics.sensor_strain import SensorStrain
+from ecm.rig.physics.sensor_thermal import SensorThermal
+from ecm.rig.physics.sensor_warm_up import SensorWarmUp
+from ecm.rig.physics.shape import Sized
+from ecm.rig.physics.softening import Softening
+from ecm.rig.physics.temperature import Temperature
+from ecm.rig.physics.tip_target import TipTarget
+
+__all__ = ["Physics", "Sized"]
+
+
+@dataclass(frozen=True)
+class Physics:
+    """What acts in the plant beside the elastic map; None is absent."""
+
+    ageing: Ageing | None = None
+    anisotropy: Anisotropy | None = None
+    base_plate: BasePlate | None = None
+    hysteresis: Hysteresis | None = None
+    known_payload: Payload | None = None
+    payload: Payload | None = None
+    relaxation: Relaxation | None = None
+    sensor_gain: SensorGain | None = None
+    sensor_strain: SensorStrain | None = None
+    sensor_thermal: SensorThermal | None = None
+    sensor_warm_up: SensorWarmUp | None = None
+    softening: Softening | None = None
+    temperature: Temperature | None = None
+    tip_target: TipTarget | None = None
+
+    def parameters(self) -> dict[str, Any]:
+        """Of all that is present, by name."""
+        return {
+            f.name: getattr(self, f.name).parameters()
+            for f in fields(self)
+            if getattr(self, f.name) is not None
+        }

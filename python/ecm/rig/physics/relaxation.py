@@ -1,0 +1,40 @@
+"""Stress relaxation: generalised Maxwell chains loaded by a ramp, then held.
+
+A chain of share g and time tau that is stretched over the travel time T and rests d more carries
+
+    g (1 - exp(-T/tau)) tau/T exp(-d/tau)
+
+of the elastic wrench, the solution for a linear ramp; several chains spread over decades stand for
+the spectrum of a real rubber.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.physics.shape import Sized
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Relaxation(Sized):
+    """`size`: sum of the shares of all chains."""
+
+    shares: tuple[float, ...] = (0.4, 0.35, 0.25)
+    times_s: tuple[float, ...] = (1.0, 8.0, 60.0)
+
+    unit: ClassVar[str] = "1"
+
+    def factor(self, travel_s: F, dwell_s: F) -> F:
+        """(N,) factor on the elastic wrench after a ramp of travel_s and a rest of dwell_s."""
+        factor = np.ones_like(dwell_s)
+        travel = np.maximum(travel_s, 1e-9)
+        for share, tau in zip(self.shares, self.times_s, strict=True):
+            loaded = -np.expm1(-travel / tau) * tau / travel
+            factor = factor + self.size * share * loaded * np.exp(-dwell_s / tau)
+        return factor

@@ -1,0 +1,36 @@
+"""Mullins softening after Ogden and Roxburgh: an error function of the energy deficit.
+
+    factor = 1 - (1/r) erf((W_max - W)/m)
+
+with W_max the largest energy that the mechanism has held since it was made, W the energy at the
+pose, estimated by half the work of the wrench on the way from rest. First visits are untouched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from ecm.rig.physics.shape import Sized
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Softening(Sized):
+    """`size`: 1/r, the share that is lost far below the largest energy."""
+
+    energy_J: float = 0.5
+    """m: width of the transition."""
+
+    unit: ClassVar[str] = "1"
+
+    def factor(self, energy_J: F) -> F:
+        """(N,) factor for rows in the order of visits."""
+        largest = np.maximum.accumulate(energy_J)
+        factor: F = 1.0 - self.size * erf((largest - energy_J) / self.energy_J)
+        return factor

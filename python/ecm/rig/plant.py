@@ -1,0 +1,226 @@
+"""The plant: what really acts at each visit, before any instrument reads it.
+
+Elastic mechanism (FEM), its history and temperature, the plate under it, weights, and the zero of
+the force sensor. All rows at once: nothing here is random but the seed's slow processes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.climate import Climate
+from ecm.rig.elastic import Elastic, Grading
+from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
+from ecm.rig.physics import Physics
+from ecm.rig.physics.hysteresis import Hysteresis
+from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.sensor_warm_up import SensorWarmUp
+from ecm.rig.plan import rest_pose
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import AT_HOME, POSE, Visit
+
+F = NDArray[np.float64]
+
+DEAD_WEIGHT_ARM_M = 0.05
+"""Where a dead weight hangs on the free sensor, along x of the top frame."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The visits as arrays, with the poses that the robot really reaches."""
+
+    visits: tuple[Visit, ...]
+    reached: F
+    """True top frame in the world, (N, 6)."""
+    anchor: NDArray[np.int64]
+    time_s: F
+    temperature_degC: F
+    """Of the mechanism."""
+    sensor_temperature_degC: F
+    walk: F
+    """Unit random process of the sensor's zero, (N, 6)."""
+
+    @property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Rows in which the mechanism is connected to the sensor."""
+        return np.asarray([v.kind in (POSE, AT_HOME) for v in self.visits])
+
+    def of(self, name: str) -> F:
+        """A number of every visit, (N,)."""
+        return np.asarray([getattr(v, name) for v in self.visits], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What acts, without instrument noise."""
+
+    pose_seen: F
+    """What a camera without noise would report, (N, 6)."""
+    sensor: F
+    """Wrench in sensor axes with its zero, (N, 6), before noise, counts and clipping."""
+
+
+class Plant:
+    """A mechanism in its surroundings."""
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        elastic: Elastic,
+        length_m: float,
+        gradings: tuple[Grading, Grading] | None = None,
+    ) -> None:
+        self._settings = settings
+        self.elastic = elastic
+        self.length_m = length_m
+        self._gradings = gradings
+        self.top_from_sensor = top_from_sensor_wrench(settings.instrument.top_from_sensor)
+        self._sensor_from_top = np.linalg.inv(self.top_from_sensor)
+        self._gravity = np.asarray(settings.plant.gravity_m_s2)
+        self._rest = rest_pose(length_m)
+        self._history: dict[Hysteresis, F] = {}
+
+    def truth(self, course: Course, physics: Physics, offset: F) -> Truth:
+        """Readings without noise at every visit; `offset` (6,) is the sensor's constant zero."""
+        loaded = course.loaded
+        top = np.zeros((len(course.visits), 6))
+        if loaded.any():
+            top[loaded] = self._sensor_load(course, physics, loaded)
+        if not loaded.all():
+            top[~loaded] = self._free_load(course, physics, ~loaded)
+        sensor = top @ self._sensor_from_top.T
+        if physics.sensor_gain is not None:
+            limits = np.asarray(self._settings.instrument.fts_range)
+            sensor = physics.sensor_gain.reading(sensor, limits)
+        if physics.sensor_strain is not None:
+            sensor = sensor + loaded[:, None] * physics.sensor_strain.reading()
+        if physics.sensor_warm_up is not None:
+            sensor = sensor + physics.sensor_warm_up.reading(course.time_s, course.walk)
+        if physics.sensor_thermal is not None:
+            sensor = sensor + loaded[:, None] * physics.sensor_thermal.reading(
+                course.sensor_temperature_degC
+            )
+        seen = course.reached
+        if physics.tip_target is not None:
+            seen = physics.tip_target.measured(seen)
+        return Truth(seen, sensor + offset)
+
+    def _sensor_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+        """Wrench of the sensor on the platform in top axes: mechanism minus weights."""
+        poses = course.reached[rows]
+        world = self._mechanism(course, physics, rows)
+        world = world - self._weight(course, physics, rows, poses)
+        return turn_wrench(transpose(rotation(poses[:, 3:])), world)
+
+    def _free_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+        """Wrench on the free sensor, at the rest pose: its axes are the base's."""
+        masses = course.of("dead_weight_kg")[rows]
+        force = -masses[:, None] * self._gravity
+        arm = np.array([DEAD_WEIGHT_ARM_M, 0.0, 0.0])
+        load = np.concatenate([force, np.cross(arm, force)], axis=1)
+        if self._settings.instrument.zeroed_with_payload:
+            rest = np.tile(self._rest, (len(load), 1))
+            load = load - self._weight(course, physics, rows, rest)
+        return load
+
+    def _weight(self, course: Course, physics: Physics, rows: NDArray[np.bool_], poses: F) -> F:
+        """Of everything that hangs on the platform, (N, 6)."""
+        weight = np.zeros((len(poses), 6))
+        for load in (physics.known_payload, physics.payload):
+            if load is not None:
+                weight += load.weight(poses, self._gravity)
+        hangs = np.asarray([v.payload_on for v in course.visits])[rows]
+        hanging: F = hangs[:, None] * weight
+        return hanging
+
+    def _mechanism(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+        anchor = course.anchor[rows]
+        base = self.elastic.anchors.poses[anchor]
+        mount = course.of("mount_rad")[rows]
+        factor = self._factor(course, physics, rows)
+        held = self._held(course, physics, rows)
+
+        def mechanism(poses: F) -> F:
+            h = self.elastic.wrench(anchor, poses)
+            if physics.anisotropy is not None and self._gradings is not None:
+                h = h + physics.anisotropy.wrench(*self._gradings, anchor, poses - base, mount)
+            return factor[:, None] * h + held
+
+        reached = course.reached[rows]
+        if physics.base_plate is None:
+            return mechanism(reached)
+        return physics.base_plate.solve(reached, self.length_m, mechanism)
+
+    def _factor(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+        factor = np.ones(int(rows.sum()))
+        if physics.temperature is not None:
+            factor = factor * physics.temperature.factor(course.temperature_degC[rows])
+        if physics.ageing is not None:
+            factor = factor * physics.ageing.factor(course.time_s[rows])
+        if physics.relaxation is not None:
+            travel, dwell = course.of("travel_s")[rows], course.of("dwell_s")[rows]
+            factor = factor * physics.relaxation.factor(travel, dwell)
+        if physics.softening is not None:
+            h = self.elastic.wrench(course.anchor[rows], course.reached[rows])
+            # Half the work on a straight way, good enough to order poses by their energy.
+            energy = 0.5 * np.abs(np.sum(h * (course.reached[rows] - self._rest), axis=1))
+            factor = factor * physics.softening.factor(energy)
+        return factor
+
+    def _held(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+        friction = physics.hysteresis
+        if friction is None:
+            return np.zeros((int(rows.sum()), 6))
+        # The state does not depend on the size: calibration asks for it many times.
+        shape = friction.resized(1.0)
+        if shape not in self._history:
+            legs = [(v.way, v.rested) for v in course.visits]
+            self._history[shape] = friction.states(legs, self.length_m)
+        stiffness = self.elastic.anchors.stiffness[REST_ANCHOR]
+        return friction.wrench(self._history[shape][rows], stiffness, self.length_m)
+
+    def zeroed(self, readings: F) -> F:
+        """(N, 6) sensor readings without zero, as wrenches at the top in top axes."""
+        wrenches: F = readings @ self.top_from_sensor.T
+        return wrenches
+
+
+REST_ANCHOR = 0
+"""The rest pose is the first anchor of every campaign."""
+
+
+def nominal_physics(settings: RigSettings, physics: Physics, warm_up_direction: F) -> Physics:
+    """Adds what every rig has: its known payload and the sensor's warm-up."""
+    table = settings.plant
+    if table.payload_mass_kg > 0.0:
+        place = table.payload_centre_m
+        known = Payload(table.payload_mass_kg, places_m=((place[0], place[1], place[2]),))
+        physics = replace(physics, known_payload=known)
+    if physics.sensor_warm_up is None:
+        warm_up = SensorWarmUp(
+            table.drift_N,
+            direction=tuple(warm_up_direction.tolist()),
+            time_s=table.drift_time_s,
+            wander=table.drift_wander,
+        )
+        physics = replace(physics, sensor_warm_up=warm_up)
+    return physics
+
+
+def course_of(
+    visits: tuple[Visit, ...], reached: F, anchor: NDArray[np.int64], air: Climate
+) -> Course:
+    """The visits with what the slow processes are at their times."""
+    time = np.asarray([v.time_s for v in visits])
+    return Course(
+        visits,
+        reached,
+        anchor,
+        time,
+        air.at(air.mechanism_degC, time),
+        air.at(air.sensor_degC, time),
+        air.at(air.walk, time),
+    )

@@ -1,0 +1,72 @@
+"""Strength s of an effect: the scale of `--hide EFFECT=S`.
+
+s^2 = mean over rows and the six components of the whitened effect, L_i^-1 e_i with
+Sigma_i = L_i L_i', after what the base absorbs has been projected out. The base here is the modulus
+E: its column is the whitened elastic wrench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from ecm.errors import InputError
+
+F = NDArray[np.float64]
+
+_ROUNDS = 12
+_ENOUGH = 1e-6
+
+
+class Whitener:
+    """Whitens rows and takes out the base's columns."""
+
+    def __init__(self, covariance: F, base: F) -> None:
+        """covariance: (N, 6, 6); base: columns (N, 6, k) of wrench per base parameter."""
+        lower = np.linalg.cholesky(covariance)
+        self._inverse = np.stack([solve_triangular(low, np.eye(6), lower=True) for low in lower])
+        columns = np.einsum("nij,njk->nik", self._inverse, base).reshape(-1, base.shape[2])
+        self._base = np.linalg.qr(columns)[0]
+
+    def strength(self, effect: F) -> float:
+        """s of an effect (N, 6) in N and N m."""
+        white = np.einsum("nij,nj->ni", self._inverse, effect).ravel()
+        left = white - self._base @ (self._base.T @ white)
+        return float(np.sqrt(np.mean(left**2)))
+
+
+def calibrate(
+    effect: Callable[[float], F], whitener: Whitener, size: float, wanted: float
+) -> float:
+    """The size at which the effect has the wanted strength, by secants on nearly straight lines.
+
+    Parameters
+    ----------
+    effect
+        Change of the residual (N, 6) at a size.
+    size
+        First guess; its sign is kept.
+
+    Raises
+    ------
+    InputError
+        Where the data cannot see the effect at all, or it cannot become that strong.
+    """
+    for _ in range(_ROUNDS):
+        found = whitener.strength(effect(size))
+        if found < 1e-12:
+            raise InputError(
+                "this plan cannot show the hidden effect: at any size it leaves no trace beside "
+                "the modulus. Plan visits that it acts on (approaches from several sides, home "
+                "checks, longer campaigns)"
+            )
+        if abs(found / wanted - 1.0) < _ENOUGH:
+            return size
+        size *= wanted / found
+    raise InputError(
+        f"hidden effect: strength {wanted:g} is not reached (found {found:.4g} at size "
+        f"{size:.4g}); hide a weaker one"
+    )

@@ -1,0 +1,251 @@
+"""When each reading is taken and along which way: a plan laid out in time.
+
+The robot goes from home to a pose (through the pose that `approach` names), rests, measures, and
+goes home again, each way with a cubic timing law: T = 3/2 max(distance/speed). Unloaded readings
+of the sensor stand before the first and after the last pose, at every change of run, every
+`offset_every` poses, and where the plan asks for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.plan import HOME, Request, rest_pose
+from ecm.rig.settings import Procedure
+
+F = NDArray[np.float64]
+
+POSE, AT_HOME, UNLOADED, OFFSET = "pose", "home", "unloaded", "offset"
+"""Kinds of reading; `offset` serves the compensation alone and stands in no table."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One reading: where, when, how it came there."""
+
+    kind: str
+    row: int
+    """Of the plan; -1 where the rig itself asked for it."""
+    pose: F
+    """Commanded, (6,)."""
+    pose_id: int
+    repeat: int
+    run: int
+    approach: str
+    time_s: float
+    """Middle of the window."""
+    window_s: float
+    travel_s: float
+    """Duration of the last leg."""
+    dwell_s: float
+    way: F
+    """Way points (k, 6) since the visit before, ending at `pose`."""
+    rested: bool
+    """The history of the mechanism begins anew."""
+    mount_rad: float
+    payload_on: bool
+    dead_weight_kg: float
+
+    @property
+    def serial(self) -> tuple[str, int, int]:
+        """What its random streams are named by, whatever the order of visits."""
+        return (self.kind, self.pose_id, self.repeat)
+
+
+@dataclass
+class Timeline:
+    """All visits of a campaign and what else happens."""
+
+    visits: list[Visit] = field(default_factory=list)
+    heating: list[tuple[float, float]] = field(default_factory=list)
+    runs: dict[int, dict[str, Any]] = field(default_factory=dict)
+    end_s: float = 0.0
+
+
+def lay_out(wanted: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
+    """The timeline of a plan; poses that cannot be visited have been taken out before."""
+    return _Rig(procedure, length_m).through(list(wanted))
+
+
+class _Rig:
+    """State of the rig while the plan is laid out."""
+
+    def __init__(self, procedure: Procedure, length_m: float) -> None:
+        self._procedure = procedure
+        self._rest = rest_pose(length_m)
+        self._timeline = Timeline()
+        self._clock = 0.0
+        self._at = self._rest
+        self._way = [self._rest]
+        self._last_id = HOME
+        self._seen: dict[tuple[str, int], int] = {}
+        self._rested = True
+        self._mount = 0.0
+        self._payload = True
+        self._run = 0
+        self._bump = 0
+        self._poses_since_offset = 0
+        self._poses: dict[int, F] = {}
+
+    def through(self, wanted: list[Request]) -> Timeline:
+        procedure = self._procedure
+        self._poses = {r.pose_id: r.pose for r in wanted if r.action.name == "measure"}
+        if wanted:
+            self._run = wanted[0].run
+        self._offset()
+        previous = self._run
+        for request in wanted:
+            if request.run != previous:
+                previous = request.run
+                self._new_run(procedure.unload_s)
+            self._run = request.run + self._bump
+            self._do(request)
+        if self._timeline.visits[-1].kind not in (OFFSET, UNLOADED):
+            self._offset()
+        self._timeline.end_s = self._clock
+        return self._timeline
+
+    def _do(self, request: Request) -> None:
+        name, value = request.action.name, request.action.value
+        if name == "measure":
+            every = self._procedure.offset_every
+            if every and self._poses_since_offset >= every:
+                self._offset()
+            self._measure(request)
+        elif name == "home":
+            self._go_home()
+            self._clock += request.dwell_s
+            window = self._procedure.window_s
+            self._read(AT_HOME, request, window, dwell_s=request.dwell_s)
+        elif name == "unload":
+            self._unloaded(UNLOADED, request)
+        elif name == "dead_weight":
+            self._new_run(self._procedure.handling_s)
+            self._bump += 1
+            self._run += 1
+            self._timeline.runs[self._run] = {"payload_mass_kg": value}
+            self._unloaded(UNLOADED, request, value)
+            self._bump += 1
+            self._run += 1
+        elif name == "warm_up":
+            self._go_home()
+            self._timeline.heating.append((self._clock, self._clock + 60.0 * value))
+            self._clock += 60.0 * value
+        else:
+            self._new_run(self._procedure.handling_s)
+            self._bump += 1
+            self._run += 1
+            if name == "remount":
+                self._mount += np.deg2rad(value)
+            else:
+                self._payload = False
+            self._timeline.runs[self._run] = self._what_is_different()
+
+    def _what_is_different(self) -> dict[str, Any]:
+        different: dict[str, Any] = {}
+        if self._mount:
+            different["mount_angle_rad"] = self._mount
+        if not self._payload:
+            different["payload_mass_kg"] = 0.0
+        return different
+
+    def _new_run(self, pause_s: float) -> None:
+        self._go_home()
+        self._offset()
+        self._clock += pause_s
+        self._rested = True
+        # The sensor was freed in between, so its zero is read on both sides of the change.
+        self._offset()
+
+    def _measure(self, request: Request) -> None:
+        source = request.approach
+        if not source:
+            source = HOME if self._procedure.approach == "initial" else self._last_id
+        if source == HOME:
+            self._go_home()
+        elif source != self._last_id:
+            self._go_home()
+            self._go(self._poses[int(source)])
+        travel = self._go(request.pose)
+        self._clock += request.dwell_s
+        self._read(
+            POSE,
+            request,
+            self._procedure.window_s,
+            dwell_s=request.dwell_s,
+            approach=source,
+            travel_s=travel,
+        )
+        self._last_id = str(request.pose_id)
+        self._poses_since_offset += 1
+
+    def _offset(self) -> None:
+        self._unloaded(OFFSET, None)
+
+    def _unloaded(self, kind: str, request: Request | None, dead_weight_kg: float = 0.0) -> None:
+        self._go_home()
+        self._clock += self._procedure.unload_s
+        window = self._procedure.offset_window_s
+        self._read(kind, request, window, dead_weight_kg=dead_weight_kg)
+        self._clock += self._procedure.unload_s
+        self._poses_since_offset = 0
+
+    def _go_home(self) -> None:
+        if self._at is not self._rest:
+            self._go(self._rest)
+        self._last_id = HOME
+
+    def _go(self, pose: F) -> float:
+        way = pose - self._at
+        procedure = self._procedure
+        duration = 1.5 * max(
+            float(np.linalg.norm(way[:3])) / procedure.speed_m_s,
+            float(np.linalg.norm(way[3:])) / procedure.speed_rad_s,
+        )
+        self._clock += duration
+        self._at = pose
+        self._way.append(pose)
+        return duration
+
+    def _read(
+        self,
+        kind: str,
+        request: Request | None,
+        window_s: float,
+        *,
+        dwell_s: float = 0.0,
+        approach: str = HOME,
+        travel_s: float = 0.0,
+        dead_weight_kg: float = 0.0,
+    ) -> None:
+        pose_id = -1 if request is None else request.pose_id
+        repeat = self._seen.get((kind, pose_id), 0)
+        self._seen[kind, pose_id] = repeat + 1
+        self._timeline.visits.append(
+            Visit(
+                kind=kind,
+                row=-1 if request is None else request.row,
+                pose=self._at,
+                pose_id=pose_id,
+                repeat=repeat,
+                run=self._run,
+                approach=approach,
+                time_s=self._clock + 0.5 * window_s,
+                window_s=window_s,
+                travel_s=travel_s,
+                dwell_s=dwell_s,
+                way=np.stack(self._way),
+                rested=self._rested,
+                mount_rad=self._mount,
+                payload_on=self._payload,
+                dead_weight_kg=dead_weight_kg,
+            )
+        )
+        self._clock += window_s
+        self._way = [self._at]
+        self._rested = False

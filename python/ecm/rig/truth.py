@@ -1,0 +1,144 @@
+"""The sealed truth of a campaign, and the scoring of an answer.
+
+`NAME.truth.json` holds what was hidden; the data's NAME.toml holds only its sha256.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ecm.errors import InputError
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+FORMAT = "ecm-truth"
+VERSION = 1
+LARGEST_CLASS = 3
+"""A larger class names nothing."""
+
+
+def truth_path(data: Path) -> Path:
+    """Where the truth of a table lies."""
+    return data.with_suffix(".truth.json")
+
+
+def sealed(effects: list[dict[str, Any]], *, seed: int, salt: str) -> str:
+    """The text of a truth file; its sha256 goes into the data."""
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "seed": seed,
+        "salt": salt,
+        "effects": effects,
+    }
+    return json.dumps(document, indent=1, sort_keys=True) + "\n"
+
+
+def sha256(text: str) -> str:
+    """Of the exact bytes of a truth file."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """Compares hidden ids with the classes of an answer.
+
+    A hidden effect is found when a class of at most three names holds it; every class answers for
+    one effect. A class that holds none of them is a wrong name.
+    """
+    left = [list(dict.fromkeys(members)) for members in answer]
+    found: list[dict[str, Any]] = []
+    missed: list[str] = []
+    # Single names first: a class is left to the effect that only it can answer for.
+    for effect in truth:
+        holding = [c for c in left if effect in c and len(c) <= LARGEST_CLASS]
+        if holding:
+            best = min(holding, key=len)
+            left.remove(best)
+            found.append({"id": effect, "class": best, "named": len(best) == 1})
+        else:
+            missed.append(effect)
+    return {
+        "truth": list(truth),
+        "found": found,
+        "missed": missed,
+        "wrong": left,
+        "correct": not missed and not left,
+        "named": not missed and not left and all(f["named"] for f in found),
+    }
+
+
+def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None = None) -> Any:
+    """Opens the truth beside a table, checks its seal, and scores an answer.
+
+    Parameters
+    ----------
+    data
+        The measurement table, or its path.
+    answer
+        The report of `diagnose` (path or parsed), or nothing.
+
+    Returns
+    -------
+    dict
+        `effects` (id, s, size, parameters), and `score` where there is an answer.
+
+    Raises
+    ------
+    InputError
+        No truth file, a broken seal, or an answer that is no report of diagnose.
+    """
+    from ecm.table import read_table
+
+    table = read_table(data) if isinstance(data, (str, Path)) else data
+    path = truth_path(Path(table.source))
+    expected = table.meta.file.truth_sha256
+    if not expected:
+        raise InputError(
+            f"{table.source}: its TOML has no truth_sha256, so nothing was hidden in it; hide "
+            "something with `ecm campaign ... --hide EFFECT=S`"
+        )
+    try:
+        text = path.read_bytes().decode()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: the sealed truth cannot be read: {error}") from None
+    if sha256(text) != expected:
+        raise InputError(
+            f"{path}: the seal is broken: its sha256 is {sha256(text)}, the data say {expected}. "
+            "The file was changed, or belongs to other data"
+        )
+    document = json.loads(text)
+    result: dict[str, Any] = {"effects": document["effects"], "seed": document["seed"]}
+    if answer is not None:
+        result["score"] = score([e["id"] for e in document["effects"]], _classes(answer))
+        result["verdict"] = _report(answer).get("verdict")
+    return result
+
+
+def _report(answer: str | Path | dict[str, Any]) -> dict[str, Any]:
+    if isinstance(answer, dict):
+        return answer
+    try:
+        document = json.loads(Path(answer).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{answer}: this answer cannot be read: {error}") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{answer}: found a {type(document).__name__}, expected diagnose's report")
+    return document
+
+
+def _classes(answer: str | Path | dict[str, Any]) -> list[list[str]]:
+    where = "answer" if isinstance(answer, dict) else str(answer)
+    classes = _report(answer).get("answer")
+    if not isinstance(classes, list) or not all(
+        isinstance(c, list) and all(isinstance(name, str) for name in c) for c in classes
+    ):
+        raise InputError(
+            f"{where}: found `answer` = {classes!r}, expected a list with one list of ids per "
+            "missing effect, as `ecm diagnose --json` writes it"
+        )
+    return classes

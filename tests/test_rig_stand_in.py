@@ -1,0 +1,145 @@
+"""A closed-form mechanism for tests of the rig: a quartic energy in mid-frame coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.rig.elastic import CONTRAST, COS2, PLAIN, Anchors, Elastic, Progress, Smooth
+from ecm.rig.frames import left_jacobian_inverse, rotate, rotation, skew, transpose
+
+F = NDArray[np.float64]
+L = 0.1034
+AXIAL, LATERAL, TWIST, BEND = 24000.0, 3500.0, 4.1, 6.8
+
+
+def left_jacobian(theta: F) -> F:
+    return np.linalg.inv(left_jacobian_inverse(theta))
+
+
+def coordinates(poses: F) -> tuple[F, F]:
+    """c = A' r - (L, 0, 0) and theta, A = exp(theta / 2)."""
+    half = rotation(0.5 * poses[:, 3:])
+    c = rotate(transpose(half), poses[:, :3])
+    c[:, 0] -= L
+    return c, poses[:, 3:]
+
+
+def forces(c: F, theta: F, grade: str) -> tuple[F, F]:
+    """dU/dc and dU/dtheta of the stand-in's energy."""
+    weight = np.array([AXIAL, LATERAL, LATERAL])
+    moment = np.array([TWIST, BEND, BEND])
+    softer = 1.0 + 4.0 * np.sum(theta**2, axis=1, keepdims=True)
+    swing = np.sum(weight * c**2, axis=1, keepdims=True)
+    q_c = weight * c * softer
+    q_t = moment * theta + 4.0 * swing * theta + 3.0 * np.sum(theta**2, 1, keepdims=True) * theta
+    if grade == PLAIN:
+        return q_c, q_t
+    share = CONTRAST / 3.0
+    (cy, cz), (ty, tz) = c[:, 1:].T, theta[:, 1:].T
+    zero = np.zeros_like(cy)
+    if grade == COS2:
+        d_c = np.stack([zero, LATERAL * cy, -LATERAL * cz], 1)
+        d_t = np.stack([zero, -BEND * ty, BEND * tz], 1)
+    else:
+        d_c = np.stack([zero, LATERAL * cz, LATERAL * cy], 1)
+        d_t = np.stack([zero, -BEND * tz, -BEND * ty], 1)
+    return q_c + share * d_c, q_t + share * d_t
+
+
+def wrench(poses: F, grade: str = PLAIN) -> F:
+    """h by inverting Q_c = A' f, Q_theta = J' tau + J(theta/2)' (r x f) / 2."""
+    c, theta = coordinates(poses)
+    q_c, q_t = forces(c, theta, grade)
+    f = rotate(rotation(0.5 * theta), q_c)
+    half = 0.5 * rotate(transpose(left_jacobian(0.5 * theta)), np.cross(poses[:, :3], f))
+    tau = rotate(transpose(left_jacobian_inverse(theta)), q_t - half)
+    return np.concatenate([f, tau], axis=1)
+
+
+def stiffness(poses: F, grade: str = PLAIN) -> F:
+    step = 1e-6
+    columns = []
+    for i in range(6):
+        d = np.zeros(6)
+        d[i] = step
+        columns.append((wrench(poses + d, grade) - wrench(poses - d, grade)) / (2.0 * step))
+    return np.stack(columns, axis=2)
+
+
+class StandInMap:
+    def predict(self, poses: F) -> F:
+        return wrench(poses)
+
+    def stiffness(self, poses: F) -> F:
+        return stiffness(poses)
+
+
+class StandIn:
+    """A `Source` that needs no FEM."""
+
+    def __init__(self, *, curvature: bool = True) -> None:
+        self.solved = 0
+        self._curvature = curvature
+
+    @property
+    def length_m(self) -> float:
+        return L
+
+    def key(self) -> str:
+        return "stand-in"
+
+    def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
+        self.solved += len(poses)
+        status = ("solved",) * len(poses)
+        return Anchors(poses, wrench(poses, grade), stiffness(poses, grade), status)
+
+    def surrogate(self, anchors: Anchors) -> Smooth | None:
+        return StandInMap() if self._curvature else None
+
+
+def some_poses(count: int, seed: int = 0) -> F:
+    random = np.random.default_rng(seed)
+    size = np.array([0.0025, 0.009, 0.009, 0.35, 0.35, 0.35])
+    rest = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return rest + size * random.uniform(-1.0, 1.0, (count, 6))
+
+
+def energy(poses: F) -> F:
+    c, theta = coordinates(poses)
+    swing = np.sum(np.array([AXIAL, LATERAL, LATERAL]) * c**2, axis=1)
+    square = np.sum(theta**2, axis=1)
+    moment = np.sum(np.array([TWIST, BEND, BEND]) * theta**2, axis=1)
+    return 0.5 * swing * (1.0 + 4.0 * square) + 0.5 * moment + 0.75 * square**2
+
+
+def test_stand_in_is_conservative() -> None:
+    poses = some_poses(20)
+    h = wrench(poses)
+    generalised = h.copy()
+    generalised[:, 3:] = rotate(transpose(left_jacobian(poses[:, 3:])), h[:, 3:])
+    for i in range(6):
+        d = np.zeros(6)
+        d[i] = 1e-6
+        slope = (energy(poses + d) - energy(poses - d)) / 2e-6
+        assert generalised[:, i] == pytest.approx(slope, abs=1e-5)
+
+
+def test_the_increment_from_an_anchor_is_exact_to_second_order() -> None:
+    anchors = StandIn().solve(some_poses(50), PLAIN, None)
+    index = np.arange(50)
+    random = np.random.default_rng(1)
+    step = np.array([1.5e-4] * 3 + [1e-3] * 3) * random.standard_normal((50, 6))
+    near = anchors.poses + step
+    linear = Elastic(anchors).wrench(index, near) - wrench(near)
+    assert np.abs(linear[:, :3]).max() < 0.05
+    assert np.abs(linear[:, 3:]).max() < 0.01
+    full = Elastic(anchors, StandInMap()).wrench(index, near) - wrench(near)
+    assert np.abs(full).max() < 1e-6
+
+
+def test_skew_is_the_cross_product() -> None:
+    random = np.random.default_rng(2)
+    a, b = random.standard_normal((2, 5, 3))
+    assert rotate(skew(a), b) == pytest.approx(np.cross(a, b))
