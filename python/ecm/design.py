@@ -151,8 +151,10 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
     )
 
 
-def diagnosable_plan(candidates: Table, chosen: Design, n: int, *, seed: int = 0) -> Table:
-    """n measured visits that separate the effects of the catalogue, and the checks between.
+def diagnosable_plan(
+    candidates: Table, chosen: Design, visits: int | None = None, *, seed: int = 0
+) -> Table:
+    """Measured visits, by default two a pose, that separate the effects of the catalogue, and the checks between.
 
     Each chosen pose is visited from the initial pose and from a pose beyond it, so that the
     side of approach differs; visits left over repeat poses from the initial pose. Dwell times
@@ -161,19 +163,19 @@ def diagnosable_plan(candidates: Table, chosen: Design, n: int, *, seed: int = 0
     """
     rng = np.random.default_rng([seed, 3])
     poses = candidates.poses[chosen.indices]
+    own = _pose_ids(candidates)
     m = len(poses)
+    n = 2 * m if visits is None else visits
     if n < m:
         raise InputError(f"a diagnosable plan of {m} poses needs at least {m} visits, got {n}")
     beyond = _beyond(poses)
-    visits = [(i, "initial") for i in range(m)]
-    both = [i for i in rng.permutation(m) if beyond[i] >= 0][: (n - m + 1) // 2]
-    visits += [(int(i), str(int(chosen.indices[beyond[i]]))) for i in both]
+    legs = [(i, "initial") for i in range(m)]
+    both = [i for i in rng.permutation(m) if beyond[i] >= 0][: 3 * (n - m) // 4]
+    legs += [(int(i), str(int(own[chosen.indices[beyond[i]]]))) for i in both]
     again = rng.permutation(m)
-    left = n - len(visits)
-    visits += [(int(again[j % m]), "initial") for j in range(left)]
-    visits = [visits[i] for i in rng.permutation(len(visits))]
-    dwells = np.resize(np.asarray(DWELLS_S), len(visits))
-    dwells = dwells[rng.permutation(len(visits))]
+    legs += [(int(again[j % m]), "initial") for j in range(n - len(legs))]
+    legs = [legs[i] for i in rng.permutation(n)]
+    dwells = np.resize(np.asarray(DWELLS_S), n)[rng.permutation(n)]
 
     rows: list[int] = []
     kind: list[str] = []
@@ -189,7 +191,7 @@ def diagnosable_plan(candidates: Table, chosen: Design, n: int, *, seed: int = 0
         dwell.append(DWELLS_S[0])
 
     check("unloaded", "unload")
-    for i, (pose, side) in enumerate(visits):
+    for i, (pose, side) in enumerate(legs):
         if i and i % _UNLOAD_EVERY == 0:
             check("unloaded", "unload")
         if i % _HOME_EVERY == 0:
@@ -209,6 +211,12 @@ def diagnosable_plan(candidates: Table, chosen: Design, n: int, *, seed: int = 0
         approach=approach,
         dwell_s=np.asarray(dwell),
     )
+
+
+def _pose_ids(candidates: Table) -> F:
+    if candidates.has("pose_id"):
+        return candidates.column("pose_id")
+    return np.arange(len(candidates), dtype=np.float64)
 
 
 def _beyond(poses: F) -> I:
@@ -251,7 +259,7 @@ def _plan(
     measured = rows >= 0
     rest = np.zeros(6)
     rest[0] = candidates.meta.mechanism.get("length_m", _rest_x_m(poses))
-    own = candidates.column("pose_id") if candidates.has("pose_id") else np.arange(len(poses)) * 1.0
+    own = _pose_ids(candidates)
     columns: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
         "pose_id": np.where(measured, own[rows], -1.0),
         "kind": np.asarray(kind, dtype=object),

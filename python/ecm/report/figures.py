@@ -269,7 +269,8 @@ def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
                 "y": rows,
                 "text": text,
                 "texttemplate": "%{text}",
-                "colorscale": "RdBu",
+                "colorscale": [[0, "#4393c3"], [0.5, "#ffffff"], [1, "#e58368"]],
+                "textfont": {"color": INK},
                 "zmid": 0,
                 "zmin": -1.6,
                 "zmax": 1.6,
@@ -310,4 +311,39 @@ def pose_cloud(poses: F) -> dict[str, Any]:
         )
         layout[f"xaxis{suffix}"] = _axis(x_title, **x)
         layout[f"yaxis{suffix}"] = _axis(y_title, **y)
+    return {"data": data, "layout": layout}
+
+
+def residuals_over(x: F, series: dict[str, F], *, x_title: str) -> dict[str, Any]:
+    """Whitened residuals of six components against a covariate, one panel each."""
+    data: list[dict[str, Any]] = []
+    layout = _layout(height=520)
+    layout["annotations"] = []
+    for i, (suffix, x_axis, y_axis, _) in enumerate(_grid(6)):
+        for k, (name, values) in enumerate(series.items()):
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": np.round(x, 4).tolist(),
+                    "y": np.round(values[:, i], 4).tolist(),
+                    "name": name,
+                    "legendgroup": name,
+                    "showlegend": i == 0,
+                    "marker": {
+                        "size": 5 if k == 0 else 4,
+                        "symbol": ("circle-open", "cross-thin-open")[k % 2],
+                        "color": COLOURS[(1, 0)[k % 2]],
+                    },
+                    "customdata": list(range(len(x))),
+                    "hovertemplate": "row %{customdata}: %{y:.2f}<extra>" + name + "</extra>",
+                    "xaxis": f"x{suffix}",
+                    "yaxis": f"y{suffix}",
+                }
+            )
+        layout[f"xaxis{suffix}"] = _axis(x_title if i >= 3 else "", **x_axis)
+        layout[f"yaxis{suffix}"] = _axis("residual / noise" if i % 3 == 0 else "", **y_axis)
+        layout["annotations"].append(
+            _panel_title(COMPONENT_LABELS[i].split(" [")[0], x_axis, y_axis)
+        )
     return {"data": data, "layout": layout}

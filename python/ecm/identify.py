@@ -1,0 +1,472 @@
+"""The main job: simulate, select, measure, identify; then the loop that users come for.
+
+Each step is a stage: its result is kept under a hash of its settings and inputs, so an
+interrupted run goes on where it was. Numbers go to `summary.json`, times to `times.json`: the
+same seed gives the same bytes in the summary on any number of threads.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import selection, validation
+from ecm._native import PolynomialModel, __version__
+from ecm.compare import compare
+from ecm.config import Config, read_config
+from ecm.design import Design, choose, diagnosable_plan, paper_plan
+from ecm.errors import MissingExtra
+from ecm.loop import run_loop
+from ecm.meta import Meta
+from ecm.models import Model, PhysicsMap, fit_model, load_model, surrogate_of
+from ecm.rig import HiddenTable, RigSettings, run_campaign
+from ecm.simulate import Simulated, simulate
+from ecm.stages import Stage, hash_of, write_json
+from ecm.table import POSE, WRENCH, Table, read_table
+
+F = NDArray[np.float64]
+
+DESIGNS = ("d", "maximin")
+_TIMED_PAIRS = 100
+
+
+class Console:
+    """Where the job tells what it does; the command line passes one that draws bars."""
+
+    def say(self, text: str = "") -> None:
+        """A line for the reader."""
+
+    def bar(self, title: str) -> Callable[..., None] | None:
+        """A progress callback (done, total[, word]) for the work that comes next."""
+        return None
+
+
+@dataclass
+class Job:
+    """What all steps share."""
+
+    config: Config
+    out: Path
+    seed: int
+    threads: int
+    console: Console
+    stages_s: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, F] = field(default_factory=dict)
+
+    def stage(self, name: str, *inputs: Any) -> Stage:
+        """The stage of a step; its key holds seed, version and inputs."""
+        return Stage(self.out / "stages", name, {"seed": self.seed, "version": __version__}, inputs)
+
+    @contextmanager
+    def step(self, name: str, title: str) -> Iterator[None]:
+        """Announces a step and takes its time."""
+        self.console.say(title)
+        start = time.perf_counter()
+        yield
+        self.stages_s[name] = round(time.perf_counter() - start, 3)
+
+
+def identify(
+    config: Config | Path,
+    out: Path,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """The paper's three steps and the loop after them; returns the summary.
+
+    Parameters
+    ----------
+    config
+        Settings, or the TOML file that holds them.
+    out
+        Directory of the results.
+
+    Writes `summary.json`, `times.json`, `model.json`, the tables as CSV and `report.html`
+    (the last with the extra `report`) into `out`; goes on where an earlier run was.
+    """
+    if not isinstance(config, Config):
+        config = read_config(config)
+    job = Job(config, out, seed, threads, console or Console())
+    out.mkdir(parents=True, exist_ok=True)
+    summary: dict[str, Any] = {
+        "format": "ecm-identify",
+        "version": 1,
+        "program": __version__,
+        "seed": seed,
+        "mechanism": config.mechanism.to_dict(),
+    }
+    with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
+        pairs = _simulate(job, summary)
+    with job.step("select", "2 Select: a model, and the poses worth measuring"):
+        train, test = _split(job, pairs)
+        designs = _select(job, pairs, train, test, summary)
+    with job.step("measure", "3 Measure and identify: the simulated rig"):
+        campaigns = _measure(job, pairs, train, designs, summary)
+        physics = _physics(job, pairs, train, test)
+        _identify(job, campaigns, physics, summary)
+    with job.step("loop", "4 The loop: an effect is hidden in the rig, and found again"):
+        _loop(job, pairs, train, physics, summary)
+    with job.step("time", "Evaluation time against FEM"):
+        evaluation = _times(job, pairs, test)
+    times = {"stages_s": job.stages_s, "evaluation": evaluation}
+    write_json(out / "summary.json", summary)
+    write_json(out / "times.json", times)
+    _report(job, summary, times)
+    return summary
+
+
+# --- 1 simulate --------------------------------------------------------------
+
+
+def _simulate(job: Job, summary: dict[str, Any]) -> Simulated:
+    config = job.config
+    pairs = simulate(
+        config.mechanism,
+        config.workspace,
+        config.simulate.n,
+        seed=job.seed,
+        threads=job.threads,
+        directory=job.out / "stages",
+        progress=job.console.bar("FEM pairs"),
+    )
+    counts = pairs.counts
+    job.console.say(
+        f"  {counts['drawn']} wrenches drawn, {counts['screened']} passed the rod's screen, "
+        f"{counts['solved']} solved, {counts['kept']} kept "
+        f"({counts['unstable']} unstable, {counts['failed']} without a solution)"
+    )
+    rest = config.mechanism.fem().rest_stiffness()
+    equation_11 = validation.against_equation_11(rest)
+    job.console.say(
+        "  K at rest against the paper's equation (11): "
+        + ", ".join(f"{100.0 * row['difference']:+.1f} %" for row in equation_11)
+    )
+    summary["simulate"] = {
+        "counts": counts,
+        "iterations_mean": float(pairs.iterations.mean()),
+        "largest_rotation_rad": float(np.linalg.norm(pairs.poses[:, 3:], axis=1).max()),
+        "largest_stretch": float(pairs.largest_stretch.max()),
+        "stiffness_at_rest": rest.tolist(),
+        "equation_11": equation_11,
+    }
+    job.figures["simulated_poses"] = pairs.poses
+    simulated_table(pairs, job.config).write(job.out / "simulated.csv")
+    return pairs
+
+
+def simulated_table(pairs: Simulated, config: Config) -> Table:
+    """Simulated pairs as a measurement table."""
+    columns: dict[str, Any] = dict(zip(POSE, pairs.poses.T, strict=True))
+    columns |= dict(zip(WRENCH, pairs.wrenches.T, strict=True))
+    columns["energy_J"] = pairs.energy_J
+    columns["largest_stretch"] = pairs.largest_stretch
+    columns["smallest_jacobian"] = pairs.smallest_jacobian
+    return Table(columns, Meta(mechanism=config.mechanism.to_dict()), "simulated pairs")
+
+
+def _split(job: Job, pairs: Simulated) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    return selection.split(len(pairs), job.config.simulate.n_test, job.seed)
+
+
+# --- 2 select ----------------------------------------------------------------
+
+
+def _select(
+    job: Job,
+    pairs: Simulated,
+    train_rows: NDArray[np.int64],
+    test_rows: NDArray[np.int64],
+    summary: dict[str, Any],
+) -> dict[str, Design]:
+    settings = job.config.select
+    train = pairs.poses[train_rows], pairs.wrenches[train_rows]
+    test = pairs.poses[test_rows], pairs.wrenches[test_rows]
+    table_two = selection.table_two(train, test, settings.degrees, settings.thresholds)
+    for row in table_two["degrees"]:
+        job.console.say(
+            f"  degree {row['degree']}: RMSE fx {row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, "
+            f"fz {row['rmse'][2]:.3g} N; kappa {row['kappa']:.4g}"
+        )
+    b01 = PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    predicted = b01.predict(test[0])
+    job.figures["e_rel_b01"] = selection.relative_error(predicted, test[1])
+    energy = selection.energy_learning(
+        train,
+        test,
+        length_m=job.config.mechanism.length_m,
+        degrees=settings.energy_degrees,
+        counts=[c for c in settings.energy_poses if c <= len(train_rows)],
+        seed=job.seed,
+    )
+    designs = _designs(job, train[0])
+    figure_5, errors = selection.design_errors(
+        train, test, {name: d.indices for name, d in designs.items()}, degree=settings.degrees[-1]
+    )
+    for name, values in errors.items():
+        job.figures[f"e_rel_design_{name}"] = values
+    summary["select"] = {
+        "n_train": len(train_rows),
+        "n_test": len(test_rows),
+        "table_two": table_two,
+        "outside": selection.outside(job.figures["e_rel_b01"], predicted, test[1], 0.2),
+        "energy": energy,
+        "designs": {
+            name: {
+                "n": len(d.indices),
+                "value": d.value,
+                "bound": d.bound,
+                "efficiency": d.efficiency,
+            }
+            for name, d in designs.items()
+        },
+        "figure_5": figure_5,
+    }
+    return designs
+
+
+def _designs(job: Job, poses: F) -> dict[str, Design]:
+    settings = job.config.design
+    designs = {}
+    for criterion in DESIGNS:
+        stage = job.stage(f"design-{criterion}", settings.n, settings.starts, poses)
+
+        def compute(criterion: str = criterion) -> Mapping[str, Any]:
+            found = choose(
+                poses,
+                settings.n,
+                criterion=criterion,
+                seed=job.seed,
+                threads=job.threads,
+                starts=settings.starts,
+                progress=job.console.bar(f"{criterion} design"),
+            )
+            return dict(vars(found))
+
+        designs[criterion] = Design(**stage.run(compute))
+        job.console.say(f"  {criterion}: {designs[criterion].sentence()}")
+    return designs
+
+
+# --- 3 measure and identify --------------------------------------------------
+
+
+def _measure(
+    job: Job,
+    pairs: Simulated,
+    train: NDArray[np.int64],
+    designs: dict[str, Design],
+    summary: dict[str, Any],
+) -> dict[str, Table]:
+    candidates = simulated_table(pairs, job.config).select(train)
+    clean = replace(job.config.rig, hidden=HiddenTable())
+    tables = {}
+    rows = {}
+    for name, design in designs.items():
+        plan = paper_plan(candidates, design, seed=job.seed)
+        plan.write(job.out / f"plan-{name}.csv")
+        tables[name] = measure(job, plan, f"measured-{name}", clean)
+        measured = tables[name].measured()
+        rows[name] = {
+            "rows": len(measured),
+            "skipped": len(design.indices) - len(measured),
+            "minutes": float(tables[name].column("time_s").max()) / 60.0,
+        }
+        job.console.say(
+            f"  {name}: {rows[name]['rows']} poses in {rows[name]['minutes']:.0f} robot minutes"
+        )
+    summary["identify"] = {"campaigns": rows}
+    return tables
+
+
+def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
+    """A campaign on the simulated rig; one that is finished is read again."""
+    out = job.out / f"{name}.csv"
+    stage = job.stage(name, hash_of(dict(plan.columns)), rig.to_dict())
+
+    def run() -> dict[str, Any]:
+        run_campaign(
+            plan,
+            rig,
+            out,
+            seed=job.seed,
+            threads=job.threads,
+            progress=job.console.bar(name),
+            folder=job.out / "stages" / "anchors",
+        )
+        return {"data": out.name}
+
+    if not out.exists() or not stage.done():
+        stage.save(run())
+    return read_table(out)
+
+
+def _physics(
+    job: Job, pairs: Simulated, train: NDArray[np.int64], test: NDArray[np.int64]
+) -> PhysicsMap:
+    return surrogate_of(
+        pairs.poses[train],
+        pairs.wrenches[train],
+        job.config.mechanism.length_m,
+        test_poses=pairs.poses[test],
+        test_wrenches=pairs.wrenches[test],
+        mechanism=job.config.mechanism.to_dict(),
+    )
+
+
+def _identify(
+    job: Job, tables: dict[str, Table], physics: PhysicsMap, summary: dict[str, Any]
+) -> None:
+    settings = job.config.select
+    step = summary["identify"]
+    rows, figures = validation.table_three(
+        tables, settings.thresholds, degree=settings.degrees[-1]
+    )
+    step["table_three"] = rows
+    for row in rows:
+        job.console.say(
+            f"  trained on {row['trained_on']}, b = {row['threshold']:g}: RMSE fx "
+            f"{row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, fz {row['rmse'][2]:.3g} N; "
+            f"kappa {row['kappa']:.4g}"
+        )
+    for name, arrays in figures.items():
+        job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
+        job.figures[f"observed_{name}"] = arrays["observed"]
+        job.figures[f"predicted_{name}"] = arrays["predicted"]
+
+    cubic = fit_model(tables["d"], f"poly:{settings.degrees[-1]}", pcr=0.1)
+    poses = np.concatenate([table.measured().poses for table in tables.values()])
+    share = validation.symmetric_share(cubic.stiffness(poses))
+    rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    stiffness = cubic.stiffness(rest)[0]
+    step["symmetric_share"] = {
+        "smallest": float(share.min()),
+        "above_0.95": float((share > 0.95).mean()),
+    }
+    step["stiffness_at_rest"] = stiffness.tolist()
+    step["equation_11"] = validation.against_equation_11(stiffness)
+    job.figures["symmetric_share"] = share
+
+    step["models"], step["floor"], best = _model_table(job, tables, cubic, physics)
+    best.save(job.out / "model.json")
+    cubic.save(job.out / "model-cubic.json")
+    job.console.say(
+        "  error over noise on the other design: "
+        + ", ".join(f"{row['model']} {row['whitened_rms']:.2f}" for row in step["models"])
+        + f"; model.json is {best.name}"
+    )
+
+
+def _model_table(
+    job: Job, tables: dict[str, Table], cubic: Model, physics: PhysicsMap
+) -> tuple[list[dict[str, Any]], list[float], Model]:
+    """Models trained on the D-optimal design, on the poses of the other one."""
+    train, test = tables["d"].measured(), tables["maximin"].measured()
+    few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
+    candidates = [
+        (f"degree {job.config.select.degrees[-1]} polynomial, b = 0.1", cubic, len(train)),
+        ("energy4", fit_model(few, "energy4"), len(few)),
+        ("energy4", fit_model(train, "energy4"), len(train)),
+        ("energy6", fit_model(train, "energy6"), len(train)),
+        ("physics, E free", fit_model(few, "physics", physics=physics), len(few)),
+    ]
+    rows = []
+    floor: list[float] = []
+    for name, model, count in candidates:
+        found = compare(model, test)
+        floor = [c.floor for c in found.components]
+        rows.append(
+            {
+                "model": name,
+                "coefficients": int(np.asarray(model.base.coefficients).size),
+                "poses": count,
+                "rmse": [c.rmse for c in found.components],
+                "whitened_rms": found.whitened_rms,
+            }
+        )
+    # The physics model stands for one body; what a user takes along is fitted to the data.
+    fitted = [i for i, (name, _, _) in enumerate(candidates) if not name.startswith("physics")]
+    best = min(fitted, key=lambda i: rows[i]["whitened_rms"])
+    return rows, floor, candidates[best][1]
+
+
+def _loop(
+    job: Job,
+    pairs: Simulated,
+    train: NDArray[np.int64],
+    physics: PhysicsMap,
+    summary: dict[str, Any],
+) -> None:
+    candidates = simulated_table(pairs, job.config).select(train)
+    # Half as many poses, each visited twice: what the first campaign cost in robot time.
+    count = max(20, job.config.design.n // 2)
+    chosen = choose(candidates.poses, count, criterion="maximin", seed=job.seed)
+    plan = diagnosable_plan(candidates, chosen, seed=job.seed)
+    plan.write(job.out / "plan-loop.csv")
+    data = measure(job, plan, "measured-loop", job.config.rig)
+    found = run_loop(
+        data,
+        physics,
+        truth=job.out / "measured-loop.truth.json",
+        seed=job.seed,
+        threads=job.threads,
+        say=job.console.say,
+    )
+    found.model.save(job.out / "model-loop.json")
+    summary["loop"] = found.summary
+    job.figures.update(found.figures)
+
+
+def _times(job: Job, pairs: Simulated, test: NDArray[np.int64]) -> dict[str, Any]:
+    """Fig. 11; kept as a stage, since a time is taken once."""
+    take = test[:_TIMED_PAIRS]
+    stage = job.stage("times", take)
+    model = load_model(job.out / "model-cubic.json")
+
+    def compute() -> dict[str, Any]:
+        return validation.evaluation_times(
+            model.predict, job.config.mechanism, pairs.poses[take], pairs.wrenches[take]
+        )
+
+    found = stage.run(compute)
+    job.console.say(
+        f"  one evaluation: FEM {1e3 * float(np.median(found['fem_s'])):.0f} ms, model "
+        f"{1e6 * float(np.median(found['model_s'])):.0f} us from Python; "
+        f"{found['ratio_of_medians']:.0f} times faster"
+    )
+    return found
+
+
+def _report(job: Job, summary: dict[str, Any], times: dict[str, Any]) -> None:
+    from ecm.report.identify import identify_sections
+    from ecm.report.page import write_page
+
+    path = job.out / "report.html"
+    lead = (
+        f"{_described(job.config)}; {summary['simulate']['counts']['kept']} simulated wrench-pose "
+        f"pairs, designs of {job.config.design.n} poses, seed {job.seed}."
+    )
+    try:
+        sections = identify_sections(summary, job.figures, times)
+        write_page(path, "Stiffness identification", lead, sections)
+    except MissingExtra as error:
+        job.console.say(f"report.html is not written: {error}")
+        return
+    job.console.say(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
+
+
+def _described(config: Config) -> str:
+    body = config.mechanism
+    name = body.builtin or (body.mesh_file.name if body.mesh_file is not None else "mechanism")
+    return (
+        f"A {name} of length {1e3 * body.length_m:.1f} mm, E = "
+        f"{1e-6 * body.young_modulus_Pa:.3g} MPa, ν = {body.poisson_ratio:g}"
+    )
