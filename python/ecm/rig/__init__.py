@@ -6,6 +6,25 @@ plant has formulas of its own, or finding it would prove nothing.
 
 from __future__ import annotations
 
+from ecm.rig.campaign import Campaign, fem_source, run_campaign
+from ecm.rig.hidden import Hidden
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
+from ecm.rig.truth import Revealed, reveal, score
 
-__all__ = ["HiddenTable", "Instruments", "PlantTable", "Procedure", "RigSettings"]
+rig_from_dict = RigSettings.from_dict
+
+__all__ = [
+    "Campaign",
+    "Hidden",
+    "HiddenTable",
+    "Instruments",
+    "PlantTable",
+    "Procedure",
+    "Revealed",
+    "RigSettings",
+    "fem_source",
+    "reveal",
+    "rig_from_dict",
+    "run_campaign",
+    "score",
+]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,7 +72,7 @@ class Campaign:
         settings: RigSettings,
         source: Source,
         *,
-        hide: Hidden | None = None,
+        hide: Sequence[Hidden] = (),
         seed: int = 0,
         folder: Path | None = None,
         progress: Progress = None,
@@ -94,9 +95,14 @@ class Campaign:
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
         self.timeline: Timeline = lay_out(kept, settings.rig, length)
         smooth = source.surrogate(anchors)
-        self._hide = None if hide is None else hide.drawn(stream(seed, "hidden effect"))
+        random = stream(seed, "hidden effect")
+        self._hide: list[Hidden] = []
+        named = tuple(h.effect for h in hide)
+        for wanted in hide:
+            taken = (*named, *(h.effect for h in self._hide))
+            self._hide.append(wanted.drawn(random, taken))
         gradings = None
-        if self._hide is not None and self._hide.effect == "anisotropy":
+        if any(h.effect == "anisotropy" for h in self._hide):
             gradings = (
                 grading(source, anchors, COS2, folder, progress),
                 grading(source, anchors, SIN2, folder, progress),
@@ -110,9 +116,7 @@ class Campaign:
         )
         direction = random.uniform(-1.0, 1.0, 6)
         self.physics = nominal_physics(settings, Physics(), direction)
-        self.secret: _Secret | None = None
-        if self._hide is not None:
-            self.secret = self._conceal(self._hide)
+        self.secrets = [self._conceal(h) for h in self._hide]
         self._truth = self.plant.truth(self.course, self.physics, self._offset)
 
     def __len__(self) -> int:
@@ -158,18 +162,20 @@ class Campaign:
 
     def truth_text(self) -> str | None:
         """The sealed truth, or None where nothing was hidden."""
-        if self.secret is None:
+        if not self.secrets:
             return None
-        secret = self.secret
-        effect = {
-            "id": secret.effect,
-            "s": secret.strength,
-            "size": secret.size,
-            "physics": secret.name,
-            "parameters": getattr(self.physics, secret.name).parameters(),
-        }
+        effects = [
+            {
+                "id": secret.effect,
+                "s": secret.strength,
+                "size": secret.size,
+                "physics": secret.name,
+                "parameters": getattr(self.physics, secret.name).parameters(),
+            }
+            for secret in self.secrets
+        ]
         salt = stream(self.seed, "salt").bytes(16).hex()
-        return truth.sealed([effect], seed=self.seed, salt=salt)
+        return truth.sealed(effects, seed=self.seed, salt=salt)
 
     def key(self, source: Source) -> str:
         """Hash of all that the readings depend on."""
@@ -177,7 +183,7 @@ class Campaign:
             [v.kind, v.row, v.pose.tolist(), v.pose_id, v.repeat, v.run, v.approach, v.time_s]
             for v in self.timeline.visits
         ]
-        hide = None if self._hide is None else [self._hide.effect, self._hide.strength]
+        hide = [[h.effect, h.strength] for h in self._hide]
         document = [1, source.key(), self.settings.to_dict(), self.seed, hide, asked]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
@@ -263,7 +269,7 @@ def run_campaign(
     rig: RigSettings,
     out: Path | None = None,
     *,
-    hide: Hidden | None = None,
+    hide: str | Sequence[Hidden] | None = None,
     seed: int = 0,
     progress: Progress = None,
     resume: bool = True,
@@ -281,7 +287,7 @@ def run_campaign(
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
         NAME.journal.csv before the next one is taken. None: in memory.
     hide
-        Goes before the rig file's `[hidden]`.
+        `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
     resume
         Go on with a journal that stands there; False begins anew.
     source
@@ -296,8 +302,10 @@ def run_campaign(
     """
     if source is None:
         source = fem_source(plan, threads)
-    if hide is None and rig.hidden.effect:
-        hide = Hidden.parse(f"{rig.hidden.effect}={rig.hidden.strength!r}")
+    if hide is None:
+        hide = rig.hidden.effect and f"{rig.hidden.effect}={rig.hidden.strength!r}"
+    if isinstance(hide, str):
+        hide = Hidden.parse(hide)
     campaign = Campaign(
         plan,
         rig,

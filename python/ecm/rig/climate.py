@@ -74,9 +74,9 @@ class Climate:
 def _late(driver: F, lag_s: float) -> F:
     """First-order lag, in equilibrium at the beginning."""
     if lag_s <= 0.0:
-        return driver.copy()
+        return np.array(driver)
     share = -float(np.expm1(-GRID_S / lag_s))
-    late = np.empty_like(driver)
+    late: F = np.empty_like(driver)
     late[0] = driver[0]
     for i in range(1, len(driver)):
         late[i] = late[i - 1] + share * (driver[i] - late[i - 1])

@@ -38,20 +38,27 @@ class Hidden:
     strength: float
 
     @staticmethod
-    def parse(text: str) -> Hidden | None:
-        """`EFFECT=S`, `EFFECT` (s = 1) or `random`; None of an empty text.
+    def parse(text: str) -> tuple[Hidden, ...]:
+        """`EFFECT=S`, `EFFECT` (s = 1) or `random`; several with commas; () of an empty text.
 
         Raises
         ------
         InputError
-            For an id that the plant has not, or a strength that is no positive number.
+            For an id that the plant has not or that is given twice, or a strength that is no
+            positive number.
         """
+        if not text.strip():
+            return ()
+        asked = tuple(Hidden._one(part) for part in text.split(","))
+        names = [h.effect for h in asked]
+        if len(set(names)) < len(names):
+            raise InputError(f"--hide {text}: an effect is given twice; expected each once")
+        return asked
+
+    @staticmethod
+    def _one(text: str) -> Hidden:
         name, equals, rest = text.strip().partition("=")
         name = name.strip()
-        if not name:
-            if equals:
-                raise InputError(f"--hide {text}: expected EFFECT=S, such as fts_drift=1")
-            return None
         if name not in (*DRAWS, "random"):
             raise InputError(
                 f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(DRAWS))}. "
@@ -69,11 +76,11 @@ class Hidden:
             )
         return Hidden(name, strength)
 
-    def drawn(self, random: Random) -> Hidden:
-        """`random` becomes an id, and a strength where none was given."""
+    def drawn(self, random: Random, taken: tuple[str, ...] = ()) -> Hidden:
+        """`random` becomes an id that is not `taken`, and a strength where none was given."""
         if self.effect != "random":
             return self
-        effect = str(random.choice(sorted(CORE)))
+        effect = str(random.choice(sorted(set(CORE) - set(taken))))
         strength = self.strength or float(random.choice(RANDOM_STRENGTHS))
         return Hidden(effect, strength)
 

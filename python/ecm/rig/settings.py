@@ -160,7 +160,7 @@ class RigSettings:
                     f"{where}: unknown table [{name}]{nearest(name, list(TABLES))}. "
                     f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
                 )
-        return RigSettings(
+        settings = RigSettings(
             rig=from_table(Procedure, tables.get("rig", {}), f"{where} [rig]"),
             instrument=from_table(
                 Instruments, tables.get("instrument", {}), f"{where} [instrument]"
@@ -168,6 +168,15 @@ class RigSettings:
             plant=from_table(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
             hidden=from_table(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
         )
+        if settings.hidden.effect:
+            # Imported late: the physics of the plant is not needed to read a rig file.
+            from ecm.rig.hidden import Hidden
+
+            try:
+                Hidden.parse(settings.hidden.effect)
+            except InputError as error:
+                raise InputError(f"{where} [hidden] effect: {error}") from None
+        return settings
 
     def to_dict(self) -> dict[str, Any]:
         """Every setting, defaults included, as plain lists and numbers."""

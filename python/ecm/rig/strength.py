@@ -28,14 +28,21 @@ class Whitener:
         """covariance: (N, 6, 6); base: columns (N, 6, k) of wrench per base parameter."""
         lower = np.linalg.cholesky(covariance)
         self._inverse = np.stack([solve_triangular(low, np.eye(6), lower=True) for low in lower])
-        columns = np.einsum("nij,njk->nik", self._inverse, base).reshape(-1, base.shape[2])
-        self._base = np.linalg.qr(columns)[0]
+        self._base: list[F] = []
+        for column in np.einsum("nij,njk->kni", self._inverse, base):
+            # Gram-Schmidt with numpy's own sums: a threaded BLAS would change the last bits.
+            left = self._without_base(column.ravel())
+            self._base.append(left / np.sqrt(np.sum(left * left)))
 
     def strength(self, effect: F) -> float:
         """s of an effect (N, 6) in N and N m."""
         white = np.einsum("nij,nj->ni", self._inverse, effect).ravel()
-        left = white - self._base @ (self._base.T @ white)
-        return float(np.sqrt(np.mean(left**2)))
+        return float(np.sqrt(np.mean(self._without_base(white) ** 2)))
+
+    def _without_base(self, white: F) -> F:
+        for column in self._base:
+            white = white - column * np.sum(column * white)
+        return white
 
 
 def calibrate(

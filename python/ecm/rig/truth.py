@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +73,48 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
     }
 
 
-def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None = None) -> Any:
+@dataclass(frozen=True)
+class Revealed:
+    """An opened truth, and the score of an answer where there is one."""
+
+    effects: tuple[dict[str, Any], ...]
+    """id, s, size, physics, parameters of each."""
+    seed: int
+    verdict: str = ""
+    score: dict[str, Any] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        document: dict[str, Any] = {
+            "schema": 1,
+            "seed": self.seed,
+            "effects": [dict(effect) for effect in self.effects],
+        }
+        if self.score is not None:
+            document |= {"verdict": self.verdict, "score": self.score}
+        return document
+
+    def text(self) -> str:
+        """A few plain lines."""
+        lines = []
+        for effect in self.effects:
+            unit = effect["parameters"].get("unit", "")
+            lines.append(
+                f"hidden: {effect['id']} at s = {effect['s']:g} "
+                f"({effect['physics']} of size {effect['size']:.4g} {unit})"
+            )
+        if self.score is not None:
+            score = self.score
+            for found in score["found"]:
+                how = "named" if found["named"] else f"in the class {' | '.join(found['class'])}"
+                lines.append(f"found: {found['id']}, {how}")
+            lines += [f"missed: {name}" for name in score["missed"]]
+            lines += [f"wrong: {' | '.join(members)}" for members in score["wrong"]]
+            lines.append("the answer is right" if score["correct"] else "the answer is not right")
+        return "\n".join(lines)
+
+
+def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None = None) -> Revealed:
     """Opens the truth beside a table, checks its seal, and scores an answer.
 
     Parameters
@@ -81,11 +123,6 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
         The measurement table, or its path.
     answer
         The report of `diagnose` (path or parsed), or nothing.
-
-    Returns
-    -------
-    dict
-        `effects` (id, s, size, parameters), and `score` where there is an answer.
 
     Raises
     ------
@@ -112,11 +149,13 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
             "The file was changed, or belongs to other data"
         )
     document = json.loads(text)
-    result: dict[str, Any] = {"effects": document["effects"], "seed": document["seed"]}
-    if answer is not None:
-        result["score"] = score([e["id"] for e in document["effects"]], _classes(answer))
-        result["verdict"] = _report(answer).get("verdict")
-    return result
+    effects = tuple(document["effects"])
+    if answer is None:
+        return Revealed(effects, document["seed"])
+    report = _report(answer)
+    where = "answer" if isinstance(answer, dict) else str(answer)
+    scored = score([e["id"] for e in effects], _classes(report, where))
+    return Revealed(effects, document["seed"], str(report.get("verdict", "")), scored)
 
 
 def _report(answer: str | Path | dict[str, Any]) -> dict[str, Any]:
@@ -131,9 +170,8 @@ def _report(answer: str | Path | dict[str, Any]) -> dict[str, Any]:
     return document
 
 
-def _classes(answer: str | Path | dict[str, Any]) -> list[list[str]]:
-    where = "answer" if isinstance(answer, dict) else str(answer)
-    classes = _report(answer).get("answer")
+def _classes(report: dict[str, Any], where: str) -> list[list[str]]:
+    classes = report.get("answer")
     if not isinstance(classes, list) or not all(
         isinstance(c, list) and all(isinstance(name, str) for name in c) for c in classes
     ):
