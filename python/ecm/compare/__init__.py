@@ -1,0 +1,16 @@
+"""Compare a model with measurements: noise floor, lack of fit, excess error."""
+
+from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
+from ecm.compare.noise import Noise, declared_noise
+from ecm.compare.summary import Comparison, Component, compare
+
+__all__ = [
+    "Comparison",
+    "Component",
+    "FTest",
+    "Noise",
+    "compare",
+    "declared_noise",
+    "lack_of_fit",
+    "omnibus",
+]

@@ -1,0 +1,68 @@
+"""Which noise a table has: from repeats, as declared, or assumed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE, WRENCH
+from ecm.compare.floor import floor_from_repeats
+from ecm.compare.folds import is_pose
+from ecm.compare.noise import Noise, declared_noise
+from ecm.effects import all_effects
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]
+
+
+def repeat_cells(table: Table) -> I:
+    """(N,) number of the pose that each row repeats; rows that measure no pose are alone.
+
+    Rows repeat a pose when their pose_id and run agree.
+    """
+    own = np.arange(len(table), dtype=np.int64)
+    if not table.has("pose_id"):
+        return own
+    keys = [table.column("pose_id")]
+    if table.has("run"):
+        keys.append(table.column("run"))
+    _, codes = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)
+    cells = np.asarray(codes, dtype=np.int64).ravel()
+    return np.where(is_pose(table), cells, cells.max() + 1 + own)
+
+
+def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
+    """Noise of the rows: repeats, else declared, else `fallback`, else assumed.
+
+    What effects of time, temperature, dwell or approach can explain within the repeats of a pose
+    is left out of the noise, so that a hidden effect does not hide in its own floor.
+    """
+    table = rows.table
+    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+        return Noise() if fallback is None else fallback
+    prior = declared_noise(table)
+    if prior.source == "assumed" and fallback is not None and fallback.source != "assumed":
+        prior = fallback
+    cells = np.where(is_pose(table), repeat_cells(table), -1)
+    measured = table.wrenches
+    found = floor_from_repeats(rows, measured - predicted, cells, nuisance_columns(rows), prior)
+    return prior if found is None else found
+
+
+def nuisance_columns(rows: Rows) -> F:
+    """(N, m, k) tangents of every testable effect that can vary between repeats of a pose."""
+    blocks = [
+        variant.jacobian(rows, np.zeros(len(variant.parameters)))
+        for effect in all_effects()
+        if effect.kind == "time" and effect.missing(rows.table) is None
+        for variant in effect.variants(rows.table)[:2]
+    ]
+    if not blocks:
+        return np.zeros((len(rows), len(rows.base.outputs), 0))
+    return np.concatenate(blocks, axis=2)

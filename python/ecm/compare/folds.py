@@ -1,0 +1,97 @@
+"""Which rows stay together, and folds that a missing effect cannot leak through.
+
+Repeats of a pose are never split. Effects of the pose are scored on contiguous blocks of time,
+effects of time on clusters of poses, several runs of a continuous test one run at a time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]
+
+
+def row_groups(table: Table) -> I:
+    """(N,) group of each row: `[columns] group`, else pose_id, else the row itself.
+
+    Home and unloaded rows are each a group of their own.
+    """
+    n = len(table)
+    own = np.arange(n, dtype=np.int64)
+    names = [name for name in table.meta.group if table.has(name)]
+    if not names and table.has("pose_id"):
+        names = ["pose_id"]
+    if not names:
+        return own
+    keys = np.stack([_codes(table, name) for name in names], axis=1)
+    _, codes = np.unique(keys, axis=0, return_inverse=True)
+    groups = np.asarray(codes, dtype=np.int64).ravel()
+    if table.has("kind"):
+        checks = ~is_pose(table)
+        groups = np.where(checks, groups.max() + 1 + own, groups)
+    _, packed = np.unique(groups, return_inverse=True)
+    return np.asarray(packed, dtype=np.int64).ravel()
+
+
+def is_pose(table: Table) -> NDArray[np.bool_]:
+    """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
+    kind = table.text("kind")
+    return np.array([value in ("", "pose") for value in kind], dtype=np.bool_)
+
+
+def _codes(table: Table, name: str) -> I:
+    values = table.columns[name]
+    if values.dtype == object:
+        values = np.array([str(v) for v in values])
+    _, codes = np.unique(values, return_inverse=True)
+    return np.asarray(codes, dtype=np.int64).ravel()
+
+
+def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"], n: int = 5) -> I:
+    """(N,) fold of each row, groups whole; n is lowered where there are fewer groups."""
+    if by == "run" and table.has("run"):
+        return _codes(table, "run")
+    count = int(groups.max()) + 1
+    n = max(2, min(n, count))
+    if by == "time":
+        when = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
+        middle = np.bincount(groups, weights=when) / np.bincount(groups)
+        order = np.argsort(middle, kind="stable")
+        block = np.empty(count, dtype=np.int64)
+        block[order] = np.arange(count) * n // count
+        return np.asarray(block[groups])
+    sizes = np.bincount(groups)
+    centres = np.stack(
+        [np.bincount(groups, weights=poses[:, j]) / sizes for j in range(poses.shape[1])], axis=1
+    )
+    return np.asarray(_clusters(centres, n)[groups])
+
+
+def _clusters(points: F, n: int) -> I:
+    """Equal-sized clusters: recursive cuts along the longest principal axis, no random start."""
+    spread = points.std(axis=0)
+    scaled = (points - points.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    labels = np.zeros(len(points), dtype=np.int64)
+    parts: list[tuple[I, int]] = [(np.arange(len(points)), n)]
+    found = 0
+    while parts:
+        members, pieces = parts.pop()
+        if pieces == 1:
+            labels[members] = found
+            found += 1
+            continue
+        centred = scaled[members] - scaled[members].mean(axis=0)
+        _, _, axes = np.linalg.svd(centred, full_matrices=False)
+        order = members[np.argsort(centred @ axes[0], kind="stable")]
+        left = pieces // 2
+        cut = len(order) * left // pieces
+        parts.append((order[cut:], pieces - left))
+        parts.append((order[:cut], left))
+    return labels

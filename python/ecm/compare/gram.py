@@ -1,0 +1,97 @@
+"""Least squares on group-wise normal equations: refits, folds and bootstraps without the rows.
+
+For whitened rows y = Z theta + noise, everything that a comparison of models needs is in
+G_g = Z_g' Z_g, c_g = Z_g' y_g and s_g = y_g' y_g of each group g of rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]
+
+_RIDGE = 1e-10
+
+
+@dataclass(frozen=True)
+class Gram:
+    """Normal equations per group of rows."""
+
+    matrices: F
+    """(g, k, k)."""
+    vectors: F
+    """(g, k)."""
+    squares: F
+    """(g,)."""
+    counts: F
+    """(g,) rows times components."""
+
+    @staticmethod
+    def of(design: F, response: F, groups: I, row_weights: F | None = None) -> Gram:
+        """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on."""
+        n, m, k = design.shape
+        root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
+        z = design * root[:, None, None]
+        y = response * root[:, None]
+        count = int(groups.max()) + 1
+        matrices = np.zeros((count, k, k))
+        vectors = np.zeros((count, k))
+        order = np.argsort(groups, kind="stable")
+        bounds = np.searchsorted(groups[order], np.arange(count + 1))
+        for g in range(count):
+            rows = order[bounds[g] : bounds[g + 1]]
+            block = z[rows].reshape(-1, k)
+            matrices[g] = block.T @ block
+            vectors[g] = block.T @ y[rows].ravel()
+        squares = np.bincount(groups, weights=(y**2).sum(axis=1), minlength=count)
+        counts = np.bincount(groups, weights=(root > 0.0) * float(m), minlength=count)
+        return Gram(matrices, vectors, squares, counts)
+
+    def total(self, weights: F | None = None) -> tuple[F, F, float]:
+        """G, c, s summed over groups, each with its weight."""
+        w = np.ones(len(self.squares)) if weights is None else weights
+        matrix = np.tensordot(w, self.matrices, axes=1)
+        return np.asarray(matrix), np.asarray(w @ self.vectors), float(w @ self.squares)
+
+    def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
+        """(g,) held-out sum of squares of each group, fitted without its fold.
+
+        scored: (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        """
+        take = np.asarray(columns, dtype=np.int64)
+        matrix, vector, _ = self.total()
+        result = np.zeros(len(self.squares))
+        for fold in np.unique(fold_of_group):
+            inside = fold_of_group == fold
+            weight = inside.astype(np.float64)
+            g_in, c_in, _ = self.total(weight)
+            theta = solve((matrix - g_in)[np.ix_(take, take)], (vector - c_in)[take])
+            for g in np.flatnonzero(inside & (scored > 0.0)):
+                own = self.matrices[g][np.ix_(take, take)]
+                result[g] = (
+                    self.squares[g] - 2.0 * self.vectors[g][take] @ theta + theta @ own @ theta
+                )
+        return result
+
+
+def solve(matrix: F, vector: F) -> F:
+    """Solution of near-singular normal equations, scaled to unit diagonal."""
+    if len(vector) == 0:
+        return np.zeros(0)
+    diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(diagonal, diagonal)
+    scaled[np.diag_indices_from(scaled)] += _RIDGE
+    return np.asarray(np.linalg.solve(scaled, vector / diagonal) / diagonal)
+
+
+def explained(matrix: F, vector: F, columns: Sequence[int]) -> float:
+    """Sum of squares that these columns explain."""
+    take = np.asarray(columns, dtype=np.int64)
+    if len(take) == 0:
+        return 0.0
+    return float(vector[take] @ solve(matrix[np.ix_(take, take)], vector[take]))

@@ -1,0 +1,97 @@
+"""Lack of fit against pure error from repeats, and the omnibus test of a residual.
+
+F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): what the model leaves between cells
+over what repeats of the same cell leave (NIST/SEMATECH e-Handbook, 4.4.4.6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class FTest:
+    """An F ratio with its degrees of freedom."""
+
+    F: float
+    p: float
+    dof: float
+    dof_error: float
+
+    @staticmethod
+    def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
+        """Explained over rest, each per degree of freedom."""
+        if dof <= 0 or dof_error <= 0 or rest <= 0.0:
+            return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0))
+        ratio = max(explained, 0.0) / dof / (rest / dof_error)
+        return FTest(ratio, float(stats.f.sf(ratio, dof, dof_error)), dof, dof_error)
+
+
+def lack_of_fit(whitened: F, cells: I, parameters: int, weights: F | None = None) -> FTest | None:
+    """Lack-of-fit F of whitened residuals (N, m); None where no cell is repeated.
+
+    Parameters
+    ----------
+    cells
+        (N,) cell of each row: rows that were to measure the same thing.
+    parameters
+        Number of fitted coefficients.
+    weights
+        (N,) 0 leaves a row out.
+    """
+    keep = np.ones(len(whitened), dtype=np.bool_) if weights is None else weights > 0.0
+    rows, own = whitened[keep], cells[keep]
+    _, packed = np.unique(own, return_inverse=True)
+    count = np.bincount(packed)
+    if count.max(initial=0) < 2:
+        return None
+    m = rows.shape[1]
+    means = np.stack([np.bincount(packed, rows[:, j]) / count for j in range(m)], axis=1)
+    pure = float(((rows - means[packed]) ** 2).sum())
+    total = float((rows**2).sum())
+    dof_pure = (len(rows) - len(count)) * m
+    return FTest.of(total - pure, len(count) * m - parameters, pure, dof_pure)
+
+
+def omnibus(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
+    """Whether columns outside the model explain the whitened residual (N, m).
+
+    Parameters
+    ----------
+    design
+        (N, m, q) whitened columns to look for.
+    fitted
+        (N, m, k) whitened columns of what was fitted already; projected out.
+    """
+    n, m, q = design.shape
+    root = np.ones(n) if weights is None else np.sqrt(weights)
+    y = (whitened * root[:, None]).ravel()
+    z = (design * root[:, None, None]).reshape(n * m, q)
+    base = (fitted * root[:, None, None]).reshape(n * m, -1)
+    basis = _orthonormal(base)
+    y = y - basis @ (basis.T @ y)
+    z = z - basis @ (basis.T @ z)
+    extra = _orthonormal(z)
+    explained = float(((extra.T @ y) ** 2).sum())
+    rest = float(y @ y) - explained
+    size = int((root > 0.0).sum()) * m
+    return FTest.of(explained, extra.shape[1], rest, size - basis.shape[1] - extra.shape[1])
+
+
+def _orthonormal(columns: F) -> F:
+    """Orthonormal basis of the columns' span."""
+    norms = np.sqrt((columns**2).sum(axis=0))
+    columns = columns[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
+    if columns.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    scaled = columns / np.sqrt((columns**2).sum(axis=0))
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    keep = values > 1e-9 * values[-1]
+    return np.asarray(scaled @ (vectors[:, keep] / np.sqrt(values[keep])))

@@ -1,0 +1,130 @@
+"""The noise of a row: Sigma = Sigma_w + K_s Sigma_p K_s' + Sigma_base, a full matrix.
+
+The pose noise acts through the stiffness, so that fx of a stiff axis carries most of it and the
+components are correlated. Its rotation part is taken as increments in base axes (isotropic, hence
+the same in top axes) and goes through K_s = K diag(I, J^-1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE, WRENCH
+
+if TYPE_CHECKING:
+    from ecm.effects.rows import Rows
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+Source = Literal["repeats", "declared", "assumed"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one row, and where they come from."""
+
+    position_sd_m: float = 40e-6
+    rotation_sd_rad: float = 4e-4
+    force_sd_N: float = 0.3
+    torque_sd_Nm: float = 0.010
+    source: Source = "assumed"
+    components: tuple[float, ...] | None = None
+    """Direct figures per output instead, for tables of other columns; pose noise inside."""
+
+    def parameters(self) -> F:
+        """(4,) position, rotation, force, torque."""
+        return np.array(
+            [self.position_sd_m, self.rotation_sd_rad, self.force_sd_N, self.torque_sd_Nm]
+        )
+
+    def with_parameters(self, values: F, source: Source) -> Noise:
+        """Other figures from another source."""
+        position, rotation, force, torque = (float(v) for v in values)
+        return replace(
+            self,
+            position_sd_m=position,
+            rotation_sd_rad=rotation,
+            force_sd_N=force,
+            torque_sd_Nm=torque,
+            source=source,
+        )
+
+    def covariance(self, rows: Rows, base_error: F | None = None) -> F:
+        """(N, m, m) covariance of the residual of each row."""
+        m = len(rows.base.outputs)
+        if self.components is not None:
+            covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
+            return np.array(covariance)
+        parts = covariance_parts(rows)
+        squares = self.parameters() ** 2
+        covariance = np.einsum("q,qnij->nij", squares, parts)
+        if base_error is not None:
+            loaded = (~rows.unloaded).astype(np.float64)
+            covariance += loaded[:, None, None] * np.diag(np.square(base_error))
+        return np.asarray(covariance)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For model files and reports."""
+        if self.components is not None:
+            return {"source": self.source, "components": list(self.components)}
+        return {
+            "source": self.source,
+            "position_sd_m": self.position_sd_m,
+            "rotation_sd_rad": self.rotation_sd_rad,
+            "force_sd_N": self.force_sd_N,
+            "torque_sd_Nm": self.torque_sd_Nm,
+        }
+
+    @staticmethod
+    def from_dict(document: dict[str, Any]) -> Noise:
+        """Of a model file."""
+        if "components" in document:
+            return Noise(
+                source=document["source"],
+                components=tuple(float(v) for v in document["components"]),
+            )
+        return Noise(**document)
+
+
+def covariance_parts(rows: Rows) -> F:
+    """(4, N, m, m) covariance per unit variance of position, rotation, force, torque."""
+    inputs, outputs = rows.base.inputs, rows.base.outputs
+    stiffness = rows.screw_stiffness if inputs == POSE else rows.stiffness
+    position = np.array([name in POSE[:3] for name in inputs])
+    force = np.array([name in WRENCH[:3] for name in outputs])
+    along, about = stiffness[:, :, position], stiffness[:, :, ~position]
+    n, m = len(rows), len(outputs)
+    parts = np.zeros((4, n, m, m))
+    parts[0] = along @ np.swapaxes(along, 1, 2)
+    parts[1] = about @ np.swapaxes(about, 1, 2)
+    parts[2] = np.diag(force.astype(np.float64))
+    parts[3] = np.diag((~force).astype(np.float64))
+    return parts
+
+
+def declared_noise(table: Table) -> Noise:
+    """Instrument figures of the data's TOML; what is not there is assumed, and said so."""
+    instrument = table.meta.instrument
+    figures = (
+        instrument.pose_position_sd_m,
+        instrument.pose_rotation_sd_rad,
+        instrument.force_sd_N,
+        instrument.torque_sd_Nm,
+    )
+    default = Noise()
+    values = np.array(
+        [d if f is None else f for f, d in zip(figures, default.parameters(), strict=True)]
+    )
+    source: Source = "declared" if all(f is not None for f in figures) else "assumed"
+    return default.with_parameters(values, source)
+
+
+def whiteners(covariance: F) -> F:
+    """(N, m, m) inverse Cholesky factors: W r has unit covariance."""
+    lower = np.linalg.cholesky(covariance)
+    identity = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape)
+    return np.asarray(np.linalg.solve(lower, identity))

@@ -1,0 +1,90 @@
+"""Residuals in physical units and whitened, and features that a missing effect may follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE
+from ecm.compare.noise import Noise, whiteners
+from ecm.effects.history import sides
+from ecm.effects.rows import Rows
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Measured minus predicted."""
+
+    physical: F
+    """(N, m)."""
+    whitened: F
+    """(N, m)."""
+    covariance: F
+    """(N, m, m) of the noise of each row."""
+    whitener: F
+    """(N, m, m)."""
+
+
+def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
+    """Residuals of a prediction (N, m) under the noise of the rows."""
+    measured = np.stack([rows.table.column(name) for name in rows.base.outputs], axis=1)
+    covariance = noise.covariance(rows, base_error)
+    whitener = whiteners(covariance)
+    physical = measured - predicted
+    return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
+
+
+def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
+    """(N, q) smooth functions of pose, time, order, temperature, side and dwell; their names.
+
+    Pose and its squares and products, then each covariate, t squared, and the products of each
+    covariate with the pose; at most `most` of them, the products of the pose going first.
+    """
+    loaded = (~rows.unloaded).astype(np.float64)
+    scaled = _standard(rows.poses) * loaded[:, None]
+    names = rows.base.inputs
+    linear = [(scaled[:, j], name) for j, name in enumerate(names)]
+    squares = [(scaled[:, j] ** 2, f"{name}^2") for j, name in enumerate(names)]
+    mixed = [
+        (scaled[:, i] * scaled[:, j], f"{names[i]}*{names[j]}")
+        for i in range(len(names))
+        for j in range(i)
+    ]
+    covariates = _covariates(rows)
+    own = [(values, name) for name, values in covariates.items()]
+    bent = [(v**2, f"{name}^2") for name, v in covariates.items() if name == "time_s"]
+    products = [
+        (scaled[:, j] * values, f"{name}*{names[j]}")
+        for name, values in covariates.items()
+        for j in range(len(names))
+    ]
+    one = [(np.ones(len(rows)), "constant")]
+    chosen = [*one, *linear, *own, *bent, *products, *squares, *mixed][:most]
+    return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
+
+
+def _covariates(rows: Rows) -> dict[str, F]:
+    table = rows.table
+    found: dict[str, F] = {}
+    names = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
+    for name in (*names, *table.covariates):
+        if table.has(name):
+            values = np.nan_to_num(table.column(name))
+            if float(np.ptp(values)) > 0.0:
+                found[name] = _standard(values[:, None])[:, 0]
+    if "time_s" not in found and len(table) > 1:
+        found["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
+    if table.has("approach") and rows.base.inputs == POSE:
+        side = sides(table, rows.length_m)
+        if float(np.ptp(side)) > 0.0:
+            found["approach"] = side
+    return found
+
+
+def _standard(values: F) -> F:
+    spread = values.std(axis=0)
+    return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))

@@ -1,0 +1,187 @@
+"""Compare a model with measurements: floor, excess error, one plain sentence."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.compare.estimate import estimate_noise, repeat_cells
+from ecm.compare.folds import is_pose, row_groups
+from ecm.compare.lack_of_fit import FTest, lack_of_fit
+from ecm.compare.noise import Noise
+from ecm.compare.residuals import residuals
+from ecm.effects.rows import Rows
+from ecm.errors import InputError
+
+if TYPE_CHECKING:
+    from ecm.models.model import Model
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_BOOTSTRAPS = 400
+_LEVEL = 0.9
+
+
+@dataclass(frozen=True)
+class Component:
+    """One wrench component, in its unit."""
+
+    name: str
+    rmse: float
+    bias: float
+    floor: float
+    """Standard deviation that noise alone gives, pose noise through K."""
+    excess: float
+    """sqrt(rmse^2 - floor^2), 0 where the noise explains it."""
+    excess_low: float
+    excess_high: float
+    """90 % interval, groups of rows resampled."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` found."""
+
+    model: str
+    rows: int
+    components: tuple[Component, ...]
+    whitened_rms: float
+    """1 where noise explains everything."""
+    excess: float
+    """sqrt(whitened_rms^2 - 1), the strength s of what is missing."""
+    excess_low: float
+    excess_high: float
+    noise: Noise
+    lack_of_fit: FTest | None
+    outside_domain: int
+    """Rows outside the poses that the model was trained on."""
+    whitened: F
+    """(N, m) of the measured poses, in file order."""
+    physical: F
+
+    def sentence(self) -> str:
+        """One plain sentence."""
+        worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
+        unit = worst.name.rsplit("_", 1)[1].replace("Nm", "N m")
+        where = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
+        floor = f"the noise floor {where[self.noise.source]}"
+        if self.excess_low <= 0.0:
+            return (
+                f"{self.model} is as good as the measurements can show: its error is "
+                f"{self.whitened_rms:.2f} times {floor}."
+            )
+        return (
+            f"{self.model} errs {self.whitened_rms:.2f} times {floor}: "
+            f"{worst.excess:.3g} {unit} in {worst.name.rsplit('_', 1)[0]} is not noise."
+        )
+
+    def where(self, worst: int = 10) -> dict[str, Any]:
+        """The worst rows and the components in order of their excess."""
+        lengths = np.sqrt((self.whitened**2).mean(axis=1))
+        order = np.argsort(-lengths)[:worst]
+        ranked = sorted(self.components, key=lambda c: -c.excess / max(c.floor, 1e-300))
+        return {
+            "worst_rows": [{"row": int(i), "whitened": float(lengths[i])} for i in order],
+            "components": [c.name for c in ranked],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "schema": 1,
+            "model": self.model,
+            "rows": self.rows,
+            "sentence": self.sentence(),
+            "noise": self.noise.to_dict(),
+            "rmse": {c.name: c.rmse for c in self.components},
+            "components": [asdict(c) for c in self.components],
+            "whitened_rms": self.whitened_rms,
+            "excess": {"value": self.excess, "low": self.excess_low, "high": self.excess_high},
+            "lack_of_fit": None if self.lack_of_fit is None else asdict(self.lack_of_fit),
+            "outside_domain": self.outside_domain,
+            "where": self.where(),
+        }
+
+
+def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int = 0) -> Comparison:
+    """Residuals of a model on a table, beside the noise of the table.
+
+    The floor comes from repeats, else from the table's instrument figures, else it is assumed.
+    """
+    lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
+    if lacking:
+        raise InputError(
+            f"{table.source}: no column {lacking[0]}, which the model {model.name} needs; "
+            f"it has inputs {', '.join(model.inputs)} and outputs {', '.join(model.outputs)}"
+        )
+    rows = Rows(table, model.base)
+    predicted = model.predict(table)
+    if noise is None:
+        noise = estimate_noise(rows, predicted, fallback=model.noise)
+    found = residuals(rows, predicted, noise, model.base.error)
+    scored = is_pose(table)
+    physical, whitened = found.physical[scored], found.whitened[scored]
+    variance = np.einsum("nii->ni", found.covariance[scored])
+    groups = row_groups(table)[scored]
+    draws = _bootstrap(physical**2 - variance, whitened**2 - 1.0, groups, seed)
+    components = tuple(
+        Component(
+            name=name,
+            rmse=float(np.sqrt((physical[:, j] ** 2).mean())),
+            bias=float(physical[:, j].mean()),
+            floor=float(np.sqrt(variance[:, j].mean())),
+            excess=_root(float((physical[:, j] ** 2 - variance[:, j]).mean())),
+            excess_low=_root(float(draws[0][0, j])),
+            excess_high=_root(float(draws[0][1, j])),
+        )
+        for j, name in enumerate(model.outputs)
+    )
+    mean = float((whitened**2).mean())
+    cells = repeat_cells(table)[scored]
+    return Comparison(
+        model=model.name,
+        rows=int(scored.sum()),
+        components=components,
+        whitened_rms=float(np.sqrt(mean)),
+        excess=_root(mean - 1.0),
+        excess_low=_root(float(draws[1][0])),
+        excess_high=_root(float(draws[1][1])),
+        noise=noise,
+        lack_of_fit=lack_of_fit(whitened, cells, 0),
+        outside_domain=_outside(model, rows, scored),
+        whitened=whitened,
+        physical=physical,
+    )
+
+
+def _bootstrap(physical: F, whitened: F, groups: NDArray[np.int64], seed: int) -> tuple[F, F]:
+    """90 % intervals of the excess variances, groups resampled."""
+    _, packed = np.unique(groups, return_inverse=True)
+    count = int(packed.max()) + 1
+    sizes = np.bincount(packed).astype(np.float64)
+    sums = np.stack([np.bincount(packed, column) for column in physical.T], axis=1)
+    whole = np.bincount(packed, whitened.mean(axis=1))
+    rng = np.random.default_rng([seed, 11])
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
+    totals = drawn @ sizes
+    tails = [0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL]
+    parts = np.quantile((drawn @ sums) / totals[:, None], tails, axis=0)
+    return np.asarray(parts), np.asarray(np.quantile((drawn @ whole) / totals, tails))
+
+
+def _root(value: float) -> float:
+    return float(np.sqrt(max(value, 0.0)))
+
+
+def _outside(model: Model, rows: Rows, scored: NDArray[np.bool_]) -> int:
+    if not model.domain:
+        return 0
+    low = np.array([model.domain[name][0] for name in model.inputs])
+    high = np.array([model.domain[name][1] for name in model.inputs])
+    slack = 0.02 * (high - low)
+    poses = rows.poses[scored]
+    return int(((poses < low - slack) | (poses > high + slack)).any(axis=1).sum())

@@ -1,0 +1,179 @@
+"""Whether a chosen effect may be named: everything must hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.compare.folds import folds
+from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.search import (
+    LEAST_BIC,
+    estimate,
+    fall,
+    normal_equations,
+    rank,
+)
+
+F = NDArray[np.float64]
+
+LEVEL = 0.01
+_BOOTSTRAPS = 60
+_CHOSEN = 0.8
+_INFLUENTIAL = 0.02
+
+
+@dataclass(frozen=True)
+class Check:
+    """The evidence for one chosen effect."""
+
+    id: str
+    p_holm: float
+    delta_bic: float
+    held_out_fall: float
+    """Fall of the held-out sum of squares in its standard errors."""
+    chosen_share: float
+    """Share of group bootstraps in which it, or a member of its class, is chosen."""
+    winners: dict[str, float]
+    """Share of bootstraps won by each effect."""
+    robust: bool
+    """The same without the 2 % most influential rows."""
+    within_bounds: bool
+
+    @property
+    def accepted(self) -> bool:
+        """Whether all conditions hold."""
+        return (
+            self.p_holm < LEVEL
+            and self.delta_bic > LEAST_BIC
+            and self.held_out_fall > 1.0
+            and self.chosen_share >= _CHOSEN
+            and self.robust
+            and self.within_bounds
+        )
+
+
+def check(
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    members: Sequence[str],
+    seed: int,
+) -> Check:
+    """Evidence for `item` given the others; `members` are the ids of its class."""
+    others = [other for other in chosen if other is not item]
+    ranked = {found.candidate.id: found for found in rank(problem, others)}
+    own = ranked[item.id]
+    rivals = len(ranked)
+    winners = _bootstrap_winners(problem, others, seed)
+    return Check(
+        id=item.id,
+        p_holm=min(1.0, own.p * rivals),
+        delta_bic=own.delta_bic,
+        held_out_fall=held_out_fall(problem, others, item),
+        chosen_share=sum(winners.get(id, 0.0) for id in members),
+        winners=winners,
+        robust=_robust(problem, others, item, members),
+        within_bounds=_within(problem, chosen, item),
+    )
+
+
+def _bootstrap_winners(
+    problem: Problem, others: Sequence[Candidate], seed: int
+) -> dict[str, float]:
+    """How often each effect comes first when groups of rows are drawn with replacement."""
+    rng = np.random.default_rng([seed, 5])
+    count = len(problem.gram.squares)
+    won: dict[str, float] = {}
+    for _ in range(_BOOTSTRAPS):
+        weights = rng.multinomial(count, np.full(count, 1.0 / count)).astype(np.float64)
+        ranked = rank(problem, others, weights)
+        if ranked and ranked[0].delta_bic > 0.0:
+            id = ranked[0].candidate.id
+            won[id] = won.get(id, 0.0) + 1.0 / _BOOTSTRAPS
+    return won
+
+
+def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
+    """Fall of the held-out error over its standard error, in folds that fit the effect."""
+    before = held_out_squares(problem, others, item.effect.kind)
+    after = held_out_squares(problem, (*others, item), item.effect.kind)
+    falls = (before - after)[_scored_groups(problem) > 0.0]
+    error = float(falls.std(ddof=1)) * np.sqrt(len(falls)) if len(falls) > 2 else np.inf
+    return float(falls.sum()) / max(error, 1e-300)
+
+
+def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
+    """(g,) held-out sums of squares; blocks of time for effects of pose, of poses for time."""
+    by = "time" if kind == "pose" else "pose"
+    parts = folds(
+        problem.table, problem.rows.poses, problem.groups, "time" if by == "time" else "pose"
+    )
+    fold_of_group = np.zeros(len(problem.gram.squares), dtype=np.int64)
+    fold_of_group[problem.groups] = parts
+    columns = problem.base_index + tuple(c for other in chosen for c in other.columns)
+    return problem.gram.held_out(columns, fold_of_group, _scored_groups(problem))
+
+
+def held_out_rms(problem: Problem, chosen: Sequence[Candidate]) -> float:
+    """Whitened root mean square on held-out rows that measure a pose."""
+    kind = "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+    squares = held_out_squares(problem, chosen, kind)
+    weights = np.where(problem.scored, problem.weights, 0.0)
+    return float(np.sqrt(squares.sum() / (weights.sum() * problem.response.shape[1])))
+
+
+def _scored_groups(problem: Problem) -> F:
+    count = len(problem.gram.squares)
+    return np.bincount(problem.groups, weights=problem.scored.astype(np.float64), minlength=count)
+
+
+def _robust(
+    problem: Problem, others: Sequence[Candidate], item: Candidate, members: Sequence[str]
+) -> bool:
+    """Whether the effect, or its class, still comes first without its most influential rows."""
+    equations = normal_equations(problem)
+    rows = np.arange(len(problem.response))
+    gains = _row_squares(problem, equations, others) - _row_squares(
+        problem, equations, (*others, item)
+    )
+    count = max(1, round(_INFLUENTIAL * len(rows)))
+    out = np.argsort(-gains, kind="stable")[:count]
+    weight = problem.weights[out]
+    design = problem.design[out] * np.sqrt(weight)[:, None, None]
+    response = problem.response[out] * np.sqrt(weight)[:, None]
+    flat = design.reshape(-1, design.shape[2])
+    matrix = equations[0] - flat.T @ flat / problem.scale
+    vector = equations[1] - flat.T @ response.ravel() / problem.scale
+    reduced = (matrix, vector)
+    fixed = fall(reduced, problem, others)
+    penalty = np.log(problem.size)
+    best: tuple[float, str] = (-np.inf, "")
+    for candidate in problem.candidates:
+        if any(candidate.id == other.id for other in others):
+            continue
+        drop = fall(reduced, problem, (*others, candidate)) - fixed
+        best = max(best, (drop - candidate.parameters * penalty, candidate.id))
+    return best[0] > LEAST_BIC and best[1] in members
+
+
+def _row_squares(problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]) -> F:
+    theta, _, columns = estimate(problem, equations, chosen)
+    left = problem.response - problem.design[:, :, list(columns)] @ theta
+    return np.asarray(problem.weights * (left**2).sum(axis=1))
+
+
+def _within(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
+    """Whether the linear estimate lies within the bounds, give or take two standard errors."""
+    theta, covariance, columns = estimate(problem, normal_equations(problem), chosen)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    place = {column: i for i, column in enumerate(columns)}
+    for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
+        value = theta[place[column]] / problem.norms[column]
+        slack = 2.0 * sd[place[column]] / problem.norms[column]
+        if not parameter.lower - slack <= value <= parameter.upper + slack:
+            return False
+    return True

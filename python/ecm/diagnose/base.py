@@ -1,0 +1,56 @@
+"""The base against which effects are named: one that cannot swallow them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.columns import POSE, WRENCH
+from ecm.models.fit import fit_model
+from ecm.models.maps import StiffnessMap
+
+if TYPE_CHECKING:
+    from ecm.models.model import Model
+    from ecm.table import Table
+
+_ENERGY_DEGREES = (4, 5, 6)
+_POLYNOMIAL_DEGREES = (1, 2, 3)
+
+
+def choose_base(model: Model, table: Table) -> StiffnessMap:
+    """Physics where there is a body, else a symmetric energy, else a polynomial.
+
+    Degrees are taken by generalised cross-validation: rows over fitted coefficients decide.
+    """
+    if model.base.kind == "physics":
+        return model.base
+    body = table.meta.body()
+    full = table.has(*POSE, *WRENCH)
+    if full and body is not None and body.has_body:
+        return fit_model(table, "physics").base
+    if full and table.meta.length_m is not None:
+        return _by_degree(table, [f"energy{d}" for d in _ENERGY_DEGREES])
+    return _by_degree(table, [f"poly:{d}" for d in _POLYNOMIAL_DEGREES])
+
+
+def _by_degree(table: Table, names: list[str]) -> StiffnessMap:
+    """The name of least generalised cross-validation error, sum over components in their spread."""
+    measured = table.measured()
+    best: tuple[float, StiffnessMap] | None = None
+    for name in names:
+        base = fit_model(measured, name).base
+        truth = np.stack([measured.column(c) for c in base.outputs], axis=1)
+        poses = np.stack([measured.column(c) for c in base.inputs], axis=1)
+        n = truth.size
+        k = len(base.coefficients)
+        if k >= 0.5 * n and best is not None:
+            continue
+        spread = np.maximum(truth.std(axis=0), 1e-300)
+        square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
+        score = square / n / (1.0 - min(k / n, 0.999)) ** 2
+        if best is None or score < best[0]:
+            best = (score, base)
+    if best is None:
+        return fit_model(measured, names[0]).base
+    return best[1]

@@ -1,0 +1,100 @@
+"""Which effects cannot be told apart with these rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.compare.gram import solve
+from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.search import LEAST_BIC, bic, estimate, normal_equations
+
+F = NDArray[np.float64]
+
+SEPARABLE = 0.1
+
+
+def separability(
+    problem: Problem,
+    equations: tuple[F, F],
+    item: Candidate,
+    rival: Candidate,
+    others: Sequence[Candidate],
+) -> float:
+    """Share of an effect's fitted correction that a rival cannot imitate, base and others free."""
+    theta, _, columns = estimate(problem, equations, (*others, item))
+    weight = dict(zip(columns, theta, strict=True))
+    own = np.array([weight[c] for c in item.columns])
+    matrix = equations[0]
+    fixed = problem.base_index + tuple(c for other in others for c in other.columns)
+    size = _left(matrix, item.columns, own, fixed)
+    if size <= 0.0:
+        return 1.0
+    return _left(matrix, item.columns, own, fixed + rival.columns) / size
+
+
+def _left(matrix: F, columns: tuple[int, ...], values: F, fixed: tuple[int, ...]) -> float:
+    """Squared length of columns @ values after projecting out the fixed columns."""
+    a = np.asarray(columns, dtype=np.int64)
+    whole = float(values @ matrix[np.ix_(a, a)] @ values)
+    if not fixed:
+        return whole
+    b = np.asarray(fixed, dtype=np.int64)
+    cross = matrix[np.ix_(b, a)] @ values
+    return max(whole - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
+
+
+def answer_class(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> list[str]:
+    """The effect and its rivals: within 6 in BIC when they take its place, or not separable."""
+    equations = normal_equations(problem)
+    others = [other for other in chosen if other is not item]
+    present = {other.id for other in chosen}
+    own = bic(equations, problem, chosen)
+    found: dict[str, float] = {}
+    for rival in problem.candidates:
+        if rival.id in present:
+            continue
+        loss = own - bic(equations, problem, (*others, rival))
+        alike = separability(problem, equations, item, rival, others) < SEPARABLE
+        if loss < LEAST_BIC or alike:
+            found[rival.id] = min(loss, found.get(rival.id, np.inf))
+    return [item.id, *sorted(found, key=lambda id: found[id])]
+
+
+def confusable(problem: Problem) -> list[list[str]]:
+    """Pairs of testable effects of which one imitates every direction of the other."""
+    equations = normal_equations(problem)
+    matrix = equations[0]
+    pairs = []
+    ids = problem.ids
+    for i, first in enumerate(ids):
+        for second in ids[i + 1 :]:
+            shares = []
+            for a, b in ((first, second), (second, first)):
+                shares.append(
+                    min(
+                        _mean_left(matrix, problem, one, other)
+                        for one in _of(problem, a)
+                        for other in _of(problem, b)
+                    )
+                )
+            if min(shares) < SEPARABLE:
+                pairs.append([first, second])
+    return pairs
+
+
+def _of(problem: Problem, id: str) -> list[Candidate]:
+    return [c for c in problem.candidates if c.id == id][:1]
+
+
+def _mean_left(matrix: F, problem: Problem, item: Candidate, rival: Candidate) -> float:
+    """Share left on average over directions of the effect that the base leaves visible."""
+    left = whole = 0.0
+    for j in range(len(item.columns)):
+        unit = np.zeros(len(item.columns))
+        unit[j] = 1.0
+        whole += _left(matrix, item.columns, unit, problem.base_index)
+        left += _left(matrix, item.columns, unit, problem.base_index + rival.columns)
+    return left / whole if whole > 0.0 else 1.0

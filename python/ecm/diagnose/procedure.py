@@ -1,0 +1,287 @@
+"""diagnose: gate, rank, search, accept, classes, verdict (the steps of the procedure)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ecm.compare.estimate import repeat_cells
+from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
+from ecm.compare.noise import Noise
+from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
+from ecm.diagnose.base import choose_base
+from ecm.diagnose.classes import answer_class, confusable
+from ecm.diagnose.limits import detection_limits
+from ecm.diagnose.next_experiment import next_experiments
+from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
+from ecm.diagnose.search import Ranked, rank, search
+from ecm.diagnose.signature import signature_shares
+from ecm.diagnose.unknown import describe, structure
+from ecm.diagnose.verdict import Diagnosis, Verdict
+from ecm.effects import Effect, all_effects, get_effect
+from ecm.errors import InputError
+from ecm.models.ladder import ceiling_rms
+from ecm.refit import JointFit, joint_fit
+
+if TYPE_CHECKING:
+    from ecm.models.model import Model
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_LEFT_SHARE = 0.2
+"""Unknown only where more than this share of the structure stays (in squares)."""
+_LEAST_STRENGTH = 0.15
+"""Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
+_MOST_IN_CLASS = 3
+
+
+def diagnose(
+    model: Model,
+    table: Table,
+    *,
+    seed: int = 0,
+    effects: Sequence[str | Effect] | None = None,
+    noise: Noise | None = None,
+) -> Diagnosis:
+    """Which physical effect the measurements hold and the model does not.
+
+    Parameters
+    ----------
+    seed
+        Of the bootstraps.
+    effects
+        Ids or effects to test; default all that are registered.
+    noise
+        Noise of the rows, where it is known better than the table tells.
+    """
+    if len(table.measured()) < 8:
+        raise InputError(
+            f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least 8"
+        )
+    tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
+    carried = {item.id for item in model.effects}
+    tested = [effect for effect in tested if effect.id not in carried]
+    problem = assemble(choose_base(model, table), _without(model, table), tested, noise)
+    gate, rejected = _gate(problem)
+    ranked = rank(problem)
+    chosen = list(search(problem)) if ranked else []
+    accepted, classes, checks = _accepted(problem, chosen, seed)
+    smooth = omnibus_columns(problem)
+    before = structure(problem, smooth, ())
+    left, remains = _left_over(problem, smooth, accepted, before)
+    verdict: Verdict
+    unknown: dict[str, Any] | None = None
+    if accepted and not remains:
+        verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
+    elif remains and (rejected or accepted):
+        verdict = "unknown"
+        unknown = describe(problem, left, accepted, before)
+    else:
+        verdict = "none"
+    final = joint_fit(
+        problem.base,
+        [item.effect for item in accepted],
+        problem.table,
+        problem.noise,
+        row_weights=problem.weights,
+    )
+    return Diagnosis(
+        verdict=verdict,
+        answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
+        effects=final.effects,
+        base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
+        noise=problem.noise.to_dict(),
+        gate=gate,
+        ranking=tuple(_row(problem, item) for item in ranked),
+        checks=tuple(checks),
+        confusable=tuple(tuple(pair) for pair in confusable(problem)),
+        not_testable=tuple(
+            {"id": id, "reason": lacking.reason, "record": lacking.record}
+            for id, lacking in problem.untestable.items()
+        ),
+        detection_limits=detection_limits(problem),
+        unknown=unknown,
+        rmse=_rmse(model, table, problem, final),
+        held_out={"before": held_out_rms(problem, ()), "after": held_out_rms(problem, accepted)},
+        signature=signature_shares(problem),
+        next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
+        outliers=tuple(int(i) for i in np.flatnonzero(problem.weights < 0.5)),
+        seed=seed,
+        upper_bound=_upper_bound(problem, smooth),
+        warnings=_warnings(problem),
+    )
+
+
+def _without(model: Model, table: Table) -> Table:
+    """The table without what the model's effects explain already."""
+    if not model.effects:
+        return table
+    from ecm.effects import Rows
+
+    rows = Rows(table, model.base)
+    correction = sum(item.effect.correction(rows, item.values) for item in model.effects)
+    left = {
+        name: table.column(name) - np.asarray(correction)[:, j]
+        for j, name in enumerate(model.outputs)
+    }
+    return table.with_columns(left)
+
+
+def _gate(problem: Problem) -> tuple[dict[str, float], bool]:
+    """Lack of fit from repeats, and the omnibus of smooth functions; either may reject."""
+    base = problem.design[:, :, : problem.n_base]
+    tests: list[FTest] = [
+        omnibus(problem.response, omnibus_columns(problem), base, problem.weights)
+    ]
+    cells = lack_of_fit(
+        problem.response,
+        np.where(problem.scored, repeat_cells(problem.table), -1 - np.arange(len(problem.table))),
+        len(problem.base.coefficients),
+        problem.weights * problem.scored,
+    )
+    if cells is not None:
+        tests.append(cells)
+    best = min(tests, key=lambda test: test.p)
+    p = min(1.0, best.p * len(tests))
+    return {"F": best.F, "p": p}, p < LEVEL
+
+
+def _accepted(
+    problem: Problem, chosen: list[Candidate], seed: int
+) -> tuple[list[Candidate], list[list[str]], list[Check]]:
+    """The chosen effects that pass every check, their classes, and the evidence."""
+    checks: list[Check] = []
+    while chosen:
+        found: list[tuple[Check, list[str]]] = []
+        for item in chosen:
+            members = answer_class(problem, chosen, item)
+            evidence = check(problem, chosen, item, members, seed)
+            if evidence.chosen_share < 0.8 and len(members) < _MOST_IN_CLASS:
+                # What wins elsewhere among resampled rows belongs to the class as well.
+                rivals = sorted(evidence.winners.items(), key=lambda pair: -pair[1])
+                extra = [id for id, _ in rivals if id not in members and id not in _ids(chosen)]
+                members = [*members, *extra[: _MOST_IN_CLASS - len(members)]]
+                evidence = check(problem, chosen, item, members, seed)
+            found.append((evidence, members))
+        checks = [evidence for evidence, _ in found]
+        if all(evidence.accepted for evidence in checks):
+            return chosen, [members for _, members in found], checks
+        failing = [i for i, evidence in enumerate(checks) if not evidence.accepted]
+        weakest = min(failing, key=lambda i: checks[i].delta_bic)
+        chosen = [item for i, item in enumerate(chosen) if i != weakest]
+    return [], [], checks
+
+
+def _ids(chosen: Sequence[Candidate]) -> set[str]:
+    return {item.id for item in chosen}
+
+
+def _left_over(
+    problem: Problem, smooth: F, accepted: Sequence[Candidate], before: float
+) -> tuple[F, bool]:
+    """Whitened residual after the accepted effects, and whether it matters.
+
+    It must be seen by the omnibus, exceed a share of what was there, and a strength below which
+    neither the base nor the form of an effect can be trusted.
+    """
+    columns = [*problem.base_index, *(c for item in accepted for c in item.columns)]
+    fitted = problem.design[:, :, columns]
+    test = omnibus(problem.response, smooth, fitted, problem.weights)
+    size = problem.response.size
+    root = np.sqrt(problem.weights)
+    z = (fitted * root[:, None, None]).reshape(size, -1)
+    theta = np.linalg.lstsq(z, (problem.response * root[:, None]).ravel(), rcond=1e-10)[0]
+    left = problem.response - fitted @ theta
+    after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
+    strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
+    share = after > _LEFT_SHARE * before if accepted else True
+    return left, bool(test.p < LEVEL and strong and share)
+
+
+def _upper_bound(problem: Problem, smooth: F) -> float:
+    """95 % bound on the rms strength that the omnibus leaves possible."""
+    base = problem.design[:, :, : problem.n_base]
+    test = omnibus(problem.response, smooth, base, problem.weights)
+    if not np.isfinite(test.F):
+        return float("inf")
+    found = test.F * test.dof
+    low, high = 0.0, 4.0 * found + 200.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if float(stats.ncx2.cdf(found, test.dof, middle)) > 0.05:
+            low = middle
+        else:
+            high = middle
+    return float(np.sqrt(high / problem.size))
+
+
+def _row(problem: Problem, item: Ranked) -> dict[str, Any]:
+    """One line of the ranking: the best determined parameter stands for the size."""
+    from ecm.diagnose.search import estimate, normal_equations
+
+    theta, covariance, columns = estimate(problem, normal_equations(problem), [item.candidate])
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    place = {column: i for i, column in enumerate(columns)}
+    parameters = item.candidate.effect.parameters
+    ratios = [abs(theta[place[c]]) / sd[place[c]] for c in item.candidate.columns]
+    best = int(np.argmax(ratios))
+    column = item.candidate.columns[best]
+    n = problem.size
+    _, _, total = problem.gram.total()
+    now = total / problem.scale
+    return {
+        "id": item.candidate.id,
+        "p": item.p,
+        "delta_bic": item.delta_bic,
+        "parameter": parameters[best].name,
+        "size": float(theta[place[column]] / problem.norms[column]),
+        "sd": float(sd[place[column]] / problem.norms[column]),
+        "unit": parameters[best].unit,
+        "expected_fall": float(np.sqrt(now / n) - np.sqrt(max(now - item.drop, 0.0) / n)),
+    }
+
+
+def _rmse(
+    model: Model, table: Table, problem: Problem, final: JointFit
+) -> dict[str, dict[str, float]]:
+    """Per component: the model as given, after the accepted effects, the noise floor."""
+    scored = problem.scored
+    names = problem.base.outputs
+    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
+    before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
+    after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
+    covariance = problem.noise.covariance(problem.rows, problem.base.error)
+    floor = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
+    found = {
+        "before": dict(zip(model.outputs, before.tolist(), strict=True)),
+        "after": dict(zip(names, after.tolist(), strict=True)),
+        "floor": dict(zip(names, floor.tolist(), strict=True)),
+    }
+    from dataclasses import replace
+
+    ceiling = ceiling_rms(problem.fit, table, replace(model, noise=problem.noise))
+    if ceiling is not None:
+        found["ceiling"] = {"whitened": ceiling}
+    return found
+
+
+def _warnings(problem: Problem) -> tuple[str, ...]:
+    found = []
+    if problem.noise.source == "assumed":
+        found.append("the noise is assumed: record repeats, or give [instrument] figures")
+    if problem.scale > 1.5:
+        found.append(
+            f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
+            f"{problem.noise.source}: every p allows for it"
+        )
+    if problem.base_error > 0.15:
+        found.append(
+            f"the base's own error is {problem.base_error:.2f} of the noise, above 0.15: "
+            "names are less sure"
+        )
+    return tuple(found)

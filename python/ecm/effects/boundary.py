@@ -1,0 +1,65 @@
+"""Effects of what holds the mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.moved import moved_in_base, turned
+from ecm.effects.protocol import Effect, EffectBase, Parameter
+from ecm.effects.rows import Rows
+
+F = NDArray[np.float64]
+
+_ITERATIONS = 5
+
+
+class BaseCompliance(EffectBase):
+    """The clamp yields: a spring in series with the mechanism, loaded by the wrench at the base.
+
+    The base plate moves by C (f, tau + r x f); the mechanism feels the pose relative to it, and
+    its wrench turns with it. Solved by fixed-point iteration from the rigid base.
+    """
+
+    id = "base_compliance"
+    physics = "The base plate yields under the wrench at the base, in series with the mechanism."
+    parameters = (
+        Parameter("bending", "rad/(N m)", 1e-3, 0.0, 0.05),
+        Parameter("lateral", "m/N", 2e-6, 0.0, 1e-4),
+        Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
+    )
+    signature = "m = 0, in series, conservative"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "robot_compliance": "the same pose with another elbow",
+            "taper": "turn the mechanism end for end",
+            "camera_scale": "gauge bar",
+        }
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Wrench of mechanism and clamp in series minus that of the mechanism."""
+        bending, lateral, axial = values
+        along = np.array([axial, lateral, lateral])
+        about = np.array([0.0, bending, bending])
+        wrench = rows.wrench
+        for _ in range(_ITERATIONS):
+            force = wrench[:, :3]
+            moment = wrench[:, 3:] + np.cross(rows.poses[:, :3], force)
+            shift, turn = along * force, about * moment
+            # exp(w)^-1 (r - d): first turn back, then shift back.
+            back = -np.asarray(_turned_vectors(shift, -turn))
+            felt = moved_in_base(rows.poses, back, -turn)
+            wrench = turned(rows.predict(felt), turn)
+        return wrench - rows.wrench
+
+
+def _turned_vectors(vectors: F, rotation: F) -> F:
+    return turned(np.concatenate([vectors, vectors], axis=1), rotation)[:, :3]
+
+
+EFFECTS: Sequence[Effect] = (BaseCompliance(),)

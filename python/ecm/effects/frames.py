@@ -1,0 +1,139 @@
+"""Effects of the camera and of the frames in which poses are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.moved import moved_in_base, moved_in_top, turned
+from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+
+def _twist(frame: str) -> tuple[Parameter, ...]:
+    """A small rigid motion."""
+    return (
+        *(Parameter(f"{frame}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
+        *(Parameter(f"{frame}_w{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "xyz"),
+    )
+
+
+class TipFrameMisalignment(EffectBase):
+    """The marker on the platform is not where it is said to be: p_true = p exp(-(d, w)).
+
+    Wrenches that were turned to base axes with the measured rotation turn with the error.
+    """
+
+    id = "tip_frame_misalignment"
+    physics = "The measured top frame is a shifted and turned copy of the real one."
+    parameters = _twist("tip")
+    signature = "constant twist in body axes, -K_s B (d, w)"
+    side = "measurement"
+
+    def __init__(self, wrench_axes: str = "measured") -> None:
+        self._wrench_axes = wrench_axes
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "fts_offset": "unloaded zero",
+            "length_error": "calliper",
+            "base_frame_misalignment": "re-seat the marker",
+        }
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the wrench was turned to base axes with the measured rotation."""
+        return {"wrench_axes": self._wrench_axes}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Wrench turned with the measured rotation, or right in itself."""
+        return (TipFrameMisalignment("measured"), TipFrameMisalignment("base"))
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """h(p exp(-(d, w))), turned with the error where the wrench was."""
+        shift, turn = values[:3], values[3:]
+        # Inverse of (d, w) in top axes: turn by -w, shift by -exp(-w) d.
+        back = _turned_vector(shift, -turn)
+        wrench = rows.predict(moved_in_top(rows.poses, -back, -turn))
+        if self._wrench_axes == "measured":
+            wrench = turned(wrench, np.einsum("nij,j->ni", rows.rotation, turn))
+        return wrench - rows.wrench
+
+
+class BaseFrameMisalignment(EffectBase):
+    """The base frame is not where it is said to be: p_true = exp(-(d, w)) p."""
+
+    id = "base_frame_misalignment"
+    physics = "The measured base frame is a shifted and turned copy of the real one."
+    parameters = _twist("base")
+    signature = "constant twist in base axes, -K_s (d + w x r, w)"
+    side = "measurement"
+
+    def __init__(self, wrench_axes: str = "measured") -> None:
+        self._wrench_axes = wrench_axes
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "length_error": "calliper",
+            "face_tilt": "survey the base",
+            "tip_frame_misalignment": "re-seat the marker",
+        }
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the wrench was turned to base axes with the measured rotation."""
+        return {"wrench_axes": self._wrench_axes}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Wrench turned with the measured rotation, or right in itself."""
+        return (BaseFrameMisalignment("measured"), BaseFrameMisalignment("base"))
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """h(exp(-(d, w)) p), turned with the error where the wrench was."""
+        shift, turn = values[:3], values[3:]
+        back = _turned_vector(shift, -turn)
+        wrench = rows.predict(moved_in_base(rows.poses, -back, -turn))
+        if self._wrench_axes == "measured":
+            wrench = turned(wrench, turn)
+        return wrench - rows.wrench
+
+
+class CameraScale(EffectBase):
+    """Positions are measured too large by the factor 1 + s about the rest position."""
+
+    id = "camera_scale"
+    physics = "The camera's length scale is off, so that positions are, and rotations are not."
+    parameters = (Parameter("scale", "1", 2e-3, -0.1, 0.1),)
+    signature = "proportional to the translation only"
+    side = "measurement"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"base_compliance": "gauge bar"}
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """h at positions shrunk by s about the rest position."""
+        poses = rows.poses.copy()
+        poses[:, :3] -= values[0] * (poses[:, :3] - rows.rest_pose[:3])
+        return rows.predict(poses) - rows.wrench
+
+
+def _turned_vector(vector: F, rotation: F) -> F:
+    both = np.concatenate([vector, vector])[None, :]
+    return turned(both, rotation)[0, :3]
+
+
+EFFECTS: Sequence[Effect] = (TipFrameMisalignment(), BaseFrameMisalignment(), CameraScale())

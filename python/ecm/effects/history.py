@@ -1,0 +1,58 @@
+"""Where the mechanism came from: the pose before each row, and the side of approach."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+
+def pose_before(table: Table, rest_pose: F) -> F:
+    """(N, 6) pose from which each row was approached; NaN where that is unknown.
+
+    `initial` is the rest pose; a pose_id is the mean measured pose of that id.
+    """
+    poses = table.poses
+    before = np.full_like(poses, np.nan)
+    approach = table.text("approach")
+    named = _mean_poses(table)
+    kind = table.text("kind")
+    for i, name in enumerate(approach):
+        if kind[i] not in ("", "pose"):
+            continue
+        if name == "initial":
+            before[i] = rest_pose
+        elif name in named:
+            before[i] = named[name]
+    return before
+
+
+def sides(table: Table, length_m: float | None = None) -> F:
+    """(N,) a = sign((p - p_from) M (p - p0)); 0 where unknown."""
+    length = table.meta.mechanism.get("length_m") if length_m is None else length_m
+    if length is None:
+        length = float(np.median(table.poses[:, 0]))
+    rest = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
+    metric = np.array([1.0, 1.0, 1.0] + [float(length) ** 2] * 3)
+    poses = table.poses
+    step = poses - pose_before(table, rest)
+    product = ((step * metric) * (poses - rest)).sum(axis=1)
+    return np.where(np.isfinite(product), np.sign(product), 0.0)
+
+
+def _mean_poses(table: Table) -> dict[str, F]:
+    if not table.has("pose_id"):
+        return {}
+    ids = table.column("pose_id")
+    poses = table.poses
+    found = {}
+    for value in np.unique(ids[np.isfinite(ids)]):
+        key = str(int(value)) if float(value).is_integer() else repr(float(value))
+        found[key] = np.asarray(poses[ids == value].mean(axis=0))
+    return found

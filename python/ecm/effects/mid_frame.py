@@ -1,0 +1,57 @@
+"""The base energy in stretched mid-frame coordinates: conservative changes of elasticity.
+
+With U'(q) = U(S q + s) the generalised force is Q' = S' Q(S q + s): whatever S and s are, the
+changed mechanism still has an energy, also at large deflection.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.effects.rows import Rows
+
+F = NDArray[np.float64]
+
+
+def stretched(rows: Rows, matrix: F, shift: F) -> F:
+    """(N, 6) wrench of U(matrix @ q + shift), q = (c, theta) the mid-frame coordinates."""
+    length = rows.length_m
+    q = _native.mid_frame(rows.poses, length)
+    other = q @ matrix.T + shift
+    poses = _poses(other, length)
+    force = _generalised(poses, rows.predict(poses)) @ matrix
+    return _wrench(rows.poses, force)
+
+
+def _poses(q: F, length_m: float) -> F:
+    half = _native.rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
+    lever = q[:, :3] + np.array([length_m, 0.0, 0.0])
+    position = np.einsum("nij,nj->ni", half, lever)
+    return np.ascontiguousarray(np.concatenate([position, q[:, 3:]], axis=1))
+
+
+def _generalised(poses: F, wrenches: F) -> F:
+    """Q_c = A' f, Q_theta = J(theta)' tau + J(theta/2)' (r x f) / 2."""
+    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half = _native.rotation_matrices(half_angle)
+    lever = np.cross(poses[:, :3], wrenches[:, :3])
+    whole_jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    half_jacobian = _native.left_jacobians(half_angle)
+    force = np.einsum("nji,nj->ni", half, wrenches[:, :3])
+    moment = np.einsum("nji,nj->ni", whole_jacobian, wrenches[:, 3:])
+    moment += 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
+    return np.concatenate([force, moment], axis=1)
+
+
+def _wrench(poses: F, generalised: F) -> F:
+    half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
+    half = _native.rotation_matrices(half_angle)
+    force = np.einsum("nij,nj->ni", half, generalised[:, :3])
+    half_jacobian = _native.left_jacobians(half_angle)
+    lever = np.cross(poses[:, :3], force)
+    moment = generalised[:, 3:] - 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
+    whole_jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    torque = np.linalg.solve(np.swapaxes(whole_jacobian, 1, 2), moment[:, :, None])[:, :, 0]
+    return np.concatenate([force, torque], axis=1)

@@ -1,0 +1,176 @@
+"""What an effect is: physics that a static, perfectly clamped, hyperelastic model does not hold.
+
+An effect adds a correction to the wrench that the base map predicts for a row,
+h_i = h_base(p_i) + sum_e correction_e(row i, parameters_e). Corrections are exact in their own
+parameters where that is cheap; products of two effects, a few per cent of a few per cent, are left
+out. An effect knows its rows, never the diagnosis that uses it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ecm.effects.rows import Rows
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+Side = Literal["physics", "measurement"]
+Kind = Literal["pose", "time"]
+Shape = dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect."""
+
+    name: str
+    unit: str
+    scale: float
+    """A size that would be ordinary: the step of differences and the unit of priors."""
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Why an effect cannot be tested with a table, and what to record so that it can."""
+
+    reason: str
+    record: str
+
+
+@runtime_checkable
+class Effect(Protocol):
+    """One physical effect; effects.md lists the ids."""
+
+    @property
+    def id(self) -> str:
+        """Name in code, files, reports and on the command line."""
+
+    @property
+    def physics(self) -> str:
+        """One sentence."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """In the order of the parameter vector."""
+
+    @property
+    def signature(self) -> str:
+        """How it shows: parity, azimuthal order, axes, what it depends on."""
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Rival id -> the measurement that separates the two."""
+
+    @property
+    def side(self) -> Side:
+        """`physics` acts on the controller as well, `measurement` only on the instruments."""
+
+    @property
+    def kind(self) -> Kind:
+        """Whether it is a function of the pose, or of time, order and covariates."""
+
+    @property
+    def shape(self) -> Shape:
+        """Fixed shape numbers of this variant, kept in model files."""
+
+    def missing(self, table: Table) -> Missing | None:
+        """None where the table holds what the effect needs."""
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """The shapes worth trying on this table; the first is the plain one."""
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """(N, m) change of the predicted wrench for parameter values (k,)."""
+
+    def jacobian(self, rows: Rows, values: F) -> F:
+        """(N, m, k) derivative of the correction."""
+
+
+class EffectBase:
+    """Defaults shared by the catalogue: central differences, one shape, physics of the pose."""
+
+    id: str = ""
+    physics: str = ""
+    parameters: tuple[Parameter, ...] = ()
+    signature: str = ""
+    side: Side = "physics"
+    kind: Kind = "pose"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Rival id -> the measurement that separates the two."""
+        return {}
+
+    @property
+    def shape(self) -> Shape:
+        """No shape numbers."""
+        return {}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the six pose and six wrench columns."""
+        return needs_full(table)
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Only the plain form."""
+        return (self,)
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Zero; a subclass overrides it, or `columns` of `LinearEffect`."""
+        raise NotImplementedError(f"effect {self.id} has no correction")
+
+    def jacobian(self, rows: Rows, values: F) -> F:
+        """Central differences with a hundredth of each parameter's scale."""
+        columns = []
+        for j, parameter in enumerate(self.parameters):
+            step = np.zeros(len(self.parameters))
+            step[j] = 0.01 * parameter.scale
+            up = self.correction(rows, values + step)
+            down = self.correction(rows, values - step)
+            columns.append((up - down) / (2.0 * step[j]))
+        return np.stack(columns, axis=2)
+
+
+class LinearEffect(EffectBase):
+    """An effect whose correction is columns @ values."""
+
+    def columns(self, rows: Rows) -> F:
+        """(N, m, k) correction per unit of each parameter."""
+        raise NotImplementedError(f"effect {self.id} has no columns")
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """columns @ values, (N, m)."""
+        return np.asarray(self.columns(rows) @ values)
+
+    def jacobian(self, rows: Rows, values: F) -> F:
+        """The columns, whatever the values."""
+        return self.columns(rows)
+
+
+def needs_full(table: Table) -> Missing | None:
+    """Missing where the table lacks one of the six pose or six wrench columns."""
+    from ecm.table import POSE, WRENCH
+
+    lacking = [name for name in (*POSE, *WRENCH) if not table.has(name)]
+    if lacking:
+        return Missing(f"no column {lacking[0]}", ", ".join(lacking))
+    return None
+
+
+def needs_varying(table: Table, name: str, smallest_range: float) -> Missing | None:
+    """Missing where a covariate is absent, unknown, or does not vary."""
+    if not table.has(name):
+        return Missing(f"no column {name}", name)
+    values = table.measured().column(name)
+    known = values[np.isfinite(values)]
+    if len(known) < len(values):
+        return Missing(f"{name} is unknown in {len(values) - len(known)} rows", name)
+    if len(known) == 0 or float(np.ptp(known)) < smallest_range:
+        return Missing(f"{name} does not vary", f"{name} over a wider range")
+    return None

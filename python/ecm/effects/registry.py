@@ -1,0 +1,133 @@
+"""The effects that can be named: the catalogue's and the user's own."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects import boundary, frames, geometry, load, material, sensor
+from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
+from ecm.effects.rows import Rows
+from ecm.errors import InputError
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_CATALOGUE: tuple[Effect, ...] = (
+    *material.EFFECTS,
+    *geometry.EFFECTS,
+    *boundary.EFFECTS,
+    *load.EFFECTS,
+    *sensor.EFFECTS,
+    *frames.EFFECTS,
+)
+_own: dict[str, Effect] = {}
+
+
+def all_effects() -> tuple[Effect, ...]:
+    """The catalogue, then effects registered by the user or by installed packages."""
+    return (*_CATALOGUE, *_own.values())
+
+
+def get_effect(id: str) -> Effect:
+    """The effect of that id; InputError names the nearest one."""
+    known = {effect.id: effect for effect in all_effects()}
+    if id in known:
+        return known[id]
+    near = difflib.get_close_matches(id, known, n=1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise InputError(f"unknown effect {id!r}{hint} Known: {', '.join(sorted(known))}")
+
+
+def with_shape(id: str, shape: Shape) -> Effect:
+    """The variant of an effect that a model file names."""
+    effect = get_effect(id)
+    if not shape:
+        return effect
+    try:
+        found = type(effect)(**shape)
+    except TypeError:
+        raise InputError(
+            f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
+            "another version, refit it"
+        ) from None
+    return found
+
+
+def register(effect: Effect) -> Effect:
+    """Make an effect of one's own known; it is ranked like the built-in ones."""
+    if not isinstance(effect, Effect):
+        raise InputError(f"{effect!r} is not an effect: derive it from ecm.effects.EffectBase")
+    if any(effect.id == known.id for known in _CATALOGUE):
+        raise InputError(f"effect {effect.id!r} is in the catalogue: choose another id")
+    _own[effect.id] = effect
+    return effect
+
+
+def unregister(id: str) -> None:
+    """Forget an effect of one's own."""
+    _own.pop(id, None)
+
+
+class _FunctionEffect(LinearEffect):
+    """A user's function of the rows that gives (N, 6, k) columns."""
+
+    def __init__(
+        self,
+        id: str,
+        physics: str,
+        parameters: tuple[Parameter, ...],
+        function: Callable[[Rows], F],
+        needs: Sequence[str],
+        side: Side,
+        kind: Kind,
+    ) -> None:
+        self.id, self.physics, self.parameters = id, physics, parameters
+        self.side, self.kind = side, kind
+        self._function, self._needs = function, tuple(needs)
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the columns that the user named."""
+        for name in self._needs:
+            if not table.has(name):
+                return Missing(f"no column {name}", name)
+        return super().missing(table)
+
+    def columns(self, rows: Rows) -> F:
+        """What the user's function gives, as (N, 6, k)."""
+        columns = np.asarray(self._function(rows), dtype=np.float64)
+        return columns[:, :, None] if columns.ndim == 2 else columns
+
+
+def effect(
+    id: str,
+    *,
+    physics: str,
+    parameters: dict[str, str],
+    needs: Sequence[str] = (),
+    side: Side = "physics",
+    kind: Kind = "pose",
+    scale: float = 1.0,
+) -> Callable[[Callable[[Rows], F]], Callable[[Rows], F]]:
+    """Register a function rows -> (N, 6, k) columns as an effect; parameters: name -> unit."""
+
+    def decorate(function: Callable[[Rows], F]) -> Callable[[Rows], F]:
+        listed = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
+        register(_FunctionEffect(id, physics, listed, function, needs, side, kind))
+        return function
+
+    return decorate
+
+
+def load_installed() -> None:
+    """Register the effects that installed packages offer under the entry point `ecm.effects`."""
+    for point in metadata.entry_points(group="ecm.effects"):
+        found = point.load()
+        register(found() if isinstance(found, type) else found)

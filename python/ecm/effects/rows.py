@@ -1,0 +1,142 @@
+"""What an effect sees of the rows of a table: base wrench, stiffness, rotation, covariates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.errors import InputError
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+B = NDArray[np.bool_]
+
+
+class BaseMap(Protocol):
+    """The part of a stiffness map that effects need."""
+
+    def predict(self, poses: F) -> F:
+        """(N, n) poses to (N, m) wrenches."""
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n) stiffness."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Pose columns."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Wrench columns."""
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism, where the map knows it."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one table under one base map. Unloaded rows have no mechanism: h = K = 0."""
+
+    table: Table
+    base: BaseMap
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @cached_property
+    def poses(self) -> F:
+        """(N, n) measured pose columns of the base map."""
+        columns = [self.table.column(name) for name in self.base.inputs]
+        return np.ascontiguousarray(np.stack(columns, axis=1))
+
+    @cached_property
+    def unloaded(self) -> B:
+        """Rows read with the sensor free of the mechanism."""
+        if not self.table.has("kind"):
+            return np.zeros(len(self.table), dtype=np.bool_)
+        return np.asarray(self.table.text("kind") == "unloaded", dtype=np.bool_)
+
+    def predict(self, poses: F) -> F:
+        """(N, m) base wrench at other poses of the same rows, zero where unloaded."""
+        wrench = np.zeros((len(self), len(self.base.outputs)))
+        loaded = ~self.unloaded
+        if loaded.any():
+            wrench[loaded] = self.base.predict(np.ascontiguousarray(poses[loaded]))
+        return wrench
+
+    @cached_property
+    def wrench(self) -> F:
+        """(N, m) base wrench at the measured poses."""
+        return self.predict(self.poses)
+
+    @cached_property
+    def stiffness(self) -> F:
+        """(N, m, n) K = dh/dp of the base at the measured poses."""
+        shape = (len(self), len(self.base.outputs), len(self.base.inputs))
+        stiffness = np.zeros(shape)
+        loaded = ~self.unloaded
+        if loaded.any():
+            stiffness[loaded] = self.base.stiffness(np.ascontiguousarray(self.poses[loaded]))
+        return stiffness
+
+    @cached_property
+    def screw_stiffness(self) -> F:
+        """(N, 6, 6) K_s = K diag(I, J^-1), in rotation increments of base axes."""
+        inverse = np.linalg.inv(_native.left_jacobians(self.rotation_vectors))
+        screw = self.stiffness.copy()
+        screw[:, :, 3:] = self.stiffness[:, :, 3:] @ inverse
+        return screw
+
+    @cached_property
+    def rotation_vectors(self) -> F:
+        """(N, 3) theta."""
+        return np.ascontiguousarray(self.poses[:, 3:])
+
+    @cached_property
+    def rotation(self) -> F:
+        """(N, 3, 3) base from top."""
+        return _native.rotation_matrices(self.rotation_vectors)
+
+    @cached_property
+    def base_from_top(self) -> F:
+        """(N, 6, 6) B = blockdiag(R, R): a wrench in top axes turned to base axes."""
+        block = np.zeros((len(self), 6, 6))
+        block[:, :3, :3] = self.rotation
+        block[:, 3:, 3:] = self.rotation
+        return block
+
+    @property
+    def length_m(self) -> float:
+        """Length of the mechanism."""
+        length = self.base.length_m
+        if length is None:
+            length = self.table.meta.mechanism.get("length_m")
+        if length is None:
+            raise InputError(
+                f"{self.table.source}: the mechanism's length is not known; "
+                "give [mechanism] length_m in the data's TOML"
+            )
+        return float(length)
+
+    @cached_property
+    def rest_pose(self) -> F:
+        """(6,) the undeformed pose."""
+        return np.array([self.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def time_s(self) -> F:
+        """(N,) time since the first row."""
+        time = self.table.column("time_s")
+        return np.asarray(time - time.min())
+
+
+def twist(translation: F, rotation: F) -> F:
+    """(N, 6) from two (N, 3)."""
+    return np.concatenate([translation, rotation], axis=1)

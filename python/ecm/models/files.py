@@ -1,0 +1,121 @@
+"""Model files: sealed JSON (interfaces.md)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm import _native
+from ecm.compare.noise import Noise
+from ecm.effects import with_shape
+from ecm.errors import InputError
+from ecm.models.ladder import Rung
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
+from ecm.models.model import Model
+from ecm.models.physics import PhysicsMap
+from ecm.refit import FittedEffect
+from ecm.stages import write_atomically
+
+_FORMAT = "ecm-model"
+_VERSION = 1
+
+
+def model_document(model: Model) -> dict[str, Any]:
+    """The document of a model file, without its sum."""
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        **model.base.document(),
+        "covariance": None if model.covariance is None else model.covariance.tolist(),
+        "noise": model.noise.to_dict(),
+        "effects": [_effect_document(item) for item in model.effects],
+        "domain": {name: list(pair) for name, pair in model.domain.items()},
+        "training": dict(model.training),
+        "history": [step.to_dict() for step in model.history],
+    }
+
+
+def _effect_document(item: FittedEffect) -> dict[str, Any]:
+    return {
+        "id": item.id,
+        "side": item.effect.side,
+        "shape": item.effect.shape,
+        "frozen": item.frozen,
+        "parameters": {
+            parameter.name: {
+                "value": float(value),
+                "sd": float(sd) if np.isfinite(sd) else None,
+                "unit": parameter.unit,
+            }
+            for parameter, value, sd in zip(
+                item.effect.parameters, item.values, item.sd, strict=True
+            )
+        },
+    }
+
+
+def save_model(model: Model, path: str | Path) -> None:
+    """Write a sealed model file, complete or not at all."""
+    text = _native.seal_model(json.dumps(model_document(model)))
+    write_atomically(Path(path), text)
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model file; refused when its sum, version or a range is wrong."""
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{file}: cannot be read as a model file ({error}); give one that `ecm fit` wrote"
+        ) from None
+    try:
+        document = _native.open_model(text)
+    except _native.ModelError as error:
+        raise InputError(f"{file}: {error}") from None
+    try:
+        return _model_of(document)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(
+            f"{file}: the model file lacks or misstates {error}; fit the model again"
+        ) from None
+
+
+def _model_of(document: dict[str, Any]) -> Model:
+    covariance = document["covariance"]
+    return Model(
+        base=_base_of(document),
+        noise=Noise.from_dict(dict(document["noise"])),
+        effects=tuple(_effect_of(item) for item in document["effects"]),
+        covariance=None if covariance is None else np.asarray(covariance, dtype=np.float64),
+        training=dict(document["training"]),
+        domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
+        history=tuple(Rung(**step) for step in document.get("history", ())),
+    )
+
+
+def _base_of(document: dict[str, Any]) -> StiffnessMap:
+    kind = document["kind"]
+    if kind == "polynomial":
+        return PolynomialMap.from_document(document)
+    if kind == "energy":
+        return EnergyMap.from_document(document)
+    if kind == "physics":
+        return PhysicsMap.from_document(document)
+    raise InputError(f"model kind {kind!r}: expected polynomial, energy or physics")
+
+
+def _effect_of(document: dict[str, Any]) -> FittedEffect:
+    effect = with_shape(document["id"], dict(document["shape"]))
+    found = document["parameters"]
+    values = [float(found[p.name]["value"]) for p in effect.parameters]
+    sds = [found[p.name]["sd"] for p in effect.parameters]
+    return FittedEffect(
+        effect,
+        np.array(values),
+        np.array([np.inf if sd is None else float(sd) for sd in sds]),
+        bool(document["frozen"]),
+    )

@@ -1,0 +1,302 @@
+"""Maps from pose to wrench: polynomial and energy, with what a refit needs of them.
+
+A map is linear in its coefficients, h(p) = columns(p) @ coefficients, so that any map can be
+refitted together with effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.columns import POSE, WRENCH
+from ecm.errors import InputError
+
+F = NDArray[np.float64]
+StiffnessKind = Literal["partial", "generalised", "screw"]
+Symmetry = Literal["alike", "revolution", "general"]
+
+
+class StiffnessMap(Protocol):
+    """Pose in, wrench and stiffness out."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+
+    @property
+    def kind(self) -> Literal["polynomial", "energy", "physics"]:
+        """Family of the map."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Pose columns, n of them."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Wrench columns, m of them."""
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism, where the map needs it."""
+
+    @property
+    def coefficients(self) -> F:
+        """(k,) what a refit may change."""
+
+    @property
+    def error(self) -> F:
+        """(m,) the map's own error against what it stands for, zero where it stands for data."""
+
+    def predict(self, poses: F) -> F:
+        """(N, n) poses to (N, m) wrenches."""
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n) stiffness of the kind (conventions.md)."""
+
+    def columns(self, poses: F) -> F:
+        """(N, m, k) derivative of the wrench to the coefficients."""
+
+    def with_coefficients(self, coefficients: F) -> StiffnessMap:
+        """The same map with other coefficients."""
+
+    def document(self) -> dict[str, Any]:
+        """The map's part of a model file."""
+
+
+@dataclass(frozen=True)
+class PolynomialMap:
+    """A polynomial from any pose columns to any wrench columns (the paper's equation (4))."""
+
+    model: _native.PolynomialModel
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """`poly:D`."""
+        return f"poly:{self.model.degree}"
+
+    @property
+    def kind(self) -> Literal["polynomial", "energy", "physics"]:
+        """`polynomial`."""
+        return "polynomial"
+
+    @property
+    def length_m(self) -> float | None:
+        """Not needed."""
+        return None
+
+    @property
+    def coefficients(self) -> F:
+        """All coefficients, output by output."""
+        return np.asarray(self.model.coefficients.T.ravel())
+
+    @property
+    def error(self) -> F:
+        """Zero: it stands for the data."""
+        return np.zeros(len(self.outputs))
+
+    def predict(self, poses: F) -> F:
+        """(N, n) to (N, m)."""
+        return self.model.predict(np.ascontiguousarray(poses))
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n); kinds other than `partial` need all six columns on both sides."""
+        partial = self.model.jacobian(np.ascontiguousarray(poses))
+        if kind == "partial":
+            return partial
+        if self.inputs != POSE or self.outputs != WRENCH:
+            raise InputError(
+                f"stiffness kind {kind} needs a model of all six pose and six wrench columns; "
+                f"this one has {len(self.inputs)} and {len(self.outputs)}: ask for partial"
+            )
+        return _native.convert_stiffness(
+            partial,
+            np.ascontiguousarray(poses),
+            self.predict(poses),
+            source="partial",
+            target=cast(StiffnessKind, kind),
+        )
+
+    def columns(self, poses: F) -> F:
+        """Block diagonal: the same regressor for each output."""
+        regressor = _native.polynomial_regressor(
+            np.ascontiguousarray(poses), self.model.degree, self.model.lower, self.model.upper
+        )
+        n, k = regressor.shape
+        m = len(self.outputs)
+        columns = np.zeros((n, m, m * k))
+        for j in range(m):
+            columns[:, j, j * k : (j + 1) * k] = regressor
+        return columns
+
+    def with_coefficients(self, coefficients: F) -> PolynomialMap:
+        """The same terms with other coefficients."""
+        shaped = coefficients.reshape(len(self.outputs), -1).T
+        model = _native.PolynomialModel.from_coefficients(
+            self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
+        )
+        return PolynomialMap(model, self.inputs, self.outputs)
+
+    def document(self) -> dict[str, Any]:
+        """Terms, ranges and coefficients."""
+        exponents = _native.polynomial_exponents(len(self.inputs), self.model.degree)
+        return {
+            "kind": "polynomial",
+            "name": self.name,
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "length_m": None,
+            "degree": self.model.degree,
+            "normalisation": {
+                "lower": self.model.lower.tolist(),
+                "upper": self.model.upper.tolist(),
+            },
+            "terms": exponents.tolist(),
+            "coefficients": self.model.coefficients.tolist(),
+        }
+
+    @staticmethod
+    def from_document(document: dict[str, Any]) -> PolynomialMap:
+        """The map of an opened model file."""
+        ranges = document["normalisation"]
+        model = _native.PolynomialModel.from_coefficients(
+            int(document["degree"]),
+            np.asarray(ranges["lower"], dtype=np.float64),
+            np.asarray(ranges["upper"], dtype=np.float64),
+            np.asarray(document["coefficients"], dtype=np.float64),
+        )
+        return PolynomialMap(model, tuple(document["inputs"]), tuple(document["outputs"]))
+
+
+@dataclass(frozen=True)
+class EnergyMap:
+    """A polynomial energy of mid-frame coordinates: every such map has a potential."""
+
+    model: _native.EnergyModel
+
+    @property
+    def name(self) -> str:
+        """`energyD`, `energyD-revolution` or `energyD-general`."""
+        suffix = "" if self.model.symmetry == "alike" else f"-{self.model.symmetry}"
+        return f"energy{self.model.degree}{suffix}"
+
+    @property
+    def kind(self) -> Literal["polynomial", "energy", "physics"]:
+        """`energy`."""
+        return "energy"
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """All six."""
+        return POSE
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """All six."""
+        return WRENCH
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism."""
+        return self.model.length_m
+
+    @property
+    def coefficients(self) -> F:
+        """One per term of the energy."""
+        return np.asarray(self.model.coefficients)
+
+    @property
+    def error(self) -> F:
+        """Zero: it stands for the data."""
+        return np.zeros(6)
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6)."""
+        return self.model.predict(np.ascontiguousarray(poses))
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6)."""
+        return self.model.stiffness(np.ascontiguousarray(poses), cast(StiffnessKind, kind))
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, k) wrench of each term."""
+        return _native.EnergyModel.regressor(
+            np.ascontiguousarray(poses),
+            length_m=self.model.length_m,
+            degree=self.model.degree,
+            symmetry=cast(Symmetry, self.model.symmetry),
+            scale=self.model.scale,
+        )
+
+    def with_coefficients(self, coefficients: F) -> EnergyMap:
+        """The same terms with other coefficients."""
+        return EnergyMap(
+            _native.EnergyModel.from_coefficients(
+                length_m=self.model.length_m,
+                degree=self.model.degree,
+                symmetry=cast(Symmetry, self.model.symmetry),
+                scale=self.model.scale,
+                coefficients=np.ascontiguousarray(coefficients),
+            )
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Terms, scales and coefficients."""
+        return {
+            "kind": "energy",
+            "name": self.name,
+            "inputs": list(POSE),
+            "outputs": list(WRENCH),
+            "length_m": self.model.length_m,
+            "degree": self.model.degree,
+            "symmetry": self.model.symmetry,
+            "normalisation": {"scale": self.model.scale.tolist()},
+            "terms": np.asarray(self.model.terms).tolist(),
+            "coefficients": self.model.coefficients.tolist(),
+        }
+
+    @staticmethod
+    def from_document(document: dict[str, Any]) -> EnergyMap:
+        """The map of an opened model file."""
+        return EnergyMap(
+            _native.EnergyModel.from_coefficients(
+                length_m=float(document["length_m"]),
+                degree=int(document["degree"]),
+                symmetry=cast(Symmetry, document["symmetry"]),
+                scale=np.asarray(document["normalisation"]["scale"], dtype=np.float64),
+                coefficients=np.asarray(document["coefficients"], dtype=np.float64),
+            )
+        )
+
+
+def parse_energy_name(name: str) -> tuple[int, Symmetry]:
+    """Degree and symmetry of `energyD`, `energyD-revolution`, `energyD-general`."""
+    stem, _, suffix = name.partition("-")
+    digits = stem.removeprefix("energy")
+    symmetry = suffix or "alike"
+    if digits not in ("4", "5", "6") or symmetry not in ("alike", "revolution", "general"):
+        raise InputError(
+            f"model {name!r}: expected energy4, energy5 or energy6, alone or with -revolution "
+            "or -general"
+        )
+    return int(digits), cast(Symmetry, symmetry)
+
+
+def parse_polynomial_name(name: str) -> int:
+    """Degree of `poly:D` or of linear, quadratic, cubic."""
+    aliases = {"linear": 1, "quadratic": 2, "cubic": 3}
+    if name in aliases:
+        return aliases[name]
+    digits = name.removeprefix("poly:")
+    if not digits.isdigit() or not 1 <= int(digits) <= 6:
+        raise InputError(
+            f"model {name!r}: expected poly:D with D from 1 to 6, linear, quadratic, cubic, "
+            "energy4, energy6, energy4-general or physics"
+        )
+    return int(digits)

@@ -1,0 +1,215 @@
+"""A model: base map, effects, noise, where it comes from and where it is valid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.compare.noise import Noise
+from ecm.effects import Effect, Rows, get_effect
+from ecm.errors import InputError
+from ecm.models.maps import StiffnessMap
+from ecm.refit import FittedEffect, joint_fit
+
+if TYPE_CHECKING:
+    from ecm.models.ladder import Rung
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Model:
+    """h(p) of the base plus the corrections of its effects."""
+
+    base: StiffnessMap
+    noise: Noise = field(default_factory=Noise)
+    effects: tuple[FittedEffect, ...] = ()
+    covariance: F | None = None
+    """(k, k) of the base's coefficients, where known."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """hash, rows, source."""
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of each pose column in the training data."""
+    history: tuple[Rung, ...] = ()
+    """The error ladder: one rung per fit (models/ladder.py)."""
+
+    @property
+    def name(self) -> str:
+        """Name of the base and ids of the effects, joined by `+`."""
+        return "+".join([self.base.name, *(item.id for item in self.effects)])
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Pose columns."""
+        return self.base.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Wrench columns."""
+        return self.base.outputs
+
+    def predict(self, data: Table | F) -> F:
+        """(N, m) wrench the mechanism needs at poses (N, n), or expected readings of a table.
+
+        A table's rows have time, temperature and approach, so that all effects act; bare poses get
+        the base map and the effects of physics that need the pose alone.
+        """
+        if isinstance(data, np.ndarray):
+            return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
+        rows = Rows(data, self.base)
+        wrench = rows.wrench.copy()
+        for item in self.effects:
+            lacking = item.effect.missing(data.with_columns(_zeros(data, self.outputs)))
+            if lacking is None or item.effect.kind == "pose":
+                wrench += item.effect.correction(rows, item.values)
+            else:
+                raise InputError(
+                    f"{data.source}: effect {item.id} cannot be predicted here, "
+                    f"{lacking.reason}; record {lacking.record}, or remove the effect"
+                )
+        return wrench
+
+    def predict_sd(self, data: Table | F) -> F | None:
+        """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
+        if self.covariance is None:
+            return None
+        poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
+        columns = self.base.columns(np.ascontiguousarray(poses))
+        variance = np.einsum("nmk,kl,nml->nm", columns, self.covariance, columns)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n) stiffness of the base and of the effects of physics on the pose."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        acting = self._acting_at_poses()
+        if not acting:
+            return self.base.stiffness(poses, kind)
+        partial = np.empty((len(poses), len(self.outputs), len(self.inputs)))
+        for j in range(len(self.inputs)):
+            step = np.zeros(len(self.inputs))
+            step[j] = 1e-6
+            partial[:, :, j] = (self._at_poses(poses + step) - self._at_poses(poses - step)) / 2e-6
+        if kind == "partial":
+            return partial
+        from ecm import _native
+
+        target: Any = kind
+        return _native.convert_stiffness(
+            partial, poses, self._at_poses(poses), source="partial", target=target
+        )
+
+    def _acting_at_poses(self) -> list[FittedEffect]:
+        return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
+
+    def _at_poses(self, poses: F) -> F:
+        wrench = self.base.predict(poses)
+        acting = self._acting_at_poses()
+        if acting:
+            from ecm.meta import Meta
+            from ecm.table import Table
+
+            columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+            rows = Rows(Table(columns=columns, meta=Meta(), source="poses", warnings=()), self.base)
+            wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
+        return np.asarray(wrench)
+
+    def add(self, *effects: str | Effect) -> Model:
+        """With these effects, at zero until `fit`; ids or effects."""
+        present = {item.id for item in self.effects}
+        added = []
+        for item in effects:
+            effect = get_effect(item) if isinstance(item, str) else item
+            if effect.id in present:
+                raise InputError(f"effect {effect.id} is in the model already: remove it first")
+            present.add(effect.id)
+            k = len(effect.parameters)
+            added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))
+        return replace(self, effects=(*self.effects, *added))
+
+    def remove(self, *ids: str) -> Model:
+        """Without these effects; what is left keeps its values until `fit`."""
+        self._check(ids)
+        return replace(self, effects=tuple(i for i in self.effects if i.id not in ids))
+
+    def freeze(self, *ids: str) -> Model:
+        """These effects keep their values in `fit`."""
+        self._check(ids)
+        kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
+        return replace(self, effects=tuple(kept))
+
+    def save(self, path: str | Path) -> None:
+        """Write a sealed model file."""
+        from ecm.models.files import save_model
+
+        save_model(self, path)
+
+    def _check(self, ids: Sequence[str]) -> None:
+        present = [item.id for item in self.effects]
+        for id in ids:
+            if id not in present:
+                listed = ", ".join(present) if present else "none"
+                raise InputError(f"the model has no effect {id}; it has: {listed}")
+
+    def fit(self, table: Table, *, noise: Noise | None = None, freeze_base: bool = False) -> Model:
+        """Refit the base's coefficients and all effects that are not frozen, jointly.
+
+        Each effect takes the shape among its variants that fits best. The history gets a rung.
+        """
+        from ecm.models.ladder import rung
+        from ecm.models.training import domain_of, training_of
+
+        used = self.noise if noise is None else noise
+        chosen = self
+        for position, item in enumerate(self.effects):
+            if not item.frozen:
+                chosen = chosen._best_shape(position, table, used, freeze_base)
+        found = joint_fit(chosen.base, chosen.effects, table, used, freeze_base=freeze_base)
+        k = 0 if freeze_base else len(found.base.coefficients)
+        fitted = replace(
+            chosen,
+            base=found.base,
+            effects=found.effects,
+            noise=used,
+            covariance=self.covariance if freeze_base else found.covariance[:k, :k],
+            training=training_of(table),
+            domain=domain_of(table, self.inputs),
+        )
+        step = rung(fitted, table, found, already=len(self.history) > 0)
+        return replace(fitted, history=(*self.history, *step))
+
+    def _best_shape(self, position: int, table: Table, noise: Noise, freeze_base: bool) -> Model:
+        item = self.effects[position]
+        lacking = item.effect.missing(table)
+        if lacking is not None:
+            raise InputError(
+                f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
+                f"record {lacking.record}"
+            )
+        variants = item.effect.variants(table)
+        trials = []
+        for effect in variants:
+            k = len(effect.parameters)
+            trial = replace(
+                self,
+                effects=(
+                    *self.effects[:position],
+                    FittedEffect(effect, np.zeros(k), np.full(k, np.inf)),
+                    *self.effects[position + 1 :],
+                ),
+            )
+            if len(variants) == 1:
+                return trial
+            found = joint_fit(self.base, trial.effects, table, noise, freeze_base=freeze_base)
+            trials.append((float((found.whitened**2).sum()), trial))
+        return min(trials, key=lambda pair: pair[0])[1]
+
+
+def _zeros(table: Table, names: Sequence[str]) -> dict[str, F]:
+    """Wrench columns that a pose table lacks, so that what is missing is only what matters."""
+    return {name: np.zeros(len(table)) for name in names if not table.has(name)}

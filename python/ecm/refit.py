@@ -1,0 +1,215 @@
+"""Joint refit of a base map and effects: generalised least squares, Gauss-Newton, bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from ecm.compare.noise import Noise, whiteners
+from ecm.effects.protocol import Effect
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_MAX_ITERATIONS = 8
+_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class FittedEffect:
+    """An effect with its values; a frozen one keeps them in a refit."""
+
+    effect: Effect
+    values: F
+    sd: F
+    frozen: bool = False
+
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.effect.id
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What a joint refit found."""
+
+    base: StiffnessMap
+    effects: tuple[FittedEffect, ...]
+    rows: Rows
+    residual: F
+    """(N, m) measured minus predicted, in physical units."""
+    whitened: F
+    """(N, m)."""
+    design: F
+    """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
+    covariance: F
+    """(k, k) of the parameters, base first."""
+    iterations: int
+    converged: bool
+
+
+def joint_fit(
+    base: StiffnessMap,
+    effects: Sequence[FittedEffect | Effect],
+    table: Table,
+    noise: Noise,
+    *,
+    row_weights: F | None = None,
+    freeze_base: bool = False,
+) -> JointFit:
+    """Fit the base's coefficients and the effects' parameters to the table together.
+
+    Minimises sum_i w_i r_i' Sigma_i^-1 r_i; Sigma_i is that of the first base. Parameters stay
+    within their bounds. Not to converge is told by `converged`.
+
+    Parameters
+    ----------
+    row_weights
+        (N,) robust weights; default 1.
+    freeze_base
+        Keep the base's coefficients.
+    """
+    fitted = [_start(item) for item in effects]
+    rows = Rows(table, base)
+    whitener = whiteners(noise.covariance(rows, base.error))
+    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
+    free_base = 0 if freeze_base else len(base.coefficients)
+    converged, iteration = False, 0
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        residual, design = _linearised(rows, base, fitted, measured, free_base)
+        z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
+        y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
+        step = _bounded_step(z.reshape(-1, z.shape[2]), y.ravel(), base, fitted, free_base)
+        moved = float(np.linalg.norm(z.reshape(-1, z.shape[2]) @ step))
+        if free_base:
+            base = base.with_coefficients(base.coefficients + step[:free_base])
+            rows = Rows(table, base)
+        fitted = _advanced(fitted, step[free_base:])
+        if moved < _TOLERANCE * np.sqrt(max(1, y.size)):
+            converged = True
+            break
+    residual, design = _linearised(rows, base, fitted, measured, free_base)
+    z = np.einsum("nij,njk->nik", whitener, design)
+    y = np.einsum("nij,nj->ni", whitener, residual)
+    weighted = (z * root[:, None, None]).reshape(-1, z.shape[2])
+    covariance = np.asarray(np.linalg.pinv(weighted.T @ weighted, hermitian=True))
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return JointFit(
+        base=base,
+        effects=tuple(_with_sd(fitted, sd[free_base:])),
+        rows=rows,
+        residual=residual,
+        whitened=y,
+        design=z,
+        covariance=covariance,
+        iterations=iteration,
+        converged=converged,
+    )
+
+
+def _start(item: FittedEffect | Effect) -> FittedEffect:
+    if isinstance(item, FittedEffect):
+        return item
+    k = len(item.parameters)
+    return FittedEffect(item, np.zeros(k), np.full(k, np.inf))
+
+
+def _linearised(
+    rows: Rows,
+    base: StiffnessMap,
+    fitted: Sequence[FittedEffect],
+    measured: F,
+    free_base: int,
+) -> tuple[F, F]:
+    """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
+    prediction = rows.wrench.copy()
+    blocks = [base_columns(rows, base)] if free_base else []
+    for item in fitted:
+        correction = item.effect.correction(rows, item.values)
+        prediction += correction
+        if not item.frozen:
+            blocks.append(item.effect.jacobian(rows, item.values))
+    if not blocks:
+        blocks = [np.zeros((*measured.shape, 0))]
+    return measured - prediction, np.concatenate(blocks, axis=2)
+
+
+def base_columns(rows: Rows, base: StiffnessMap) -> F:
+    """(N, m, k) derivative of the base wrench to its coefficients, zero where unloaded."""
+    loaded = ~rows.unloaded
+    columns = np.zeros((len(rows), len(base.outputs), len(base.coefficients)))
+    if loaded.any():
+        columns[loaded] = base.columns(np.ascontiguousarray(rows.poses[loaded]))
+    return columns
+
+
+def _bounded_step(
+    z: F, y: F, base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int
+) -> F:
+    """Least-squares step; bounded where the plain one leaves the bounds."""
+    if z.shape[1] == 0:
+        return np.zeros(0)
+    scale = np.sqrt((z**2).sum(axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    step = np.linalg.lstsq(z / scale, y, rcond=1e-12)[0] / scale
+    lower, upper = np.full(len(step), -np.inf), np.full(len(step), np.inf)
+    at = free_base
+    for item in fitted:
+        if item.frozen:
+            continue
+        for j, parameter in enumerate(item.effect.parameters):
+            lower[at + j] = parameter.lower - item.values[j]
+            upper[at + j] = parameter.upper - item.values[j]
+        at += len(item.values)
+    if np.all(step >= lower) and np.all(step <= upper):
+        return np.asarray(step)
+    slack = 1e-12
+    # Normal equations' triangle: the same minimum with k rows instead of N m.
+    triangle, rotated = _triangle(z / scale, y)
+    found = lsq_linear(
+        triangle,
+        rotated,
+        bounds=((lower - slack) * scale, (upper + slack) * scale),
+        method="bvls",
+    )
+    return np.asarray(found.x / scale)
+
+
+def _triangle(z: F, y: F) -> tuple[F, F]:
+    q, r = np.linalg.qr(z)
+    return r, q.T @ y
+
+
+def _advanced(fitted: Sequence[FittedEffect], step: F) -> list[FittedEffect]:
+    result, at = [], 0
+    for item in fitted:
+        if item.frozen:
+            result.append(item)
+            continue
+        k = len(item.values)
+        result.append(FittedEffect(item.effect, item.values + step[at : at + k], item.sd))
+        at += k
+    return result
+
+
+def _with_sd(fitted: Sequence[FittedEffect], sd: F) -> list[FittedEffect]:
+    result, at = [], 0
+    for item in fitted:
+        if item.frozen:
+            result.append(item)
+            continue
+        k = len(item.values)
+        result.append(FittedEffect(item.effect, item.values, sd[at : at + k]))
+        at += k
+    return result
