@@ -108,8 +108,7 @@ class Check:
 _NOISE_WORDS = {
     "repeats": "The noise floor can come from {n} repeated poses.",
     "declared": "The noise floor comes from [instrument]: no pose is repeated.",
-    "assumed": "No repeats and no [instrument]: the noise floor will be assumed "
-    "(40 um, 0.4 mrad, 0.3 N, 10 mN m).",
+    "assumed": "No repeats and no [instrument]: the noise floor will be assumed.",
 }
 _WORDS = {
     **dict(zip(POSE, ("x position", "y position", "z position"), strict=False)),

@@ -106,6 +106,8 @@ def _two_rows(upper: list[str], lower: list[str]) -> list[str]:
     """'Force', '', '' over 'X', 'Y', 'Z' gives 'Force X', 'Force Y', 'Force Z'."""
     names: list[str] = []
     group = ""
+    while lower and not lower[-1] and len(lower) > len(upper):  # a comma at the end of the line
+        lower = lower[:-1]
     for i, name in enumerate(lower):
         group = upper[i] if i < len(upper) and upper[i] else group
         names.append(f"{group} {name}".strip())

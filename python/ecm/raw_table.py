@@ -160,6 +160,11 @@ def _cell_by_cell(
     own: str, cells: Cells, empty_allowed: bool, faults: Faults
 ) -> NDArray[np.float64]:
     values = np.full(len(cells), np.nan)
+    if not is_standard(own) and len(cells) > 1 and not any(_is_number(cell) for cell in cells):
+        raise InputError(
+            f"{faults.source}: column '{own}' is text in every row (the first: '{cells[0]}'), "
+            "expected numbers: only approach, kind and action are text. Remove the column."
+        )
     for row, cell in enumerate(cells):
         text = str(cell).strip()
         if (text == "" or cell is None) and empty_allowed:
@@ -176,6 +181,14 @@ def _cell_by_cell(
         if not np.isfinite(values[row]) and not (empty_allowed and np.isnan(values[row])):
             faults.add(row, own, f"'{text}'", "a finite number")
     return values
+
+
+def _is_number(cell: Any) -> bool:
+    try:
+        float(cell)
+    except (TypeError, ValueError):
+        return str(cell).strip() == ""
+    return True
 
 
 def _text(name: str, cells: Cells, faults: Faults) -> NDArray[np.object_]:

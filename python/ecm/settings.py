@@ -54,6 +54,8 @@ def convert(value: Any, hint: Any, where: str) -> Any:  # noqa: PLR0911, PLR0912
     origin, args = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         inner = [arg for arg in args if arg is not type(None)]
+        if isinstance(value, int) and int in inner:
+            return convert(value, int, where)
         return convert(value, inner[0], where)
     if origin is Literal:
         if value not in args:

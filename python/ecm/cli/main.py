@@ -9,7 +9,6 @@ import errno
 import os
 import signal
 import sys
-import threading
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,6 +19,9 @@ _INTERRUPTED = 130
 
 def main() -> None:
     """Entry point of the command `ecm`."""
+    signal.signal(signal.SIGTERM, _terminated)
+    if not os.environ.get("ECM_DEBUG"):
+        warnings.simplefilter("ignore")
     code = run()
     # Numbers may still be in the buffers of a pipe whose reader has gone.
     with suppress(OSError, ValueError):
@@ -44,10 +46,6 @@ def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
     """
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGTERM, _terminated)
-        if not debug:
-            warnings.simplefilter("ignore")
         return _invoke(arguments)
     except (KeyboardInterrupt, EOFError):
         return _interrupted()
