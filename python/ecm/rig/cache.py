@@ -6,6 +6,7 @@ import hashlib
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ def load(path: Path) -> dict[str, NDArray[np.float64]] | None:
         return None
 
 
-def save(path: Path, arrays: dict[str, NDArray[np.float64]]) -> None:
+def save(path: Path, arrays: dict[str, Any]) -> None:
     """Atomic: temporary file, fsync, rename."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")

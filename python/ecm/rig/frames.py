@@ -40,8 +40,8 @@ def transpose(matrices: F) -> F:
 
 
 def compose(poses: F, local: F) -> F:
-    """T(pose) T(local): `local` is given in the frame of `pose`; both (N, 6) or (6,)."""
-    poses, local = np.broadcast_arrays(poses, local)
+    """T(pose) T(local): `local` is given in the frame of `pose`; `local` (N, 6) or (6,)."""
+    local = np.array(np.broadcast_to(local, poses.shape))
     turn = rotation(poses[:, 3:])
     position = poses[:, :3] + rotate(turn, local[:, :3])
     return np.concatenate([position, rotation_vector(turn @ rotation(local[:, 3:]))], axis=1)

@@ -149,7 +149,8 @@ class RigSettings:
         InputError
             Naming file, table, key and the nearest known name.
         """
-        if isinstance(tables, Mapping) and tables.get("rig", {}).get("mode") == "robot":
+        procedure = tables.get("rig", {})
+        if isinstance(procedure, Mapping) and procedure.get("mode") == "robot":
             raise InputError(
                 f"{where} [rig] mode = 'robot': the manipulator with its own dynamics is not "
                 "there yet; expected 'quasi_static'"
@@ -161,7 +162,7 @@ class RigSettings:
                     f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
                 )
         settings = RigSettings(
-            rig=from_table(Procedure, tables.get("rig", {}), f"{where} [rig]"),
+            rig=from_table(Procedure, procedure, f"{where} [rig]"),
             instrument=from_table(
                 Instruments, tables.get("instrument", {}), f"{where} [instrument]"
             ),

@@ -103,7 +103,7 @@ class _Rig:
             if request.run != previous:
                 previous = request.run
                 self._new_run(procedure.unload_s)
-            self._run = request.run + self._bump
+                self._enter(request.run + self._bump)
             self._do(request)
         if self._timeline.visits[-1].kind not in (OFFSET, UNLOADED):
             self._offset()
@@ -126,33 +126,36 @@ class _Rig:
             self._unloaded(UNLOADED, request)
         elif name == "dead_weight":
             self._new_run(self._procedure.handling_s)
-            self._bump += 1
-            self._run += 1
+            self._next_run()
             self._timeline.runs[self._run] = {"payload_mass_kg": value}
             self._unloaded(UNLOADED, request, value)
-            self._bump += 1
-            self._run += 1
+            self._next_run()
         elif name == "warm_up":
             self._go_home()
             self._timeline.heating.append((self._clock, self._clock + 60.0 * value))
             self._clock += 60.0 * value
         else:
             self._new_run(self._procedure.handling_s)
-            self._bump += 1
-            self._run += 1
             if name == "remount":
-                self._mount += np.deg2rad(value)
+                self._mount += float(np.deg2rad(value))
             else:
                 self._payload = False
-            self._timeline.runs[self._run] = self._what_is_different()
+            self._next_run()
 
-    def _what_is_different(self) -> dict[str, Any]:
+    def _next_run(self) -> None:
+        """An action that the plan does not count as a run begins one."""
+        self._bump += 1
+        self._enter(self._run + 1)
+
+    def _enter(self, run: int) -> None:
+        self._run = run
         different: dict[str, Any] = {}
         if self._mount:
             different["mount_angle_rad"] = self._mount
         if not self._payload:
             different["payload_mass_kg"] = 0.0
-        return different
+        if different:
+            self._timeline.runs[run] = different
 
     def _new_run(self, pause_s: float) -> None:
         self._go_home()

@@ -22,6 +22,7 @@ F = NDArray[np.float64]
 
 _ITERATIONS = 100
 _TOLERANCE = 1e-12
+_TILT_LIMIT_RAD = 0.5
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class BasePlate(Sized):
         compliance = self.compliance(length_m)
         plate = np.zeros_like(poses)
         for _ in range(_ITERATIONS):
+            if np.max(np.abs(plate[:, 3:]), initial=0.0) > _TILT_LIMIT_RAD:
+                break
             wrench = turn_wrench(rotation(plate[:, 3:]), mechanism(seen_from(plate, poses)))
             at_base = wrench.copy()
             at_base[:, 3:] += np.cross(poses[:, :3], wrench[:, :3])
