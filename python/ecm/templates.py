@@ -4,7 +4,7 @@ from __future__ import annotations
 
 CONFIG = """\
 # The neck of the paper, from mesh to report, at real size:
-#   ecm identify examples/neck.toml --out DIR
+#   ecm identify config.toml --out DIR
 
 [mechanism]                 # a clamped cylinder of soft silicone
 builtin = "cylinder"
@@ -33,7 +33,7 @@ energy_poses = [20, 50, 200]
 n = 200                     # poses in each design, D-optimal and maximin
 starts = 10
 
-[rig]                       # the simulated rig; examples/rig.toml shows every key
+[rig]                       # the simulated rig; `ecm new rig` shows more keys
 mode = "quasi_static"
 
 [hidden]                    # the loop at the end: found again by diagnose
@@ -42,7 +42,7 @@ strength = 1.0
 """
 
 RIG = """\
-# A simulated rig:  ecm campaign plan.csv --rig examples/rig.toml --out data.csv
+# A simulated rig:  ecm campaign plan.csv --rig rig.toml --out data.csv
 # Figures are per sample; the campaign writes those of the averaged row into the table.
 
 [rig]

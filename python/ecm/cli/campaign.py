@@ -53,5 +53,7 @@ def campaign(
             table, settings, out, hide=hide, seed=seed, threads=threads,
             progress=console.bar("campaign"), resume=True,
         )  # fmt: skip
+        for warning in data.warnings:
+            console.warn(warning)
         save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
         console.say(f"{out}: {len(data)} rows")

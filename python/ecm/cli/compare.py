@@ -43,6 +43,7 @@ def compare(
     """A model against a table: RMSE, bias, noise floor and excess error per component."""
     from ecm.check import excitation_sentences, never_excited
     from ecm.cli.models import open_model
+    from ecm.cli.reports import write_comparison
     from ecm.compare import compare as run
 
     with Console(quiet=quiet) as console:
@@ -51,12 +52,16 @@ def compare(
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         found = run(open_model(model), table, seed=seed)
         save_json(json, found.to_dict() | {"never_excited": list(never_excited(table))})
+        if report is not None:
+            write_comparison(report, found)
         rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
         for item in found.components:
             interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-            numbers = (f"{value:.3g}" for value in (item.rmse, item.bias, item.floor, item.excess))
             unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
-            rows.append((item.name, *numbers, interval, unit))
+            rows.append(
+                (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
+                 f"{item.excess:.3g}", interval, unit)
+            )  # fmt: skip
         console.say(columns(rows))
         console.say()
         console.say(found.sentence())

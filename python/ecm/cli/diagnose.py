@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import typer
 
 from ecm.cli.console import Console
@@ -20,6 +23,9 @@ from ecm.cli.options import (
     output,
     save_json,
 )
+from ecm.cli.text import columns
+
+_SHOWN = 10
 
 
 def add_to(app: typer.Typer) -> None:
@@ -40,9 +46,9 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """Rank the effects that the model may lack, and say which one is missing."""
-    from ecm.diagnose import diagnose as run
-
     from ecm.cli.models import open_model
+    from ecm.cli.reports import write_diagnosis
+    from ecm.diagnose import diagnose as run
 
     with Console(quiet=quiet) as console:
         output(json, report)
@@ -51,4 +57,37 @@ def diagnose(
         found = run(open_model(model), table, seed=seed)
         document = found.to_dict()
         save_json(json, document)
-        console.say(found.text())
+        if report is not None:
+            write_diagnosis(report, document)
+        _print(document, console)
+
+
+def _print(document: Mapping[str, Any], console: Console) -> None:
+    console.say(document["sentence"])
+    for item in document["effects"]:
+        for name, found in item["parameters"].items():
+            value = f"{found['value']:.4g} +- {found['sd']:.2g} {found['unit']}"
+            console.say(f"  {item['id']} {name} = {value}")
+    if document["ranking"]:
+        rows = [("effect", "p", "delta BIC", "size", "sd", "unit", "expected fall")]
+        for item in document["ranking"][:_SHOWN]:
+            rows.append(
+                (item["id"], f"{item['p']:.2g}", f"{item['delta_bic']:.1f}",
+                 f"{item['size']:.3g}", f"{item['sd']:.2g}", item["unit"],
+                 f"{item['expected_fall']:.3f}")
+            )  # fmt: skip
+        console.say("\n" + columns(rows))
+    if document["confusable"]:
+        listed = "; ".join(" = ".join(members) for members in document["confusable"])
+        console.say(f"\nCannot be told apart with these data: {listed}")
+    if document["not_testable"]:
+        console.say("\nNot testable with these data:")
+        missing = [
+            (f"  {item['id']}", item["reason"], f"-> {item['record']}")
+            for item in document["not_testable"]
+        ]
+        console.say(columns(missing, header=False))
+    for item in document["next_experiment"][:3]:
+        console.say(f"next: {item['action']} ({item['minutes']} min)")
+    for warning in document["warnings"]:
+        console.warn(warning)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +23,6 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.identify import Bar
     from ecm.identify import Console as JobConsole
 
 
@@ -69,16 +67,12 @@ def _shown(console: Console) -> JobConsole:
     class Shown(job.Console):
         """Draws."""
 
-        def say(self, text: str) -> None:
+        def say(self, text: str = "") -> None:
             """A line."""
             console.say(text)
 
-        @contextmanager
-        def bar(self, title: str, unit: str) -> Iterator[Bar]:
-            """A bar while the block runs."""
-            try:
-                yield console.bar(f"{title} ({unit})")
-            finally:
-                console.close()
+        def bar(self, title: str) -> Callable[..., None] | None:
+            """A bar for the work that comes next."""
+            return console.bar(title)
 
     return Shown()

@@ -1,0 +1,82 @@
+"""HTML pages of the commands: the same numbers as on the terminal, and what they look like."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ecm.compare import Comparison
+
+
+def write_comparison(path: Path, found: Comparison) -> None:
+    """Components, and the residuals in units of the noise."""
+    from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
+    from ecm.report import figures as draw
+    from ecm.report.page import number
+
+    names = [item.name for item in found.components]
+    rows = [
+        [
+            item.name,
+            *(number(value) for value in (item.rmse, item.bias, item.floor, item.excess)),
+            f"{number(item.excess_low, 2)} to {number(item.excess_high, 2)}",
+        ]
+        for item in found.components
+    ]
+    header = ("component", "RMSE", "bias", "noise floor", "excess", "90 % interval")
+    floor = np.array([item.floor for item in found.components])
+    shares: dict[str, Sequence[float]] = {
+        "noise floor": [1.0] * len(names),
+        "RMSE": [item.rmse / f for item, f in zip(found.components, floor, strict=True)],
+        "excess": [item.excess / f for item, f in zip(found.components, floor, strict=True)],
+    }
+    blocks: list[TextBlock | TableBlock | FigureBlock] = [
+        TextBlock(found.sentence(), strong=True),
+        TableBlock("Residuals in the unit of each column.", header, rows),
+        FigureBlock(
+            "Error of each component over its noise floor.",
+            draw.bars(shares, names, y_title="over the noise floor"),
+        ),
+        FigureBlock(
+            "Residuals over their noise; noise alone would have a standard deviation of 1.",
+            draw.histograms({"rows": found.whitened}, names, limit=8.0, x_title="over noise"),
+        ),
+    ]
+    lead = f"{found.rows} rows"
+    write_page(path, f"{found.model} against measurements", lead, [Section("Compare", blocks)])
+
+
+def write_diagnosis(path: Path, document: Mapping[str, Any]) -> None:
+    """Verdict, errors before and after, ranking, what cannot be tested, what to measure next."""
+    from ecm.report import Section, TableBlock, TextBlock, write_page
+    from ecm.report.loop import ranking_table
+    from ecm.report.page import number
+
+    errors = document["rmse"]
+    steps = [step for step in ("before", "after", "floor", "ceiling") if errors.get(step)]
+    rows = [[name, *(number(errors[step][name]) for step in steps)] for name in errors["before"]]
+    sections = [
+        Section(
+            "Verdict",
+            [
+                TextBlock(document["sentence"], strong=True),
+                TableBlock("RMSE in the unit of each column.", ("component", *steps), rows),
+            ],
+        )
+    ]
+    if document["ranking"]:
+        sections.append(Section("Ranking", [ranking_table(dict(document))]))
+    if document["not_testable"]:
+        listed = [[item["id"], item["reason"], item["record"]] for item in document["not_testable"]]
+        header = ("effect", "why not", "what to record")
+        block = TableBlock("Effects that these data cannot test.", header, listed)
+        sections.append(Section("Not testable", [block]))
+    if document["next_experiment"]:
+        listed = [[item["action"], str(item["minutes"])] for item in document["next_experiment"]]
+        block = TableBlock("What would tell more.", ("action", "minutes"), listed)
+        sections.append(Section("Next experiment", [block]))
+    write_page(path, "Which effect is missing", f"verdict: {document['verdict']}", sections)
