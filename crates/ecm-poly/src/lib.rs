@@ -8,12 +8,16 @@
 #[cfg(feature = "std")]
 extern crate std;
 
+pub mod arithmetic;
 pub mod basis;
+pub mod cubic;
 pub mod energy;
 pub mod normalise;
 pub mod polynomial;
 pub mod shape;
 
+#[cfg(feature = "std")]
+mod cubic_bulk;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]

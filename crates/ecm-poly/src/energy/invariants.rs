@@ -26,6 +26,16 @@ impl Symmetry {
         }
     }
 
+    /// How many lengths and how many angles each of the six variables is a product of.
+    pub fn lengths_and_angles(self) -> [(u8, u8); 6] {
+        match self {
+            Symmetry::General => [(1, 0), (1, 0), (1, 0), (0, 1), (0, 1), (0, 1)],
+            Symmetry::Alike | Symmetry::Revolution => {
+                [(1, 0), (2, 0), (0, 2), (0, 1), (1, 1), (1, 1)]
+            }
+        }
+    }
+
     /// Names of the six variables.
     pub fn variable_names(self) -> [&'static str; 6] {
         match self {

@@ -2,12 +2,17 @@
 
 pub mod invariants;
 pub mod mid_frame;
+pub mod plan;
 pub mod potential;
 
+#[cfg(feature = "std")]
+mod bulk;
 #[cfg(feature = "std")]
 pub mod fit;
 #[cfg(feature = "std")]
 pub mod model;
+#[cfg(feature = "std")]
+pub mod tables;
 #[cfg(feature = "std")]
 pub mod terms;
 
@@ -17,3 +22,6 @@ pub use invariants::Symmetry;
 pub use mid_frame::EnergyMap;
 #[cfg(feature = "std")]
 pub use model::EnergyModel;
+pub use plan::EnergyPlan;
+#[cfg(feature = "std")]
+pub use tables::EnergyTables;

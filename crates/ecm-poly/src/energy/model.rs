@@ -5,9 +5,11 @@ use std::vec::Vec;
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6};
 
+use crate::energy::bulk;
 use crate::energy::fit::{check_length, check_scale, regressor};
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
+use crate::energy::tables::EnergyTables;
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
 
@@ -24,6 +26,7 @@ pub struct EnergyModel {
     rank: usize,
     condition_number: f64,
     residual_variance: f64,
+    tables: EnergyTables<f64>,
 }
 
 impl EnergyModel {
@@ -45,7 +48,9 @@ impl EnergyModel {
             exponents.len(),
         )?;
         check_finite("coefficients", coefficients, 1)?;
+        let tables = EnergyTables::new(symmetry, &exponents, coefficients, scale, length_m);
         Ok(Self {
+            tables,
             length_m,
             degree,
             symmetry,
@@ -83,6 +88,11 @@ impl EnergyModel {
         )?)
     }
 
+    /// The tables of fast evaluation, for an export.
+    pub fn tables(&self) -> &EnergyTables<f64> {
+        &self.tables
+    }
+
     /// U (J) of each pose.
     pub fn energy(&self, poses: &[Vec6<f64>]) -> Result<Vec<f64>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
@@ -94,9 +104,7 @@ impl EnergyModel {
     /// h of each pose.
     pub fn predict(&self, poses: &[Vec6<f64>]) -> Result<Vec<Vec6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
-        let map = self.map()?;
-        let wrenches = poses.iter().map(|p| map.wrench(&Pose::from_array(p)));
-        Ok(wrenches.map(|w| w.to_array()).collect())
+        bulk::wrenches(self.tables.plan(), poses)
     }
 
     /// The stiffness of each pose.
@@ -106,11 +114,7 @@ impl EnergyModel {
         kind: StiffnessKind,
     ) -> Result<Vec<Mat6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
-        let map = self.map()?;
-        let stiffnesses = poses
-            .iter()
-            .map(|p| map.wrench_and_stiffness(&Pose::from_array(p), kind).1);
-        Ok(stiffnesses.collect())
+        bulk::stiffnesses(self.tables.plan(), poses, kind)
     }
 
     /// Φ (6 N, k), row-major: h = Φ β.

@@ -1,0 +1,170 @@
+//! Nanoseconds a call of the models' evaluation, one thread: `cargo run --release --example speed`.
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use ecm_poly::Symmetry;
+use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
+use ecm_poly::cubic::Cubic;
+use ecm_poly::energy::terms::terms;
+use ecm_poly::energy::{EnergyPlan, EnergyTables};
+use ecm_se3::stiffness::StiffnessKind;
+use ecm_se3::{Pose, Real};
+
+const CALLS: usize = 1 << 14;
+
+/// Smallest time a call of seven rounds over many poses.
+fn time(name: &str, mut round: impl FnMut()) {
+    let mut best = f64::INFINITY;
+    for _ in 0..7 {
+        let begin = Instant::now();
+        round();
+        best = best.min(begin.elapsed().as_secs_f64() / CALLS as f64);
+    }
+    println!("{name:44} {:8.1} ns", best * 1e9);
+}
+
+struct CubicTask<'a, R> {
+    cubic: &'a Cubic<R>,
+    points: &'a [[R; 6]],
+    stiffness: bool,
+}
+
+impl<R: Real> CubicTask<'_, R> {
+    #[inline(always)]
+    fn go<A: Arithmetic<R>>(self) {
+        for p in self.points {
+            if self.stiffness {
+                black_box(self.cubic.value_and_columns::<A>(p));
+            } else {
+                black_box(self.cubic.value::<A>(p));
+            }
+        }
+    }
+}
+
+impl Task for CubicTask<'_, f64> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        self.go::<A>();
+    }
+}
+
+impl Task for CubicTask<'_, f32> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        self.go::<A>();
+    }
+}
+
+struct EnergyTask<'a> {
+    plan: EnergyPlan<'a, f64>,
+    points: &'a [[f64; 6]],
+    stiffness: bool,
+}
+
+impl Task for EnergyTask<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        for p in self.points {
+            let pose = Pose::from_array(p);
+            if self.stiffness {
+                black_box(
+                    self.plan
+                        .wrench_and_stiffness::<A, 256>(&pose, StiffnessKind::Partial),
+                );
+            } else {
+                black_box(self.plan.wrench::<A, 256>(&pose));
+            }
+        }
+    }
+}
+
+fn main() {
+    let points: Vec<[f64; 6]> = (0..CALLS)
+        .map(|i| {
+            std::array::from_fn(|k| {
+                ((i * 7 + k * 3) as f64 * 0.37).sin() * if k < 3 { 0.02 } else { 0.8 }
+            })
+        })
+        .collect();
+    let single: Vec<[f32; 6]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
+    let coefficients: Vec<f64> = (0..84 * 6).map(|i| (i as f64).sin()).collect();
+    let range = [0.03, 0.03, 0.03, 1.0, 1.0, 1.0];
+    let cubic = Cubic::new(&range.map(|x: f64| -x), &range, &coefficients).unwrap();
+    let range32 = range.map(|x| x as f32);
+    let coefficients32: Vec<f32> = coefficients.iter().map(|&x| x as f32).collect();
+    let cubic32 = Cubic::new(&range32.map(|x| -x), &range32, &coefficients32).unwrap();
+    for stiffness in [false, true] {
+        let what = if stiffness { "h and K" } else { "h" };
+        time(&format!("cubic, {what}"), || {
+            dispatch(CubicTask {
+                cubic: &cubic,
+                points: &points,
+                stiffness,
+            });
+        });
+        time(&format!("cubic in f32, {what}"), || {
+            dispatch(CubicTask {
+                cubic: &cubic32,
+                points: &single,
+                stiffness,
+            });
+        });
+        time(
+            &format!("cubic as compiled for any machine, {what}"),
+            || {
+                CubicTask {
+                    cubic: &cubic,
+                    points: &points,
+                    stiffness,
+                }
+                .go::<Plain>();
+            },
+        );
+        {
+            let tables = EnergyTables::<f64>::new(Symmetry::Alike, &[], &[], [0.03, 0.8], 0.1);
+            let plan = tables.plan();
+            time(&format!("geometry of an energy, {what}"), || {
+                dispatch(EnergyTask {
+                    plan,
+                    points: &points,
+                    stiffness,
+                });
+            });
+        }
+        for (symmetry, degree) in [
+            (Symmetry::Alike, 4),
+            (Symmetry::Alike, 6),
+            (Symmetry::Revolution, 6),
+            (Symmetry::General, 4),
+        ] {
+            let rows = terms(symmetry, degree).unwrap();
+            let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
+            let tables = EnergyTables::<f64>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
+            let plan = tables.plan();
+            plan.check::<256>().unwrap();
+            if std::env::var("COUNT").is_ok() {
+                println!(
+                    "{} monomials {} entries",
+                    plan.products.len(),
+                    plan.columns.len()
+                );
+            }
+            time(
+                &format!("energy{degree} {}, {what}", symmetry.name()),
+                || {
+                    dispatch(EnergyTask {
+                        plan,
+                        points: &points,
+                        stiffness,
+                    });
+                },
+            );
+        }
+    }
+}

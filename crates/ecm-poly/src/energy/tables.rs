@@ -1,0 +1,151 @@
+//! The tables of an [`EnergyPlan`], made from exponents and coefficients.
+
+use std::collections::BTreeSet;
+use std::vec::Vec;
+
+use ecm_se3::Real;
+
+use crate::energy::invariants::Symmetry;
+use crate::energy::plan::{EnergyPlan, ROWS};
+
+/// Owned tables of an [`EnergyPlan`].
+#[derive(Clone, Debug)]
+pub struct EnergyTables<R> {
+    symmetry: Symmetry,
+    length_m: R,
+    products: Vec<(u16, u8)>,
+    ends: [u16; ROWS],
+    columns: Vec<u16>,
+    weights: Vec<R>,
+}
+
+type Monomial = [u8; 6];
+
+impl<R: Real> EnergyTables<R> {
+    /// From exponents of the variables and coefficients (J) of coordinates divided by `scale`.
+    pub fn new(
+        symmetry: Symmetry,
+        exponents: &[Monomial],
+        coefficients: &[f64],
+        scale: [f64; 2],
+        length_m: f64,
+    ) -> Self {
+        let weights: Vec<f64> = exponents
+            .iter()
+            .zip(coefficients)
+            .map(|(row, c)| c * unscaled(symmetry, row, scale))
+            .collect();
+        let rows: Vec<Vec<(Monomial, f64)>> = row_orders()
+            .iter()
+            .map(|orders| {
+                let terms = exponents.iter().zip(&weights);
+                let mut row: Vec<_> = terms
+                    .filter_map(|(e, &w)| differentiated(e, orders).map(|(m, f)| (m, w * f)))
+                    .collect();
+                row.sort_by_key(|entry| order(&entry.0));
+                row
+            })
+            .collect();
+        let mut needed: BTreeSet<(u8, Monomial)> = BTreeSet::from([order(&[0; 6])]);
+        for (mut monomial, _) in rows.iter().flatten().copied() {
+            while needed.insert(order(&monomial)) {
+                match parent(&monomial) {
+                    Some((lower, _)) => monomial = lower,
+                    None => break,
+                }
+            }
+        }
+        let list: Vec<_> = needed.into_iter().collect();
+        let place = |m: &Monomial| list.binary_search(&order(m)).unwrap_or(0) as u16;
+        let products = list
+            .iter()
+            .filter_map(|(_, reversed)| parent(&reversed.map(|e| u8::MAX - e)))
+            .map(|(lower, variable)| (place(&lower), variable))
+            .collect();
+        let mut ends = [0; ROWS];
+        let (mut columns, mut values) = (Vec::new(), Vec::new());
+        for (end, row) in ends.iter_mut().zip(&rows) {
+            for (monomial, weight) in row {
+                columns.push(place(monomial));
+                values.push(R::from_f64(*weight));
+            }
+            *end = columns.len() as u16;
+        }
+        Self {
+            symmetry,
+            length_m: R::from_f64(length_m),
+            products,
+            ends,
+            columns,
+            weights: values,
+        }
+    }
+
+    /// The tables, borrowed.
+    pub fn plan(&self) -> EnergyPlan<'_, R> {
+        EnergyPlan {
+            symmetry: self.symmetry,
+            length_m: self.length_m,
+            products: &self.products,
+            ends: self.ends,
+            columns: &self.columns,
+            weights: &self.weights,
+        }
+    }
+}
+
+/// Sorts by degree, then as the paper's eq. (4): the first exponent falling.
+fn order(monomial: &Monomial) -> (u8, Monomial) {
+    (monomial.iter().sum(), monomial.map(|e| u8::MAX - e))
+}
+
+/// The monomial with one factor less, its last variable; `None` for 1.
+fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
+    let last = monomial.iter().rposition(|&e| e > 0)?;
+    let mut lower = *monomial;
+    lower[last] -= 1;
+    Some((lower, last as u8))
+}
+
+/// Orders of differentiation of the 28 rows.
+fn row_orders() -> Vec<Monomial> {
+    let mut rows = std::vec![[0; 6]];
+    for i in 0..6 {
+        let mut row = [0; 6];
+        row[i] = 1;
+        rows.push(row);
+    }
+    for i in 0..6 {
+        for j in i..6 {
+            let mut row = [0; 6];
+            row[i] += 1;
+            row[j] += 1;
+            rows.push(row);
+        }
+    }
+    rows
+}
+
+/// A derivative of a monomial, and its factor; `None` where it is 0.
+fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f64)> {
+    let mut result = *monomial;
+    let mut factor = 1.0;
+    for i in 0..6 {
+        for _ in 0..orders[i] {
+            factor *= f64::from(result[i]);
+            result[i] = result[i].checked_sub(1)?;
+        }
+    }
+    Some((result, factor))
+}
+
+/// 1/(lᵃ αᵇ) of a term of a lengths and b angles.
+fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
+    let degrees = symmetry.lengths_and_angles();
+    let mut factor = 1.0;
+    for (&e, (lengths, angles)) in row.iter().zip(degrees) {
+        let unit = scale[0].powi(i32::from(lengths)) * scale[1].powi(i32::from(angles));
+        factor /= unit.powi(i32::from(e));
+    }
+    factor
+}

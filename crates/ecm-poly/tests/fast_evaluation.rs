@@ -1,0 +1,123 @@
+//! Fast evaluation gives what the term-by-term one gives, in double and single precision.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use ecm_poly::arithmetic::Plain;
+use ecm_poly::cubic::Cubic;
+use ecm_poly::energy::EnergyTables;
+use ecm_poly::energy::terms::terms;
+use ecm_poly::{EnergyMap, EnergyModel, Polynomial, PolynomialModel, Symmetry};
+use ecm_se3::Pose;
+use ecm_se3::stiffness::StiffnessKind;
+use proptest::prelude::*;
+
+fn point() -> impl Strategy<Value = [f64; 6]> {
+    (
+        prop::array::uniform3(-0.02..0.02_f64),
+        prop::array::uniform3(-0.8..0.8_f64),
+    )
+        .prop_map(|(c, t)| [0.1 + c[0], c[1], c[2], t[0], t[1], t[2]])
+}
+
+fn wave(n: usize, seed: f64) -> Vec<f64> {
+    (0..n)
+        .map(|i| ((i as f64 + 1.0) * 12.9898 + seed).sin())
+        .collect()
+}
+
+fn largest<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
+    values.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(100))]
+
+    #[test]
+    fn one_pass_cubic(p in point(), seed in 0.0..9.0_f64) {
+        let (lower, upper) = ([0.07, -0.03, -0.025, -0.9, -1.0, -0.8], [0.13, 0.02, 0.03, 0.8, 0.9, 1.0]);
+        let coefficients = wave(84 * 6, seed);
+        let model = PolynomialModel::from_coefficients(3, &lower, &upper, &coefficients).unwrap();
+        let naive: Polynomial<'_, f64> = model.map().unwrap();
+        let mut scratch = vec![0.0; naive.scratch_len()];
+        let (mut h, mut k) = ([0.0; 6], [0.0; 36]);
+        naive.value_and_jacobian(&p, &mut h, &mut k, &mut scratch).unwrap();
+        let cubic = Cubic::new(&lower, &upper, &coefficients).unwrap();
+        let (plain_h, plain_k) = cubic.value_and_jacobian::<Plain>(&p);
+        let (fast_h, fast_k) = (model.predict(&p).unwrap(), model.jacobian(&p).unwrap());
+        let size = largest(&k);
+        for j in 0..6 {
+            prop_assert!((fast_h[j] - h[j]).abs() < 1e-12 && (plain_h[j] - h[j]).abs() < 1e-12);
+            for i in 0..6 {
+                prop_assert!((fast_k[6 * j + i] - k[6 * j + i]).abs() < 1e-13 * size);
+                prop_assert!((plain_k[j][i] - k[6 * j + i]).abs() < 1e-13 * size);
+            }
+        }
+        let single = |x: &[f64]| -> Vec<f32> { x.iter().map(|&x| x as f32).collect() };
+        let cubic = Cubic::new(&single(&lower), &single(&upper), &single(&coefficients)).unwrap();
+        let (h32, k32) = cubic.value_and_jacobian::<Plain>(&p.map(|x| x as f32));
+        for j in 0..6 {
+            prop_assert!((f64::from(h32[j]) - h[j]).abs() < 2e-5 * (1.0 + largest(&h)));
+            for i in 0..6 { prop_assert!((f64::from(k32[j][i]) - k[6 * j + i]).abs() < 1e-5 * size); }
+        }
+    }
+
+    #[test]
+    fn planned_energy(p in point(), seed in 0.0..9.0_f64) {
+        let cases = [
+            (Symmetry::Alike, 4), (Symmetry::Alike, 6), (Symmetry::Alike, 8), (Symmetry::Revolution, 5),
+            (Symmetry::Revolution, 6), (Symmetry::General, 4), (Symmetry::General, 6),
+        ];
+        for (symmetry, degree) in cases {
+            let rows = terms(symmetry, degree).unwrap();
+            let coefficients = wave(rows.len(), seed);
+            let scale = [0.03, 0.9];
+            let model = EnergyModel::from_coefficients(0.1, degree, symmetry, scale, &coefficients).unwrap();
+            let naive: EnergyMap<'_, f64> = model.map().unwrap();
+            let pose = Pose::from_array(&p);
+            for kind in [StiffnessKind::Partial, StiffnessKind::Generalised, StiffnessKind::Screw] {
+                let (h, k) = naive.wrench_and_stiffness(&pose, kind);
+                let h = h.to_array();
+                let fast_h = model.predict(&[p]).unwrap()[0];
+                let fast_k = model.stiffness(&[p], kind).unwrap()[0];
+                for j in 0..6 {
+                    prop_assert!((fast_h[j] - h[j]).abs() < 1e-12 * (1.0 + largest(&h)));
+                    for i in 0..6 {
+                        let size = largest(k.as_flattened());
+                        prop_assert!((fast_k[j][i] - k[j][i]).abs() < 1e-12 * size, "{symmetry:?} {degree}");
+                    }
+                }
+            }
+            if degree <= 6 && symmetry != Symmetry::General {
+                let tables = EnergyTables::<f32>::new(symmetry, &rows, &coefficients, scale, 0.1);
+                let plan = tables.plan();
+                plan.check::<128>().unwrap();
+                let single = Pose::from_array(&p.map(|x| x as f32));
+                let (h32, k32) = plan.wrench_and_stiffness::<Plain, 128>(&single, StiffnessKind::Partial);
+                let (h, k) = naive.wrench_and_stiffness(&pose, StiffnessKind::Partial);
+                for j in 0..6 {
+                    let (a, b) = (f64::from(h32.to_array()[j]), h.to_array()[j]);
+                    prop_assert!((a - b).abs() < 2e-4 * (1.0 + largest(&h.to_array())));
+                    for i in 0..6 {
+                        prop_assert!((f64::from(k32[j][i]) - k[j][i]).abs() < 2e-4 * largest(k.as_flattened()));
+                    }
+                }
+                let energy = f64::from(plan.energy::<Plain, 128>(&single));
+                prop_assert!((energy - naive.energy(&pose)).abs() < 1e-3 * (1.0 + energy.abs()));
+            }
+        }
+    }
+}
+
+#[test]
+fn too_small_a_memory_is_refused() {
+    let rows = terms(Symmetry::Alike, 6).unwrap();
+    let tables = EnergyTables::<f64>::new(
+        Symmetry::Alike,
+        &rows,
+        &wave(rows.len(), 1.0),
+        [0.03, 0.9],
+        0.1,
+    );
+    assert!(tables.plan().check::<64>().is_err());
+    assert!(tables.plan().check::<127>().is_err());
+    assert!(tables.plan().check::<128>().is_ok());
+}
