@@ -86,7 +86,8 @@ def joint_fit(
     root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
     free_base = 0 if freeze_base else len(base.coefficients)
     converged, iteration = False, 0
-    for iteration in range(1, _MAX_ITERATIONS + 1):
+    while iteration < _MAX_ITERATIONS and not converged:
+        iteration += 1
         residual, design = _linearised(rows, base, fitted, measured, free_base)
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
@@ -96,9 +97,7 @@ def joint_fit(
             base = base.with_coefficients(base.coefficients + step[:free_base])
             rows = Rows(table, base)
         fitted = _advanced(fitted, step[free_base:])
-        if moved < _TOLERANCE * np.sqrt(max(1, y.size)):
-            converged = True
-            break
+        converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
     y = np.einsum("nij,nj->ni", whitener, residual)

@@ -19,7 +19,7 @@ F = NDArray[np.float64]
 I = NDArray[np.int64]
 
 _LEAST_ROWS = 20
-_MOST_ROWS = 220
+_MOST_ROWS = 400
 _ITERATIONS = 30
 _OUTLIER = 30.0  # squared whitened length of six components, chance 4e-5
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
@@ -107,27 +107,28 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     for _ in range(_ITERATIONS):
         parts = data.parts * np.exp(log_variance)[:, None, None, None]
         inverse = np.linalg.inv(parts.sum(axis=0))
-        weighted = np.einsum("cij,cjk->cik", inverse, nuisance).reshape(count * m, -1)
-        normal = weighted.T @ nuisance.reshape(count * m, -1)
-        # P = V^-1 - V^-1 X (X' V^-1 X)^+ X' V^-1
-        projector = -weighted @ np.linalg.pinv(normal, hermitian=True, rcond=1e-10) @ weighted.T
-        blocks = projector.reshape(count, m, count, m)
-        index = np.arange(count)
-        blocks[index, :, index, :] += inverse
-        py = (projector @ data.response.ravel()).reshape(count, m)
-        products = [
-            np.einsum("xcj,cjk->xck", projector.reshape(count * m, count, m), part).reshape(
-                count * m, count * m
-            )
-            for part in parts
-        ]
-        score = np.array(
-            [
-                0.5 * (np.einsum("ci,cij,cj->", py, part, py) - np.trace(product))
-                for part, product in zip(parts, products, strict=True)
-            ]
-        )
-        information = np.array([[0.5 * float((a * b.T).sum()) for b in products] for a in products])
+        # P = V^-1 - W A W', W = V^-1 X, A = (X' V^-1 X)^+: V is block diagonal, X is thin.
+        weighted = inverse @ nuisance
+        flat_weighted = weighted.reshape(count * m, -1)
+        normal = flat_weighted.T @ nuisance.reshape(count * m, -1)
+        inner = np.linalg.pinv(normal, hermitian=True, rcond=1e-10)
+        fitted = inner @ (flat_weighted.T @ data.response.ravel())
+        py = np.einsum("cij,cj->ci", inverse, data.response) - weighted @ fitted
+        products = inverse @ parts
+        acting = (parts @ weighted).reshape(len(parts), count * m, -1)
+        seen = np.stack([inner @ (flat_weighted.T @ a) for a in acting])
+        score = np.zeros(len(parts))
+        information = np.zeros((len(parts), len(parts)))
+        for q, part in enumerate(parts):
+            quadratic = np.einsum("ci,cij,cj->", py, part, py)
+            trace = np.einsum("cii->", products[q]) - np.trace(seen[q])
+            score[q] = 0.5 * (quadratic - trace)
+            back = (inverse @ acting[q].reshape(count, m, -1)).reshape(count * m, -1)
+            for r in range(len(parts)):
+                whole = np.einsum("cij,cji->", products[q], products[r])
+                mixed = np.trace(inner @ (back.T @ acting[r]))
+                both = np.einsum("ij,ji->", seen[q], seen[r])
+                information[q, r] = 0.5 * (whole - 2.0 * mixed + both)
         score -= (log_variance - prior) / width**2
         information += np.eye(4) / width**2
         step = np.clip(np.linalg.solve(information, score), -1.0, 1.0)

@@ -48,8 +48,9 @@ class Gram:
             block = z[rows].reshape(-1, k)
             matrices[g] = block.T @ block
             vectors[g] = block.T @ y[rows].ravel()
-        squares = np.bincount(groups, weights=(y**2).sum(axis=1), minlength=count)
-        counts = np.bincount(groups, weights=(root > 0.0) * float(m), minlength=count)
+        squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
+        members = (root > 0.0) * float(m)
+        counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
         return Gram(matrices, vectors, squares, counts)
 
     def total(self, weights: F | None = None) -> tuple[F, F, float]:

@@ -24,14 +24,19 @@ class FTest:
     p: float
     dof: float
     dof_error: float
+    explained: float = 0.0
+    """Sum of squares of the numerator."""
+    rest: float = 0.0
+    """Sum of squares of the denominator."""
 
     @staticmethod
     def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
         """Explained over rest, each per degree of freedom."""
         if dof <= 0 or dof_error <= 0 or rest <= 0.0:
-            return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0))
+            return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
         ratio = max(explained, 0.0) / dof / (rest / dof_error)
-        return FTest(ratio, float(stats.f.sf(ratio, dof, dof_error)), dof, dof_error)
+        p = float(stats.f.sf(ratio, dof, dof_error))
+        return FTest(ratio, p, dof, dof_error, explained, rest)
 
 
 def lack_of_fit(whitened: F, cells: I, parameters: int, weights: F | None = None) -> FTest | None:
@@ -75,23 +80,23 @@ def omnibus(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTes
     y = (whitened * root[:, None]).ravel()
     z = (design * root[:, None, None]).reshape(n * m, q)
     base = (fitted * root[:, None, None]).reshape(n * m, -1)
-    basis = _orthonormal(base)
+    basis = orthonormal(base)
     y = y - basis @ (basis.T @ y)
     z = z - basis @ (basis.T @ z)
-    extra = _orthonormal(z)
+    extra = orthonormal(z)
     explained = float(((extra.T @ y) ** 2).sum())
     rest = float(y @ y) - explained
     size = int((root > 0.0).sum()) * m
     return FTest.of(explained, extra.shape[1], rest, size - basis.shape[1] - extra.shape[1])
 
 
-def _orthonormal(columns: F) -> F:
+def orthonormal(columns: F) -> F:
     """Orthonormal basis of the columns' span."""
     norms = np.sqrt((columns**2).sum(axis=0))
     columns = columns[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
     scaled = columns / np.sqrt((columns**2).sum(axis=0))
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    keep = values > 1e-9 * values[-1]
-    return np.asarray(scaled @ (vectors[:, keep] / np.sqrt(values[keep])))
+    q, r = np.linalg.qr(scaled)
+    # A column that earlier ones explain leaves a direction of rounding errors: drop it.
+    return np.asarray(q[:, np.abs(np.diag(r)) > 1e-5])

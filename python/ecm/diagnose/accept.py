@@ -128,7 +128,8 @@ def held_out_rms(problem: Problem, chosen: Sequence[Candidate]) -> float:
 
 def _scored_groups(problem: Problem) -> F:
     count = len(problem.gram.squares)
-    return np.bincount(problem.groups, weights=problem.scored.astype(np.float64), minlength=count)
+    found = np.bincount(problem.groups, problem.scored.astype(np.float64), count)
+    return np.asarray(found, dtype=np.float64)
 
 
 def _robust(

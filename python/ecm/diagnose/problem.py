@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import estimate_noise
 from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.gram import Gram
 from ecm.compare.lack_of_fit import omnibus
-from ecm.compare.noise import Noise, whiteners
+from ecm.compare.noise import Noise, declared_noise, whiteners
 from ecm.compare.residuals import features
 from ecm.effects import Effect, Missing, Rows
 from ecm.refit import JointFit, base_columns, joint_fit
@@ -83,7 +84,7 @@ class Problem:
     @property
     def size(self) -> int:
         """Rows times components."""
-        return int((self.weights > 0.0).sum()) * self.response.shape[1]
+        return int((self.weights > 0.0).sum() * self.response.shape[1])
 
     @property
     def base_index(self) -> tuple[int, ...]:
@@ -102,10 +103,9 @@ def assemble(
     """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested."""
     rows = Rows(table, base)
     if noise is None:
-        first = estimate_noise(rows, rows.wrench)
-        base = joint_fit(base, (), table, first).base
+        base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
         rows = Rows(table, base)
-        noise = estimate_noise(rows, rows.wrench)
+        noise = estimate_noise(rows, rows.wrench, fallback=declared_or_fitted(base, table))
     fit = joint_fit(base, (), table, noise)
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
@@ -176,8 +176,6 @@ def assemble(
 
 def _scaled(problem: Problem) -> Problem:
     """With the variance that neither candidates nor smooth features explain."""
-    from dataclasses import replace
-
     most = max(1, problem.size // (3 * problem.response.shape[1]))
     everything = np.concatenate(
         [problem.design[:, :, problem.n_base :], omnibus_columns(problem, most)], axis=2
@@ -186,19 +184,20 @@ def _scaled(problem: Problem) -> Problem:
     test = omnibus(problem.response, everything, base, problem.weights)
     if test.dof_error <= 0:
         return problem
-    root = np.sqrt(problem.weights)
-    total = _rest(problem.response * root[:, None], base * root[:, None, None])
-    ratio = test.F * test.dof / test.dof_error
-    rest = total / (1.0 + ratio)
-    return replace(problem, scale=float(np.clip(rest / test.dof_error, 0.25, np.inf)))
+    return replace(problem, scale=float(np.clip(test.rest / test.dof_error, 0.25, np.inf)))
 
 
-def _rest(response: F, base: F) -> float:
-    y, z = response.ravel(), base.reshape(response.size, -1)
-    if z.shape[1] == 0:
-        return float(y @ y)
-    left = y - z @ np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    return float(left @ left)
+def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
+    """Declared figures; for tables of other columns the spread of the base's residual."""
+    if base.inputs == POSE and base.outputs == WRENCH:
+        return declared_noise(table)
+    rows = Rows(table, base)
+    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    left = measured - rows.wrench
+    dof = max(1, len(left) - len(base.coefficients) // len(base.outputs))
+    spread = np.sqrt((left**2).sum(axis=0) / dof)
+    floor = 1e-9 * np.maximum(np.abs(measured).max(axis=0), 1e-30)
+    return Noise(source="assumed", components=tuple(float(v) for v in spread + floor))
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

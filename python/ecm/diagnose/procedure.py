@@ -67,12 +67,14 @@ def diagnose(
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
     problem = assemble(choose_base(model, table), _without(model, table), tested, noise)
-    gate, rejected = _gate(problem)
+    smooth = omnibus_columns(problem)
+    base_columns = problem.design[:, :, : problem.n_base]
+    first = omnibus(problem.response, smooth, base_columns, problem.weights)
+    before = structure(problem, first)
+    gate, rejected = _gate(problem, first)
     ranked = rank(problem)
     chosen = list(search(problem)) if ranked else []
     accepted, classes, checks = _accepted(problem, chosen, seed)
-    smooth = omnibus_columns(problem)
-    before = structure(problem, smooth, ())
     left, remains = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
@@ -112,7 +114,7 @@ def diagnose(
         next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
         outliers=tuple(int(i) for i in np.flatnonzero(problem.weights < 0.5)),
         seed=seed,
-        upper_bound=_upper_bound(problem, smooth),
+        upper_bound=_upper_bound(problem, first),
         warnings=_warnings(problem),
     )
 
@@ -132,12 +134,9 @@ def _without(model: Model, table: Table) -> Table:
     return table.with_columns(left)
 
 
-def _gate(problem: Problem) -> tuple[dict[str, float], bool]:
+def _gate(problem: Problem, smooth: FTest) -> tuple[dict[str, float], bool]:
     """Lack of fit from repeats, and the omnibus of smooth functions; either may reject."""
-    base = problem.design[:, :, : problem.n_base]
-    tests: list[FTest] = [
-        omnibus(problem.response, omnibus_columns(problem), base, problem.weights)
-    ]
+    tests = [smooth]
     cells = lack_of_fit(
         problem.response,
         np.where(problem.scored, repeat_cells(problem.table), -1 - np.arange(len(problem.table))),
@@ -203,10 +202,8 @@ def _left_over(
     return left, bool(test.p < LEVEL and strong and share)
 
 
-def _upper_bound(problem: Problem, smooth: F) -> float:
+def _upper_bound(problem: Problem, test: FTest) -> float:
     """95 % bound on the rms strength that the omnibus leaves possible."""
-    base = problem.design[:, :, : problem.n_base]
-    test = omnibus(problem.response, smooth, base, problem.weights)
     if not np.isfinite(test.F):
         return float("inf")
     found = test.F * test.dof

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import POSE, WRENCH
+from ecm.compare.lack_of_fit import orthonormal
 from ecm.compare.residuals import features
 from ecm.diagnose.problem import Problem
 
@@ -49,9 +50,8 @@ def signature_shares(problem: Problem) -> dict[str, float]:
         z = (z * np.sqrt(problem.weights)[:, None, None]).reshape(n * m, -1)
         if z.shape[1] >= n * m // 2:
             continue
-        theta, _, rank, _ = np.linalg.lstsq(z, y, rcond=1e-8)
-        fall = total - float(((y - z @ theta) ** 2).sum())
-        beyond = fall - problem.scale * float(rank)
+        basis = orthonormal(z)
+        beyond = float(((basis.T @ y) ** 2).sum()) - problem.scale * basis.shape[1]
         shares[name] = float(np.clip(beyond / total, 0.0, 1.0))
     return shares
 

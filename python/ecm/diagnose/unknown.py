@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.compare.lack_of_fit import FTest
 from ecm.compare.residuals import features
 from ecm.diagnose.problem import Candidate, Problem
-from ecm.diagnose.search import normal_equations, rank
+from ecm.diagnose.search import rank
 
 F = NDArray[np.float64]
 
@@ -53,29 +54,6 @@ def describe(
     return {"variables": variables, "words": words, "nearest": nearest}
 
 
-def structure(problem: Problem, design: F, chosen: Sequence[Candidate]) -> float:
-    """Sum of squares beyond chance that base, chosen and smooth functions explain, over scale.
-
-    The base's part is not counted.
-    """
-    root = np.sqrt(problem.weights)
-    columns = [c for item in chosen for c in item.columns]
-    base = (problem.design[:, :, : problem.n_base] * root[:, None, None]).reshape(
-        problem.response.size, -1
-    )
-    extra = np.concatenate([problem.design[:, :, columns], design], axis=2)
-    z = (extra * root[:, None, None]).reshape(problem.response.size, -1)
-    y = (problem.response * root[:, None]).ravel()
-    if base.shape[1]:
-        q, _ = np.linalg.qr(base)
-        y = y - q @ (q.T @ y)
-        z = z - q @ (q.T @ z)
-    norms = np.sqrt((z**2).sum(axis=0))
-    z = z[:, norms > 1e-9]
-    z = z / np.sqrt((z**2).sum(axis=0))
-    theta, _, rank_, _ = np.linalg.lstsq(z, y, rcond=1e-8)
-    explained = float(y @ y) - float(((y - z @ theta) ** 2).sum())
-    return max(0.0, explained / problem.scale - float(rank_))
-
-
-__all__ = ["describe", "normal_equations", "structure"]
+def structure(problem: Problem, test: FTest) -> float:
+    """Sum of squares beyond chance that a test explains, over the noise scale."""
+    return max(0.0, test.explained / problem.scale - test.dof)

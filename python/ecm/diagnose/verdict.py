@@ -42,9 +42,7 @@ class Diagnosis:
 
     def sentence(self) -> str:
         """One plain sentence."""
-        after = (
-            f"held-out error {self.held_out['before']:.2f} -> {self.held_out['after']:.2f} noise"
-        )
+        after = self._fall()
         said = {
             "repeats": "",
             "declared": " The noise is as declared, not measured.",
@@ -63,6 +61,10 @@ class Diagnosis:
             text = " and ".join(" or ".join(members) for members in self.answer)
             text = f"Missing: {text}; {after}."
         return text + said
+
+    def _fall(self) -> str:
+        before, after = self.held_out["before"], self.held_out["after"]
+        return f"held-out error {before:.2f} -> {after:.2f} times the noise"
 
     def answer_so_far(self) -> tuple[tuple[str, ...], ...]:
         """Accepted effects, also where the verdict is `unknown`."""

@@ -139,9 +139,7 @@ class Hysteresis(LinearEffect):
     """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material."""
 
     id = "hysteresis"
-    physics = (
-        "Internal friction: the wrench lags behind the pose and depends on the side of approach."
-    )
+    physics = "Internal friction: the wrench depends on the side from which a pose is approached."
     parameters = (Parameter("c", "m", 1e-4, -5e-3, 5e-3),)
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
     kind = "time"

@@ -81,6 +81,7 @@ class _FunctionEffect(LinearEffect):
 
     def __init__(
         self,
+        *,
         id: str,
         physics: str,
         parameters: tuple[Parameter, ...],
@@ -120,7 +121,17 @@ def effect(
 
     def decorate(function: Callable[[Rows], F]) -> Callable[[Rows], F]:
         listed = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
-        register(_FunctionEffect(id, physics, listed, function, needs, side, kind))
+        register(
+            _FunctionEffect(
+                id=id,
+                physics=physics,
+                parameters=listed,
+                function=function,
+                needs=needs,
+                side=side,
+                kind=kind,
+            )
+        )
         return function
 
     return decorate

@@ -91,7 +91,7 @@ class Rows:
     def screw_stiffness(self) -> F:
         """(N, 6, 6) K_s = K diag(I, J^-1), in rotation increments of base axes."""
         inverse = np.linalg.inv(_native.left_jacobians(self.rotation_vectors))
-        screw = self.stiffness.copy()
+        screw: F = self.stiffness.copy()
         screw[:, :, 3:] = self.stiffness[:, :, 3:] @ inverse
         return screw
 
@@ -103,7 +103,7 @@ class Rows:
     @cached_property
     def rotation(self) -> F:
         """(N, 3, 3) base from top."""
-        return _native.rotation_matrices(self.rotation_vectors)
+        return np.asarray(_native.rotation_matrices(self.rotation_vectors))
 
     @cached_property
     def base_from_top(self) -> F:

@@ -93,7 +93,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | None) -> Model:
         regressor = _native.polynomial_regressor(poses, degree, model.lower, model.upper)
         inverse = np.linalg.pinv(regressor.T @ regressor, hermitian=True)
         variance = (residual**2).sum(axis=0) / (len(poses) - k)
-        covariance = np.kron(np.diag(variance), inverse)
+        covariance = np.asarray(np.kron(np.diag(variance), inverse), dtype=np.float64)
     return _model(base, noise, covariance, table)
 
 

@@ -79,7 +79,7 @@ def held_out_rms(
     count = int(groups.max()) + 1
     fold_of_group = np.zeros(count, dtype=np.int64)
     fold_of_group[groups] = parts
-    counts = np.bincount(groups, weights=scored.astype(np.float64), minlength=count)
+    counts = np.asarray(np.bincount(groups, scored, count), dtype=np.float64)
     squares = gram.held_out(range(design.shape[2]), fold_of_group, counts)
     total = counts.sum() * whitened.shape[1]
     return float(np.sqrt(squares.sum() / total))
@@ -106,7 +106,7 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
         return None
     groups = row_groups(table)
     count = int(groups.max()) + 1
-    # Dealt in turn, not clustered: a free cubic does not extrapolate, and that is not its task here.
+    # Dealt in turn, not clustered: a free cubic does not extrapolate, nor is that its task.
     parts = (np.arange(count) % 10)[groups][scored]
     left = residual.copy()
     for part in np.unique(parts):

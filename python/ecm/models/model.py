@@ -63,7 +63,7 @@ class Model:
         if isinstance(data, np.ndarray):
             return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
         rows = Rows(data, self.base)
-        wrench = rows.wrench.copy()
+        wrench: F = rows.wrench.copy()
         for item in self.effects:
             lacking = item.effect.missing(data.with_columns(_zeros(data, self.outputs)))
             if lacking is None or item.effect.kind == "pose":
