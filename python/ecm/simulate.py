@@ -46,7 +46,7 @@ class Workspace:
     """Upper corner of the wrench box, N and N m."""
     full_box: bool = False
     """Keep every stable solution of the box."""
-    screen_margin: float = 1.25
+    screen_margin: float = 1.2
     """The rod lets draws pass up to this factor times the rotation limit."""
 
     def __post_init__(self) -> None:
@@ -158,17 +158,21 @@ def simulate(
             }
             if stage is not None:
                 stage.save_part(chunk, part)
-        inside = part["ok"].astype(bool)
-        solved += int(inside.sum())
-        unstable += int(part["unstable"].sum())
-        failed += int((~inside & ~part["unstable"].astype(bool)).sum())
+        ok, lost = part["ok"].astype(bool), part["unstable"].astype(bool)
+        inside = ok.copy()
         if not workspace.full_box:
             rotation = np.linalg.norm(part["poses"][:, 3:], axis=1)
             inside &= rotation <= workspace.rotation_limit_rad
             inside &= part["largest_stretch"] <= workspace.stretch_limit
         take = np.flatnonzero(inside)[: n - kept]
-        if len(take) == n - kept and len(take):
+        counted = np.ones(len(serial), dtype=bool)
+        if len(take) == n - kept:
+            # Only what was drawn up to the last kept pair counts.
+            counted = serial <= serial[take[-1]]
             draws.stop_at(int(serial[take[-1]]))
+        solved += int((ok & counted).sum())
+        unstable += int((lost & counted).sum())
+        failed += int((~ok & ~lost & counted).sum())
         parts.append({name: part[name][take] for name in _ARRAYS})
         kept += len(take)
         chunk += 1
