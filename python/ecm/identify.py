@@ -415,7 +415,7 @@ def _loop(
     found = run_loop(
         data,
         physics,
-        truth=job.out / "measured-loop.truth.json",
+        path=job.out / "measured-loop.csv",
         seed=job.seed,
         threads=job.threads,
         say=job.console.say,

@@ -34,9 +34,12 @@ class Loop:
 
 
 def run_loop(
-    data: Table, physics: PhysicsMap, *, truth: Path | None, seed: int, threads: int, say: Say
+    data: Table, physics: PhysicsMap, *, path: Path, seed: int, threads: int, say: Say
 ) -> Loop:
-    """Fit the physics base, find what it lacks, add it, refit; then open the sealed truth."""
+    """Fit the physics base, find what it lacks, add it, refit; then open the sealed truth.
+
+    `path` is the file of the data; its truth, where one was sealed, lies beside it.
+    """
     model = fit_model(data, "physics", physics=physics, threads=threads)
     before = compare(model, data, seed=seed)
     say(f"  {before.sentence()}")
@@ -53,8 +56,9 @@ def run_loop(
     for rung in history:
         say(f"  {rung['name']}: held-out error {rung['held_out']:.3f} times the noise")
     score = None
-    if truth is not None and truth.exists():
-        score = reveal(data, diagnosis)
+    if data.meta.file.truth_sha256:
+        score = reveal(path, diagnosis).score
+    if score is not None:
         say(
             f"  hidden was {', '.join(score['truth'])}: "
             + ("found" if score["correct"] else "not found")
