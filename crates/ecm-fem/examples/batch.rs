@@ -12,13 +12,19 @@ struct Draw(u64);
 
 impl Draw {
     fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 
 fn main() -> Result<(), FemError> {
-    let args: Vec<f64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    let args: Vec<f64> = std::env::args()
+        .skip(1)
+        .filter_map(|a| a.parse().ok())
+        .collect();
     let count = args.first().map_or(300, |&n| n as usize);
     let limit = args.get(1).copied().unwrap_or(0.8);
     let (length_m, r, e, nu): (f64, f64, f64, f64) = (0.1034, 0.033, 0.65e6, 0.49);
@@ -37,7 +43,9 @@ fn main() -> Result<(), FemError> {
     while loads.len() < count {
         drawn += 1;
         let mut h = [draw.between(-110.0, 30.0), 0.0, 0.0, 0.0, 0.0, 0.0];
-        h[1..3].iter_mut().for_each(|v| *v = draw.between(-100.0, 100.0));
+        h[1..3]
+            .iter_mut()
+            .for_each(|v| *v = draw.between(-100.0, 100.0));
         h[3..].iter_mut().for_each(|v| *v = draw.between(-5.0, 5.0));
         let (p, converged) = rod.pose(&h);
         failed += usize::from(!converged);
@@ -65,8 +73,17 @@ fn main() -> Result<(), FemError> {
         mean(&|r| r.load_steps as f64),
         mean(&|r| f64::from(u8::from(angle(r) <= limit))),
     );
-    for status in [Status::Solved, Status::Unstable, Status::NotConverged, Status::Inverted] {
-        println!("  {}: {}", status.word(), results.iter().filter(|r| r.status == status).count());
+    for status in [
+        Status::Solved,
+        Status::Unstable,
+        Status::NotConverged,
+        Status::Inverted,
+    ] {
+        println!(
+            "  {}: {}",
+            status.word(),
+            results.iter().filter(|r| r.status == status).count()
+        );
     }
     Ok(())
 }

@@ -7,7 +7,10 @@ use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality};
 use std::time::Instant;
 
 fn main() -> Result<(), FemError> {
-    let args: Vec<usize> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    let args: Vec<usize> = std::env::args()
+        .skip(1)
+        .filter_map(|a| a.parse().ok())
+        .collect();
     let qualities = match args[..] {
         [rings, layers, around, layer, ring] => vec![Quality::Custom {
             rings,
@@ -28,22 +31,37 @@ fn main() -> Result<(), FemError> {
         let start = Instant::now();
         let (r, timing) = fem.solve(&Load::Wrench([-40.0, 30.0, 20.0, 1.0, -1.0, 1.0]))?;
         let total = start.elapsed().as_secs_f64();
-        let (reference, p) = ([-8.96e-3, 30.11e-3, 25.73e-3, 0.1936, -0.3505, 0.4450], r.pose);
+        let (reference, p) = (
+            [-8.96e-3, 30.11e-3, 25.73e-3, 0.1936, -0.3505, 0.4450],
+            r.pose,
+        );
         let moved = [p[0] - 0.1034, p[1], p[2], p[3], p[4], p[5]];
         let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let miss: Vec<f64> = (0..6).map(|k| moved[k] - reference[k]).collect();
         let (n, lower, factor) = fem.sizes();
-        println!("{quality:?}: {nodes} nodes, {elements} tetrahedra, n {n}, nnz {lower}, nnz L {factor}");
+        println!(
+            "{quality:?}: {nodes} nodes, {elements} tetrahedra, n {n}, nnz {lower}, nnz L {factor}"
+        );
         println!(
             "  {:?} {} Newton in {} steps, residual {:.1e}, t {:.4} {:.4} {:.4} mm, theta {:.5} {:.5} {:.5}",
-            r.status, r.iterations, r.load_steps, r.residual,
-            1e3 * moved[0], 1e3 * moved[1], 1e3 * moved[2], moved[3], moved[4], moved[5]
+            r.status,
+            r.iterations,
+            r.load_steps,
+            r.residual,
+            1e3 * moved[0],
+            1e3 * moved[1],
+            1e3 * moved[2],
+            moved[3],
+            moved[4],
+            moved[5]
         );
         println!(
             "  error t {:.3} %, theta {:.3} %, stretch {:.3}, J {:.4}, eigenvalue {:.3}",
             100.0 * norm(&miss[..3]) / norm(&reference[..3]),
             100.0 * norm(&miss[3..]) / norm(&reference[3..]),
-            r.largest_stretch, r.smallest_jacobian, r.smallest_eigenvalue
+            r.largest_stretch,
+            r.smallest_jacobian,
+            r.smallest_eigenvalue
         );
         let k = fem.rest_stiffness()?;
         println!(

@@ -78,7 +78,12 @@ pub struct Inverted;
 
 impl Body {
     /// Precomputes gradients and scales.
-    pub fn new(mesh: Mesh, material: Box<dyn Material>, modulus_scale: Vec<f64>, rule: Rule) -> Self {
+    pub fn new(
+        mesh: Mesh,
+        material: Box<dyn Material>,
+        modulus_scale: Vec<f64>,
+        rule: Rule,
+    ) -> Self {
         let mut points = Vec::with_capacity(mesh.tetrahedra().len() * rule.points().len());
         for tet in mesh.tetrahedra() {
             let x = tet.map(|i| mesh.nodes_m()[i]);
@@ -90,18 +95,31 @@ impl Body {
                         gradients[k][a] = g[a][k];
                     }
                 }
-                points.push(Point { gradients, volume_m3: weight * det });
+                points.push(Point {
+                    gradients,
+                    volume_m3: weight * det,
+                });
             }
         }
         let size = (mesh.volume_m3() / mesh.tetrahedra().len() as f64).cbrt();
         let pressure_unit_Pa = material.shear_modulus_Pa() / size;
-        Self { mesh, material, modulus_scale, rule, points, pressure_unit_Pa }
+        Self {
+            mesh,
+            material,
+            modulus_scale,
+            rule,
+            points,
+            pressure_unit_Pa,
+        }
     }
 
     /// The undeformed state.
     pub fn rest(&self) -> Field {
         let n = self.mesh.nodes_m().len();
-        Field { displacement: vec![0.0; 3 * n], pressure: vec![0.0; n] }
+        Field {
+            displacement: vec![0.0; 3 * n],
+            pressure: vec![0.0; n],
+        }
     }
 
     /// Deformation gradients at the points of element `e`.
@@ -112,7 +130,9 @@ impl Body {
     ) -> impl Iterator<Item = Mat3> + 'a {
         let u = element_displacement(&self.mesh.tetrahedra()[e], field);
         let count = self.rule.points().len();
-        self.points[e * count..(e + 1) * count].iter().map(move |point| deformation(point, &u))
+        self.points[e * count..(e + 1) * count]
+            .iter()
+            .map(move |point| deformation(point, &u))
     }
 }
 
@@ -163,7 +183,10 @@ impl Sums {
             for m in 0..4 {
                 self.volume[tet[m]] += element.volume[m];
             }
-            element.scatter(&pattern.scatter[e * ENTRIES..(e + 1) * ENTRIES], &mut self.tangent);
+            element.scatter(
+                &pattern.scatter[e * ENTRIES..(e + 1) * ENTRIES],
+                &mut self.tangent,
+            );
             if pattern.touches_platform[e] {
                 self.couple(pattern, &element, tet, &arm);
             }
@@ -181,7 +204,11 @@ impl Sums {
         arm: &impl Fn(usize) -> [f64; 3],
     ) {
         let held: [Option<[f64; 3]>; 10] = std::array::from_fn(|a| {
-            pattern.platform_nodes.binary_search(&tet[a]).is_ok().then(|| arm(tet[a]))
+            pattern
+                .platform_nodes
+                .binary_search(&tet[a])
+                .is_ok()
+                .then(|| arm(tet[a]))
         });
         for row in 0..34 {
             let mut by_platform = [0.0; 6];
@@ -269,7 +296,10 @@ struct Element {
 impl Element {
     #[inline(never)]
     fn evaluate(&mut self, body: &Body, e: usize, field: &Field) -> Result<(), Inverted> {
-        *self = Self { smallest_jacobian: f64::INFINITY, ..Self::default() };
+        *self = Self {
+            smallest_jacobian: f64::INFINITY,
+            ..Self::default()
+        };
         let tet = &body.mesh.tetrahedra()[e];
         let u = element_displacement(tet, field);
         let scale = body.modulus_scale[e];

@@ -64,13 +64,31 @@ impl Symbolic {
                 ..Default::default()
             },
         )
-        .map_err(|e| FemError::Factorisation { unknowns, reason: e.to_string() })?;
-        Ok(Self { unknowns, col_ptr, row_idx, analysis })
+        .map_err(|e| FemError::Factorisation {
+            unknowns,
+            reason: e.to_string(),
+        })?;
+        Ok(Self {
+            unknowns,
+            col_ptr,
+            row_idx,
+            analysis,
+        })
     }
 
     /// Stored entries of the lower triangle.
     pub fn entries(&self) -> usize {
         self.row_idx.len()
+    }
+
+    /// Row and column of each stored entry.
+    #[cfg(test)]
+    pub fn positions(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (0..self.unknowns).flat_map(|c| {
+            self.row_idx[self.col_ptr[c]..self.col_ptr[c + 1]]
+                .iter()
+                .map(move |&r| (r, c))
+        })
     }
 
     /// Stored entries of L, zeros of the supernodes included.
@@ -98,7 +116,9 @@ fn transposed(n: usize, col_ptr: &[usize], row_idx: &[usize]) -> (Vec<usize>, Ve
 
 impl std::fmt::Debug for Factor {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Factor").field("entries", &self.values.len()).finish_non_exhaustive()
+        f.debug_struct("Factor")
+            .field("entries", &self.values.len())
+            .finish_non_exhaustive()
     }
 }
 
@@ -122,13 +142,8 @@ impl Factor {
     /// [`ZeroPivot`].
     pub fn factorise(&mut self, symbolic: &Symbolic, values: &[f64]) -> Result<usize, ZeroPivot> {
         let n = symbolic.unknowns;
-        let pattern = SymbolicSparseColMatRef::new_checked(
-            n,
-            n,
-            &symbolic.col_ptr,
-            None,
-            &symbolic.row_idx,
-        );
+        let pattern =
+            SymbolicSparseColMatRef::new_checked(n, n, &symbolic.col_ptr, None, &symbolic.row_idx);
         symbolic
             .analysis
             .factorize_numeric_ldlt(
@@ -152,7 +167,11 @@ impl Factor {
         if finite { Ok(negative) } else { Err(ZeroPivot) }
     }
 
-    fn each_supernode(&self, symbolic: &Symbolic, mut visit: impl FnMut(usize, &[usize], MatRef<f64>)) {
+    fn each_supernode(
+        &self,
+        symbolic: &Symbolic,
+        mut visit: impl FnMut(usize, &[usize], MatRef<f64>),
+    ) {
         // Always supernodal: `Symbolic::new` forces it.
         if let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.analysis.raw() {
             let factor = SupernodalLdltRef::new(raw, &self.values);
@@ -166,7 +185,9 @@ impl Factor {
     /// x ← L⁻¹ x for the columns of x (at most seven).
     pub fn forward(&mut self, symbolic: &Symbolic, mut x: MatMut<f64>) {
         let columns = x.ncols();
-        let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.analysis.raw() else { return };
+        let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.analysis.raw() else {
+            return;
+        };
         let factor = SupernodalLdltRef::new(raw, &self.values);
         for s in 0..raw.n_supernodes() {
             let node = factor.supernode(s);
@@ -178,8 +199,11 @@ impl Factor {
                 Par::Seq,
             );
             let rows = node.pattern().len();
-            let mut below =
-                MatMut::from_column_major_slice_mut(&mut self.gather[..rows * columns], rows, columns);
+            let mut below = MatMut::from_column_major_slice_mut(
+                &mut self.gather[..rows * columns],
+                rows,
+                columns,
+            );
             faer::linalg::matmul::matmul(
                 below.rb_mut(),
                 Accum::Replace,
@@ -208,15 +232,20 @@ impl Factor {
     /// x ← L⁻ᵀ x for the columns of x (at most seven).
     pub fn backward(&mut self, symbolic: &Symbolic, mut x: MatMut<f64>) {
         let columns = x.ncols();
-        let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.analysis.raw() else { return };
+        let SymbolicCholeskyRaw::Supernodal(raw) = symbolic.analysis.raw() else {
+            return;
+        };
         let factor = SupernodalLdltRef::new(raw, &self.values);
         for s in (0..raw.n_supernodes()).rev() {
             let node = factor.supernode(s);
             let (top, bottom) = node.val().split_at_row(node.val().ncols());
             let size = top.ncols();
             let rows = node.pattern().len();
-            let mut below =
-                MatMut::from_column_major_slice_mut(&mut self.gather[..rows * columns], rows, columns);
+            let mut below = MatMut::from_column_major_slice_mut(
+                &mut self.gather[..rows * columns],
+                rows,
+                columns,
+            );
             for j in 0..columns {
                 for (k, &row) in node.pattern().iter().enumerate() {
                     below[(k, j)] = x[(row, j)];

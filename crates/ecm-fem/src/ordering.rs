@@ -35,7 +35,9 @@ impl Graph {
     }
 
     fn of(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
-        self.neighbours[self.starts[node]..self.starts[node + 1]].iter().map(|&b| b as usize)
+        self.neighbours[self.starts[node]..self.starts[node + 1]]
+            .iter()
+            .map(|&b| b as usize)
     }
 }
 
@@ -53,7 +55,10 @@ fn postordered(order: &[usize], graph: &Graph) -> Vec<usize> {
     const ROOT: usize = usize::MAX;
     let n = order.len();
     let mut rank = vec![ROOT; graph.starts.len() - 1];
-    order.iter().enumerate().for_each(|(i, &node)| rank[node] = i);
+    order
+        .iter()
+        .enumerate()
+        .for_each(|(i, &node)| rank[node] = i);
     // Elimination tree with path compression (Liu 1986).
     let (mut parent, mut ancestor) = (vec![ROOT; n], vec![ROOT; n]);
     for (i, &node) in order.iter().enumerate() {
@@ -122,7 +127,9 @@ fn dissect(
     for axis in 0..3 {
         let mut sorted = nodes.clone();
         sorted.sort_by(|&a, &b| {
-            positions[a][axis].total_cmp(&positions[b][axis]).then(a.cmp(&b))
+            positions[a][axis]
+                .total_cmp(&positions[b][axis])
+                .then(a.cmp(&b))
         });
         let mut last = usize::MAX;
         for step in 0..=12 {
@@ -166,7 +173,11 @@ fn separate(
     graph: &Graph,
     side: &mut [Side],
 ) -> Cut {
-    let (own, other) = if take_left { (Side::Left, Side::Right) } else { (Side::Right, Side::Left) };
+    let (own, other) = if take_left {
+        (Side::Left, Side::Right)
+    } else {
+        (Side::Right, Side::Left)
+    };
     for (i, &node) in sorted.iter().enumerate() {
         side[node] = if i < m { Side::Left } else { Side::Right };
     }
@@ -175,7 +186,12 @@ fn separate(
             side[node] = Side::Between;
         }
     }
-    let mut cut = Cut { left: Vec::new(), right: Vec::new(), between: Vec::new(), cost: 0.0 };
+    let mut cut = Cut {
+        left: Vec::new(),
+        right: Vec::new(),
+        between: Vec::new(),
+        cost: 0.0,
+    };
     for &node in sorted {
         match side[node] {
             Side::Left => cut.left.push(node),

@@ -69,11 +69,12 @@ impl Pattern {
         let nodes = mesh.nodes_m().len();
         let tets = mesh.tetrahedra();
         let mut is_corner = vec![false; nodes];
-        tets.iter().flat_map(|t| &t[..4]).for_each(|&i| is_corner[i] = true);
+        tets.iter()
+            .flat_map(|t| &t[..4])
+            .for_each(|&i| is_corner[i] = true);
         let weight: Vec<usize> = (0..nodes)
             .map(|i| {
-                (0..3).filter(|k| hold[3 * i + k] == Hold::Free).count()
-                    + usize::from(is_corner[i])
+                (0..3).filter(|k| hold[3 * i + k] == Hold::Free).count() + usize::from(is_corner[i])
             })
             .collect();
         let graph = Graph::new(nodes, tets.iter());
@@ -96,7 +97,11 @@ impl Pattern {
         }
         let local = |tet: &[usize; 10]| -> [u32; 34] {
             std::array::from_fn(|d| {
-                if d < 30 { of_displacement[3 * tet[d / 3] + d % 3] } else { of_pressure[tet[d - 30]] }
+                if d < 30 {
+                    of_displacement[3 * tet[d / 3] + d % 3]
+                } else {
+                    of_pressure[tet[d - 30]]
+                }
             })
         };
         let mut columns: Vec<Vec<u32>> = vec![Vec::new(); unknowns];
@@ -129,8 +134,9 @@ impl Pattern {
                 (start + at) as u32
             }));
         }
-        let platform_nodes: Vec<usize> =
-            (0..nodes).filter(|&i| (0..3).any(|k| hold[3 * i + k] == Hold::Platform)).collect();
+        let platform_nodes: Vec<usize> = (0..nodes)
+            .filter(|&i| (0..3).any(|k| hold[3 * i + k] == Hold::Platform))
+            .collect();
         let touches_platform = tets
             .iter()
             .map(|t| t.iter().any(|n| platform_nodes.binary_search(n).is_ok()))

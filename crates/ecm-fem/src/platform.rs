@@ -21,13 +21,19 @@ pub struct Platform {
 impl Platform {
     /// At rest.
     pub fn at_rest(length_m: f64) -> Self {
-        Self { position_m: [length_m, 0.0, 0.0], rotation: crate::tensor::IDENTITY }
+        Self {
+            position_m: [length_m, 0.0, 0.0],
+            rotation: crate::tensor::IDENTITY,
+        }
     }
 
     /// From (x, y, z, θx, θy, θz).
     pub fn from_pose(pose: &[f64; 6]) -> Self {
         let pose = Pose::from_array(pose);
-        Self { position_m: pose.position, rotation: pose.base_from_top() }
+        Self {
+            position_m: pose.position,
+            rotation: pose.base_from_top(),
+        }
     }
 
     /// (x, y, z, θx, θy, θz), |θ| ≤ π.

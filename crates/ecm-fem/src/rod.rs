@@ -44,7 +44,11 @@ impl Rod {
             ("torsion_stiffness_Nm2", self.torsion_stiffness_Nm2),
         ] {
             if !(value.is_finite() && value > 0.0) {
-                return Err(FemError::Parameter { name, value, expected: "a positive number" });
+                return Err(FemError::Parameter {
+                    name,
+                    value,
+                    expected: "a positive number",
+                });
             }
         }
         Ok(self)
@@ -154,9 +158,8 @@ impl Rod {
             let w4 = u4.map(|x| h * x);
             let c14 = cross(w1, w4);
             r = [0, 1, 2].map(|k| r[k] + h / 6.0 * (v1[k] + 2.0 * v2[k] + 2.0 * v3[k] + v4[k]));
-            let w = [0, 1, 2].map(|k| {
-                (w1[k] + 2.0 * w2[k] + 2.0 * w3[k] + w4[k]) / 6.0 + c14[k] / 12.0
-            });
+            let w = [0, 1, 2]
+                .map(|k| (w1[k] + 2.0 * w2[k] + 2.0 * w3[k] + w4[k]) / 6.0 + c14[k] / 12.0);
             rotation = turned(&rotation, w);
         }
         (r, rotation)

@@ -6,6 +6,7 @@
 mod arrays;
 mod door;
 mod errors;
+mod fem;
 mod poly;
 mod se3;
 
@@ -16,6 +17,9 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
+
+    #[pymodule_export]
+    use crate::fem::{Fem, FemResults, Mesh, rod_poses};
 
     #[pymodule_export]
     use crate::poly::{

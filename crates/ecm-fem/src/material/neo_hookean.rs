@@ -65,7 +65,11 @@ impl Material for NeoHookean {
             }
         }
         let energy = 0.5 * (c * i1 - 3.0 * self.shear_modulus_Pa);
-        Response { energy, stress, tangent }
+        Response {
+            energy,
+            stress,
+            tangent,
+        }
     }
 
     fn shear_modulus_Pa(&self) -> f64 {

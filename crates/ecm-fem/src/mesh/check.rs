@@ -8,16 +8,24 @@ impl Mesh {
     /// Indices in range, coordinates finite, every node used, faces apart.
     pub(super) fn check_indices(&self) -> Result<(), FemError> {
         let n = self.nodes_m.len();
-        let outside = |what, index, node| FemError::NoSuchNode { what, index, node, nodes: n };
+        let outside = |what, index, node| FemError::NoSuchNode {
+            what,
+            index,
+            node,
+            nodes: n,
+        };
         let mut used = vec![false; n];
         for (e, tet) in self.tetrahedra.iter().enumerate() {
             for &node in tet {
-                *used.get_mut(node).ok_or_else(|| outside("tetrahedron", e, node))? = true;
+                *used
+                    .get_mut(node)
+                    .ok_or_else(|| outside("tetrahedron", e, node))? = true;
             }
         }
-        for (what, list) in
-            [("base_nodes entry", &self.base_nodes), ("top_nodes entry", &self.top_nodes)]
-        {
+        for (what, list) in [
+            ("base_nodes entry", &self.base_nodes),
+            ("top_nodes entry", &self.top_nodes),
+        ] {
             for (i, &node) in list.iter().enumerate() {
                 if node >= n {
                     return Err(outside(what, i, node));
@@ -26,7 +34,11 @@ impl Mesh {
         }
         for (i, x) in self.nodes_m.iter().enumerate() {
             if let Some(&value) = x.iter().find(|v| !v.is_finite()) {
-                return Err(FemError::NotFinite { what: "a coordinate of node", index: i, value });
+                return Err(FemError::NotFinite {
+                    what: "a coordinate of node",
+                    index: i,
+                    value,
+                });
             }
         }
         if let Some(node) = used.iter().position(|u| !u) {
@@ -35,7 +47,10 @@ impl Mesh {
         }
         for (name, list) in [("base", &self.base_nodes), ("top", &self.top_nodes)] {
             if list.is_empty() {
-                return Err(FemError::MissingFace { name, found: "none with nodes".into() });
+                return Err(FemError::MissingFace {
+                    name,
+                    found: "none with nodes".into(),
+                });
             }
         }
         let mut top = vec![false; n];
@@ -78,7 +93,13 @@ impl Mesh {
         if let Some((element, jacobian)) = first {
             let total = self.tetrahedra.len();
             let centre = self.centre(element);
-            return Err(FemError::InvertedElement { element, jacobian, centre, count, total });
+            return Err(FemError::InvertedElement {
+                element,
+                jacobian,
+                centre,
+                count,
+                total,
+            });
         }
         self.check_one_piece()?;
         Ok(volume)
@@ -104,13 +125,20 @@ impl Mesh {
         if pieces == 1 {
             return Ok(());
         }
-        let first = self.tetrahedra.first().map_or(0, |t| root(&mut parent, t[0]));
+        let first = self
+            .tetrahedra
+            .first()
+            .map_or(0, |t| root(&mut parent, t[0]));
         let element = self
             .tetrahedra
             .iter()
             .position(|t| root(&mut parent, t[0]) != first)
             .unwrap_or(0);
-        Err(FemError::Disconnected { pieces, element, centre: self.centre(element) })
+        Err(FemError::Disconnected {
+            pieces,
+            element,
+            centre: self.centre(element),
+        })
     }
 
     fn centre(&self, element: usize) -> [f64; 3] {

@@ -13,7 +13,11 @@ struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    fn fail<T>(&self, found: impl Into<String>, expected: impl Into<String>) -> Result<T, FemError> {
+    fn fail<T>(
+        &self,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Result<T, FemError> {
         Err(FemError::MeshFile {
             path: self.path.clone(),
             line: self.line,
@@ -34,7 +38,8 @@ impl<'a> Words<'a> {
 
     fn number<T: std::str::FromStr>(&mut self, expected: &str) -> Result<T, FemError> {
         let word = self.word(expected)?;
-        word.parse().or_else(|_| self.fail(format!("\"{word}\""), expected))
+        word.parse()
+            .or_else(|_| self.fail(format!("\"{word}\""), expected))
     }
 
     fn skip(&mut self, count: usize, expected: &str) -> Result<(), FemError> {
@@ -69,8 +74,10 @@ struct File {
 /// Reads linear (type 4, 2) or quadratic (type 11, 9) tetrahedra and triangles.
 pub fn read(path: &Path) -> Result<Mesh, FemError> {
     let shown = path.display().to_string();
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| FemError::Unreadable { path: shown.clone(), reason: e.to_string() })?;
+    let text = std::fs::read_to_string(path).map_err(|e| FemError::Unreadable {
+        path: shown.clone(),
+        reason: e.to_string(),
+    })?;
     parse(&shown, &text)
 }
 
@@ -81,7 +88,11 @@ pub fn parse(path: &str, text: &str) -> Result<Mesh, FemError> {
         .enumerate()
         .flat_map(|(i, line)| line.split_whitespace().map(move |w| (i + 1, w)))
         .collect();
-    let mut words = Words { path: path.into(), words: tokens.into_iter().peekable(), line: 1 };
+    let mut words = Words {
+        path: path.into(),
+        words: tokens.into_iter().peekable(),
+        line: 1,
+    };
     let mut file = File::default();
     let mut format_seen = false;
     while words.words.peek().is_some() {
@@ -152,7 +163,10 @@ fn entities(words: &mut Words, file: &mut File) -> Result<(), FemError> {
     for (dimension, &count) in counts.iter().enumerate() {
         for _ in 0..count {
             let tag: i64 = words.number("an entity tag")?;
-            words.skip(if dimension == 0 { 3 } else { 6 }, "coordinates of an entity")?;
+            words.skip(
+                if dimension == 0 { 3 } else { 6 },
+                "coordinates of an entity",
+            )?;
             let groups: usize = words.number("the number of physical tags")?;
             let mut tags = Vec::new();
             for _ in 0..groups {
@@ -247,7 +261,10 @@ fn elements(words: &mut Words, file: &mut File) -> Result<(), FemError> {
 
 fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
     if file.tets.is_empty() {
-        return words.fail("no tetrahedra", "a volume mesh (gmsh -3), saved with its physical volume");
+        return words.fail(
+            "no tetrahedra",
+            "a volume mesh (gmsh -3), saved with its physical volume",
+        );
     }
     let quadratic_file = file.tets[0].len() == 10;
     if file.tets.iter().any(|t| (t.len() == 10) != quadratic_file) {
@@ -257,7 +274,11 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
     for name in ["base", "top"] {
         let Some(mut list) = file.faces.remove(name) else {
             let known: Vec<&str> = file.names.values().map(String::as_str).collect();
-            let found = if known.is_empty() { "none".into() } else { known.join(", ") };
+            let found = if known.is_empty() {
+                "none".into()
+            } else {
+                known.join(", ")
+            };
             return Err(FemError::MissingFace { name, found });
         };
         list.sort_unstable();
@@ -271,8 +292,7 @@ fn build(words: &Words, mut file: File) -> Result<Mesh, FemError> {
             .map(|t| [t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[9], t[8]])
             .collect()
     } else {
-        let corners: Vec<[usize; 4]> =
-            file.tets.iter().map(|t| [t[0], t[1], t[2], t[3]]).collect();
+        let corners: Vec<[usize; 4]> = file.tets.iter().map(|t| [t[0], t[1], t[2], t[3]]).collect();
         let tets = quadratic::raise(&mut file.nodes, &corners, |a, b, x| {
             [0, 1, 2].map(|k| 0.5 * (x[a][k] + x[b][k]))
         });

@@ -48,16 +48,47 @@ impl Mesh {
         base_nodes: Vec<usize>,
         top_nodes: Vec<usize>,
     ) -> Result<Self, FemError> {
-        let mut mesh =
-            Self { nodes_m, tetrahedra, base_nodes, top_nodes, length_m: 0.0, volume_m3: 0.0 };
-        mesh.check_indices()?;
-        mesh.base_nodes.sort_unstable();
-        mesh.base_nodes.dedup();
-        mesh.top_nodes.sort_unstable();
-        mesh.top_nodes.dedup();
-        mesh.volume_m3 = mesh.check_shape()?;
+        let mut mesh = Self {
+            nodes_m,
+            tetrahedra,
+            base_nodes,
+            top_nodes,
+            length_m: 0.0,
+            volume_m3: 0.0,
+        };
+        mesh.check()?;
         mesh.place()?;
         Ok(mesh)
+    }
+
+    /// As [`Mesh::new`] for a body that is built in place, `length_m` long to the last bit.
+    fn in_place(
+        nodes_m: Vec<[f64; 3]>,
+        tetrahedra: Vec<[usize; 10]>,
+        base_nodes: Vec<usize>,
+        top_nodes: Vec<usize>,
+        length_m: f64,
+    ) -> Result<Self, FemError> {
+        let mut mesh = Self {
+            nodes_m,
+            tetrahedra,
+            base_nodes,
+            top_nodes,
+            length_m,
+            volume_m3: 0.0,
+        };
+        mesh.check()?;
+        Ok(mesh)
+    }
+
+    fn check(&mut self) -> Result<(), FemError> {
+        self.check_indices()?;
+        self.base_nodes.sort_unstable();
+        self.base_nodes.dedup();
+        self.top_nodes.sort_unstable();
+        self.top_nodes.dedup();
+        self.volume_m3 = self.check_shape()?;
+        Ok(())
     }
 
     /// A clamped cylinder along x.
@@ -78,7 +109,14 @@ impl Mesh {
         inner_radius_m: f64,
         quality: Quality,
     ) -> Result<Self, FemError> {
-        revolve::mesh(length_m, &Profile::Tube { radius_m, inner_radius_m }, quality)
+        revolve::mesh(
+            length_m,
+            &Profile::Tube {
+                radius_m,
+                inner_radius_m,
+            },
+            quality,
+        )
     }
 
     /// A body of revolution with parabolic profile:
@@ -92,7 +130,14 @@ impl Mesh {
         waist_radius_m: f64,
         quality: Quality,
     ) -> Result<Self, FemError> {
-        revolve::mesh(length_m, &Profile::Hourglass { radius_m, waist_radius_m }, quality)
+        revolve::mesh(
+            length_m,
+            &Profile::Hourglass {
+                radius_m,
+                waist_radius_m,
+            },
+            quality,
+        )
     }
 
     /// A Gmsh 4.1 ASCII file with physical groups `base` and `top`.
@@ -134,10 +179,18 @@ impl Mesh {
     }
 
     fn place(&mut self) -> Result<(), FemError> {
-        let base = surface::centre(&self.nodes_m, &self.tetrahedra, &self.base_nodes)
-            .ok_or(FemError::NotASurface { name: "base", nodes: self.base_nodes.len() })?;
-        let top = surface::centre(&self.nodes_m, &self.tetrahedra, &self.top_nodes)
-            .ok_or(FemError::NotASurface { name: "top", nodes: self.top_nodes.len() })?;
+        let base = surface::centre(&self.nodes_m, &self.tetrahedra, &self.base_nodes).ok_or(
+            FemError::NotASurface {
+                name: "base",
+                nodes: self.base_nodes.len(),
+            },
+        )?;
+        let top = surface::centre(&self.nodes_m, &self.tetrahedra, &self.top_nodes).ok_or(
+            FemError::NotASurface {
+                name: "top",
+                nodes: self.top_nodes.len(),
+            },
+        )?;
         let offset = [0, 1, 2].map(|k| top[k] - base[k]);
         // 1e-3: a millimetre per metre, more than meshing tolerance, less than a mistake.
         if offset[0] <= 0.0 || offset[1].hypot(offset[2]) > 1e-3 * offset[0] {

@@ -34,7 +34,10 @@ pub fn mid_nodes_of_faces(tets: &[[usize; 10]], marked: &[usize]) -> Vec<usize> 
     let mut found = Vec::new();
     for tet in tets {
         for face in &super::FACES {
-            if face[..3].iter().all(|&i| marked.binary_search(&tet[i]).is_ok()) {
+            if face[..3]
+                .iter()
+                .all(|&i| marked.binary_search(&tet[i]).is_ok())
+            {
                 found.extend(face[3..].iter().map(|&i| tet[i]));
             }
         }

@@ -85,9 +85,10 @@ impl Profile {
     fn outer_m(&self, x_over_l: f64) -> f64 {
         match self {
             Self::Cylinder { radius_m } | Self::Tube { radius_m, .. } => *radius_m,
-            Self::Hourglass { radius_m, waist_radius_m } => {
-                waist_radius_m + (radius_m - waist_radius_m) * (2.0 * x_over_l - 1.0).powi(2)
-            }
+            Self::Hourglass {
+                radius_m,
+                waist_radius_m,
+            } => waist_radius_m + (radius_m - waist_radius_m) * (2.0 * x_over_l - 1.0).powi(2),
         }
     }
 
@@ -96,13 +97,20 @@ impl Profile {
             if value.is_finite() && value > 0.0 {
                 Ok(())
             } else {
-                Err(FemError::Parameter { name, value, expected: "a positive length in metres" })
+                Err(FemError::Parameter {
+                    name,
+                    value,
+                    expected: "a positive length in metres",
+                })
             }
         };
         positive("length_m", length_m)?;
         match self {
             Self::Cylinder { radius_m } => positive("radius_m", *radius_m),
-            Self::Tube { radius_m, inner_radius_m } => {
+            Self::Tube {
+                radius_m,
+                inner_radius_m,
+            } => {
                 positive("radius_m", *radius_m)?;
                 positive("inner_radius_m", *inner_radius_m)?;
                 if inner_radius_m < radius_m {
@@ -114,7 +122,10 @@ impl Profile {
                     expected: "less than radius_m",
                 })
             }
-            Self::Hourglass { radius_m, waist_radius_m } => {
+            Self::Hourglass {
+                radius_m,
+                waist_radius_m,
+            } => {
                 positive("radius_m", *radius_m)?;
                 positive("waist_radius_m", *waist_radius_m)
             }
@@ -131,7 +142,11 @@ struct Section {
 
 /// Points 0..=n on [0, 1] whose steps shrink geometrically towards 1.
 fn crowd_to_one(n: usize, last_over_first: f64) -> Vec<f64> {
-    let q = if n > 1 { last_over_first.powf(1.0 / (n as f64 - 1.0)) } else { 1.0 };
+    let q = if n > 1 {
+        last_over_first.powf(1.0 / (n as f64 - 1.0))
+    } else {
+        1.0
+    };
     let mut x = vec![0.0];
     let mut step = 1.0;
     for i in 0..n {
@@ -146,7 +161,11 @@ fn crowd_to_one(n: usize, last_over_first: f64) -> Vec<f64> {
 fn crowd_to_ends(n: usize, last_over_first: f64) -> Vec<f64> {
     // Steps fall geometrically with the distance from the middle step.
     let middle = (n as f64 - 1.0) / 2.0;
-    let q = if n > 2 { last_over_first.powf(1.0 / middle) } else { 1.0 };
+    let q = if n > 2 {
+        last_over_first.powf(1.0 / middle)
+    } else {
+        1.0
+    };
     let mut x = vec![0.0];
     for i in 0..n {
         x.push(x[i] + q.powf((i as f64 - middle).abs()));
@@ -157,7 +176,11 @@ fn crowd_to_ends(n: usize, last_over_first: f64) -> Vec<f64> {
 
 /// Rings of points on the unit disc or annulus with `counts[k]` points at `radii[k]`.
 fn rings_of(radii: &[f64], counts: &[usize]) -> Section {
-    let mut section = Section { points: Vec::new(), triangles: Vec::new(), ring: Vec::new() };
+    let mut section = Section {
+        points: Vec::new(),
+        triangles: Vec::new(),
+        ring: Vec::new(),
+    };
     let mut start = Vec::new();
     for (k, (&radius, &count)) in radii.iter().zip(counts).enumerate() {
         start.push(section.points.len());
@@ -176,10 +199,14 @@ fn rings_of(radii: &[f64], counts: &[usize]) -> Section {
         while i < steps_inner || j < outer {
             // Advance on the ring whose next point comes first.
             if j < outer && (i == steps_inner || (j + 1) * inner <= (i + 1) * outer) {
-                section.triangles.push([at_inner(i), at_outer(j), at_outer(j + 1)]);
+                section
+                    .triangles
+                    .push([at_inner(i), at_outer(j), at_outer(j + 1)]);
                 j += 1;
             } else {
-                section.triangles.push([at_inner(i), at_outer(j), at_inner(i + 1)]);
+                section
+                    .triangles
+                    .push([at_inner(i), at_outer(j), at_inner(i + 1)]);
                 i += 1;
             }
         }
@@ -201,9 +228,17 @@ fn split(prism: [usize; 6], rank: impl Fn(usize) -> (usize, usize, usize)) -> [[
     };
     let r = |i: usize| rank(v(i));
     if r(1).min(r(5)) < r(2).min(r(4)) {
-        [[v(0), v(1), v(2), v(5)], [v(0), v(1), v(5), v(4)], [v(0), v(4), v(5), v(3)]]
+        [
+            [v(0), v(1), v(2), v(5)],
+            [v(0), v(1), v(5), v(4)],
+            [v(0), v(4), v(5), v(3)],
+        ]
     } else {
-        [[v(0), v(1), v(2), v(4)], [v(0), v(4), v(2), v(5)], [v(0), v(4), v(5), v(3)]]
+        [
+            [v(0), v(1), v(2), v(4)],
+            [v(0), v(4), v(2), v(5)],
+            [v(0), v(4), v(5), v(3)],
+        ]
     }
 }
 
@@ -234,23 +269,32 @@ fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
             layer_grading: 0.15,
             ring_grading: 0.08,
         },
-        Quality::Custom { rings, layers, around, layer_grading_per_mille, ring_grading_per_mille } => {
-            Sizes {
-                rings: rings.max(1),
-                around,
-                layers: layers.max(1),
-                layer_grading: f64::from(layer_grading_per_mille.max(1)) / 1e3,
-                ring_grading: f64::from(ring_grading_per_mille.max(1)) / 1e3,
-            }
-        }
+        Quality::Custom {
+            rings,
+            layers,
+            around,
+            layer_grading_per_mille,
+            ring_grading_per_mille,
+        } => Sizes {
+            rings: rings.max(1),
+            around,
+            layers: layers.max(1),
+            layer_grading: f64::from(layer_grading_per_mille.max(1)) / 1e3,
+            ring_grading: f64::from(ring_grading_per_mille.max(1)) / 1e3,
+        },
     }
 }
 
 /// The mesh of `profile` between x = 0 and x = `length_m`.
 pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, FemError> {
     profile.check(length_m)?;
-    let Sizes { rings, around, layers, layer_grading, ring_grading } =
-        sizes(profile, length_m, quality);
+    let Sizes {
+        rings,
+        around,
+        layers,
+        layer_grading,
+        ring_grading,
+    } = sizes(profile, length_m, quality);
     let hollow = profile.inner_m() > 0.0;
     let section = if hollow {
         let count = if around == 0 { 6 * (rings + 1) } else { around };
@@ -282,7 +326,11 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
     // rim's edge there, which halves the pose error against the opposite choice.
     let rank = |node: usize| {
         let (layer, ring) = (node / per_layer, section.ring[node % per_layer]);
-        let from_side = if hollow { ring.min(outermost - ring) } else { outermost - ring };
+        let from_side = if hollow {
+            ring.min(outermost - ring)
+        } else {
+            outermost - ring
+        };
         (layer.min(layers - layer), from_side, node)
     };
     let mut corners = Vec::new();
@@ -313,10 +361,12 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
         [mid[0], mid[1] * scale, mid[2] * scale]
     });
     let at_end = |x: f64| -> Vec<usize> {
-        (0..nodes.len()).filter(|&i| (nodes[i][0] - x).abs() < 1e-12 * length_m).collect()
+        (0..nodes.len())
+            .filter(|&i| (nodes[i][0] - x).abs() < 1e-12 * length_m)
+            .collect()
     };
     let (base, top) = (at_end(0.0), at_end(length_m));
-    Mesh::new(nodes, tets, base, top)
+    Mesh::in_place(nodes, tets, base, top, length_m)
 }
 
 #[cfg(test)]
@@ -342,7 +392,11 @@ mod tests {
     #[test]
     fn standard_neck_has_about_twelve_hundred_nodes() {
         let mesh = Mesh::cylinder(0.1034, 0.033, Quality::Standard).unwrap();
-        assert!((1000..1300).contains(&mesh.nodes_m().len()), "{}", mesh.nodes_m().len());
+        assert!(
+            (1000..1300).contains(&mesh.nodes_m().len()),
+            "{}",
+            mesh.nodes_m().len()
+        );
     }
 
     #[test]

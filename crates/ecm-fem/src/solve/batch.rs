@@ -60,8 +60,11 @@ impl Fem {
         for (row, load) in loads.iter().enumerate() {
             self.check_load(row, load)?;
         }
-        let (rest_result, rest_state) =
-            self.follow_from_rest(&mut Workspace::new(self), &Load::Wrench([0.0; 6]), Watch::default());
+        let (rest_result, rest_state) = self.follow_from_rest(
+            &mut Workspace::new(self),
+            &Load::Wrench([0.0; 6]),
+            Watch::default(),
+        );
         let points = self.points(loads, &rest_result);
         let (order, nearest) = farthest_first(&points);
         let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
@@ -74,9 +77,15 @@ impl Fem {
                 .par_iter()
                 .map(|&case| {
                     let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
-                    let start = self.nearest_solved(case, &order[..done], &points, &solved, &nearest);
+                    let start =
+                        self.nearest_solved(case, &order[..done], &points, &solved, &nearest);
                     let outcome = self.solve_case(
-                        &mut work, &loads[case], start, &rest_state, &rest_result, watch,
+                        &mut work,
+                        &loads[case],
+                        start,
+                        &rest_state,
+                        &rest_result,
+                        watch,
                     );
                     give(&spare, work);
                     if let Some(counter) = watch.done {
@@ -146,7 +155,10 @@ impl Fem {
         watch: Watch,
     ) -> (CaseResult, Option<Solved>) {
         if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
-            let result = CaseResult { status: Status::Cancelled, ..rest_result.clone() };
+            let result = CaseResult {
+                status: Status::Cancelled,
+                ..rest_result.clone()
+            };
             return (result, None);
         }
         let mut spent = 0;
@@ -187,12 +199,18 @@ fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 
 /// Farthest-point order after rest (the origin), and each point's square distance to rest.
 fn farthest_first(points: &[[f64; 6]]) -> (Vec<usize>, Vec<f64>) {
-    let from_rest: Vec<f64> = points.iter().map(|p| square_distance(p, &[0.0; 6])).collect();
+    let from_rest: Vec<f64> = points
+        .iter()
+        .map(|p| square_distance(p, &[0.0; 6]))
+        .collect();
     let mut order = Vec::with_capacity(points.len());
     let mut gap = from_rest.clone();
     let mut left: Vec<usize> = (0..points.len()).collect();
     // The first case is the one nearest to rest: the shortest way from there.
-    let first = left.iter().copied().min_by(|&a, &b| from_rest[a].total_cmp(&from_rest[b]));
+    let first = left
+        .iter()
+        .copied()
+        .min_by(|&a, &b| from_rest[a].total_cmp(&from_rest[b]));
     let mut next = first;
     while let Some(case) = next {
         order.push(case);
@@ -200,7 +218,10 @@ fn farthest_first(points: &[[f64; 6]]) -> (Vec<usize>, Vec<f64>) {
         for &i in &left {
             gap[i] = gap[i].min(square_distance(&points[i], &points[case]));
         }
-        next = left.iter().copied().max_by(|&a, &b| gap[a].total_cmp(&gap[b]).then(b.cmp(&a)));
+        next = left
+            .iter()
+            .copied()
+            .max_by(|&a, &b| gap[a].total_cmp(&gap[b]).then(b.cmp(&a)));
     }
     (order, from_rest)
 }

@@ -13,7 +13,9 @@ impl Condensed {
     /// δ with K_s δ = right; `None` when K_s is singular.
     pub fn solve(&self, right: &[f64; 6]) -> Option<[f64; 6]> {
         let k = Matrix6::from_fn(|i, j| self.0[i][j]);
-        k.lu().solve(&Vector6::from_column_slice(right)).map(Into::into)
+        k.lu()
+            .solve(&Vector6::from_column_slice(right))
+            .map(Into::into)
     }
 }
 
@@ -50,7 +52,6 @@ impl Fem {
 /// Smallest eigenvalue of the symmetric part of H with lengths divided by `length_m`, N m.
 pub(super) fn smallest_eigenvalue(hessian: &[[f64; 6]; 6], length_m: f64) -> f64 {
     let s = |i: usize| if i < 3 { length_m } else { 1.0 };
-    let scaled =
-        Matrix6::from_fn(|i, j| 0.5 * (hessian[i][j] + hessian[j][i]) * s(i) * s(j));
+    let scaled = Matrix6::from_fn(|i, j| 0.5 * (hessian[i][j] + hessian[j][i]) * s(i) * s(j));
     scaled.symmetric_eigenvalues().min()
 }

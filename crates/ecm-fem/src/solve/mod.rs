@@ -4,6 +4,8 @@ mod batch;
 mod condense;
 mod newton;
 mod path;
+#[cfg(test)]
+mod tests;
 
 pub use newton::Timing;
 
@@ -110,6 +112,24 @@ impl Fem {
         modulus_scale: Option<Vec<f64>>,
         settings: Settings,
     ) -> Result<Self, FemError> {
+        let mut hold = vec![Hold::Free; 3 * mesh.nodes_m().len()];
+        for &node in mesh.base_nodes() {
+            hold[3 * node..3 * node + 3].fill(Hold::Prescribed);
+        }
+        for &node in mesh.top_nodes() {
+            hold[3 * node..3 * node + 3].fill(Hold::Platform);
+        }
+        Self::with_holds(mesh, material, modulus_scale, settings, &hold)
+    }
+
+    /// Any displacement components held or on the platform.
+    pub(crate) fn with_holds(
+        mesh: Mesh,
+        material: Box<dyn Material>,
+        modulus_scale: Option<Vec<f64>>,
+        settings: Settings,
+        hold: &[Hold],
+    ) -> Result<Self, FemError> {
         let elements = mesh.tetrahedra().len();
         let modulus_scale = modulus_scale.unwrap_or_else(|| vec![1.0; elements]);
         if modulus_scale.len() != elements {
@@ -127,17 +147,15 @@ impl Fem {
                 expected: "a positive factor",
             });
         }
-        let mut hold = vec![Hold::Free; 3 * mesh.nodes_m().len()];
-        for &node in mesh.base_nodes() {
-            hold[3 * node..3 * node + 3].fill(Hold::Prescribed);
-        }
-        for &node in mesh.top_nodes() {
-            hold[3 * node..3 * node + 3].fill(Hold::Platform);
-        }
-        let pattern = Pattern::new(&mesh, &hold)?;
+        let pattern = Pattern::new(&mesh, hold)?;
         let force_unit_N = material.shear_modulus_Pa() * mesh.volume_m3() / mesh.length_m();
         let body = Body::new(mesh, material, modulus_scale, settings.rule);
-        Ok(Self { body, pattern, settings, force_unit_N })
+        Ok(Self {
+            body,
+            pattern,
+            settings,
+            force_unit_N,
+        })
     }
 
     /// The mesh.
@@ -148,7 +166,11 @@ impl Fem {
     /// Unknowns of K_ff, entries of its lower triangle, and entries of its factor.
     pub fn sizes(&self) -> (usize, usize, usize) {
         let symbolic = &self.pattern.symbolic;
-        (self.pattern.unknowns, symbolic.entries(), symbolic.factor_entries())
+        (
+            self.pattern.unknowns,
+            symbolic.entries(),
+            symbolic.factor_entries(),
+        )
     }
 
     /// K at rest.
@@ -194,15 +216,12 @@ impl Fem {
     }
 
     fn check_load(&self, index: usize, load: &Load) -> Result<(), FemError> {
-        match load.values().iter().find(|v| !v.is_finite()) {
-            Some(&value) => {
-                let what = match load {
-                    Load::Wrench(_) => "a component of wrench",
-                    Load::Pose(_) => "a component of pose",
-                };
-                return Err(FemError::NotFinite { what, index, value });
-            }
-            None => {}
+        if let Some(&value) = load.values().iter().find(|v| !v.is_finite()) {
+            let what = match load {
+                Load::Wrench(_) => "a component of wrench",
+                Load::Pose(_) => "a component of pose",
+            };
+            return Err(FemError::NotFinite { what, index, value });
         }
         if let Load::Pose(p) = load {
             let angle = tensor::norm([p[3], p[4], p[5]]);

@@ -118,11 +118,14 @@ impl Fem {
                 work.ready = false;
                 return Err((Failure::Diverged, iteration));
             }
-            let platform_step = self.step(work, &gap, target.is_some()).ok_or((Failure::Diverged, iteration))?;
+            let platform_step = self
+                .step(work, &gap, target.is_some())
+                .ok_or((Failure::Diverged, iteration))?;
             let size = step_size(&platform_step, self.body.mesh.length_m());
             // After a step cut short by folding elements, do not at once try the whole way.
-            let mut share =
-                (self.settings.step_limit / size).min(1.0).min(2.0 * previous_share);
+            let mut share = (self.settings.step_limit / size)
+                .min(1.0)
+                .min(2.0 * previous_share);
             loop {
                 self.move_by(work, state, &platform_step, share);
                 std::mem::swap(state, &mut work.trial);
@@ -144,7 +147,7 @@ impl Fem {
         }
     }
 
-    fn hold_platform_nodes(&self, state: &mut State) {
+    pub(super) fn hold_platform_nodes(&self, state: &mut State) {
         for &node in &self.pattern.platform_nodes {
             let u = state.platform.displacement(&self.body.mesh, node);
             state.field.displacement[3 * node..3 * node + 3].copy_from_slice(&u);
@@ -155,7 +158,9 @@ impl Fem {
         let start = Instant::now();
         work.ready = false;
         let arm = |node| state.platform.arm(&self.body.mesh, node);
-        let outcome = work.sums.assemble(&self.body, &self.pattern, &state.field, arm);
+        let outcome = work
+            .sums
+            .assemble(&self.body, &self.pattern, &state.field, arm);
         work.timing.assembly_s += start.elapsed().as_secs_f64();
         outcome.map_err(|_| Failure::Inverted)
     }
@@ -186,7 +191,9 @@ impl Fem {
         }
         let mesh = &self.body.mesh;
         let (wrench, geometric) =
-            state.platform.wrench(mesh, &self.pattern.platform_nodes, &work.sums.force);
+            state
+                .platform
+                .wrench(mesh, &self.pattern.platform_nodes, &work.sums.force);
         work.balance.wrench = wrench;
         work.balance.geometric = geometric;
         let length = mesh.length_m();
@@ -221,7 +228,10 @@ impl Fem {
         work.balance.inner_instabilities = negative.saturating_sub(self.pattern.pressures);
         let middle = Instant::now();
         for k in 0..6 {
-            for (entry, row) in work.columns[k * n..(k + 1) * n].iter_mut().zip(&work.sums.coupling) {
+            for (entry, row) in work.columns[k * n..(k + 1) * n]
+                .iter_mut()
+                .zip(&work.sums.coupling)
+            {
                 *entry = row[k];
             }
         }
@@ -254,9 +264,12 @@ impl Fem {
             let mut right = *gap;
             for (k, value) in right.iter_mut().enumerate() {
                 let column = &six[k * n..(k + 1) * n];
-                *value -= (0..n).map(|i| column[i] * last[i] / work.pivots[i]).sum::<f64>();
+                *value -= (0..n)
+                    .map(|i| column[i] * last[i] / work.pivots[i])
+                    .sum::<f64>();
             }
-            self.condensed(&work.sums, &work.balance, six, &work.pivots).solve(&right)?
+            self.condensed(&work.sums, &work.balance, six, &work.pivots)
+                .solve(&right)?
         };
         for (k, d) in delta.iter().enumerate() {
             for (entry, z) in last.iter_mut().zip(&six[k * n..(k + 1) * n]) {
@@ -279,7 +292,11 @@ impl Fem {
         let step = &work.columns[6 * self.pattern.unknowns..];
         let trial = &mut work.trial;
         trial.platform = state.platform.moved(platform_step, share);
-        let displacement = trial.field.displacement.iter_mut().zip(&state.field.displacement);
+        let displacement = trial
+            .field
+            .displacement
+            .iter_mut()
+            .zip(&state.field.displacement);
         for ((new, old), &unknown) in displacement.zip(&self.pattern.of_displacement) {
             *new = *old;
             if unknown != NONE {

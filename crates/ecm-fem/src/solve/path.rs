@@ -40,7 +40,11 @@ impl Fem {
         let mut last_good = state.clone();
         let mut last_result: Option<CaseResult> = None;
         let status = loop {
-            let next = if reached + step >= 1.0 - 1e-12 { 1.0 } else { reached + step };
+            let next = if reached + step >= 1.0 - 1e-12 {
+                1.0
+            } else {
+                reached + step
+            };
             let outcome = self.newton(work, &mut state, &between(start, load, next), watch);
             let failure = match outcome {
                 Ok(n) => {
@@ -99,7 +103,12 @@ impl Fem {
     fn report(&self, work: &Workspace, state: &State) -> CaseResult {
         let n = self.pattern.unknowns;
         let k_s = self
-            .condensed(&work.sums, &work.balance, &work.columns[..6 * n], &work.pivots)
+            .condensed(
+                &work.sums,
+                &work.balance,
+                &work.columns[..6 * n],
+                &work.pivots,
+            )
             .0;
         let pose = state.platform.pose();
         let wrench = work.balance.wrench;
@@ -134,7 +143,9 @@ impl Fem {
 }
 
 fn largest_eigenvalue(c: &Mat3) -> f64 {
-    Matrix3::from_fn(|i, j| c[i][j]).symmetric_eigenvalues().max()
+    Matrix3::from_fn(|i, j| c[i][j])
+        .symmetric_eigenvalues()
+        .max()
 }
 
 /// The load at `share` of the way from `start` to `end`: wrenches along a straight

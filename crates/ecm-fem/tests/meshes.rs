@@ -1,0 +1,271 @@
+//! Gmsh files, and what each kind of broken input is answered with.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Watch};
+use std::fmt::Write;
+
+const COARSE: Quality = Quality::Custom {
+    rings: 1,
+    layers: 3,
+    around: 6,
+    layer_grading_per_mille: 1000,
+    ring_grading_per_mille: 1000,
+};
+
+fn cylinder() -> Mesh {
+    Mesh::cylinder(0.1, 0.03, COARSE).unwrap()
+}
+
+/// The mesh as a Gmsh 4.1 file, linear or quadratic.
+fn gmsh(mesh: &Mesh, quadratic: bool) -> String {
+    let corner_used = |i: usize| mesh.tetrahedra().iter().any(|t| t[..4].contains(&i));
+    let kept: Vec<usize> = (0..mesh.nodes_m().len())
+        .filter(|&i| quadratic || corner_used(i))
+        .collect();
+    let mut text = String::from(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n3\n2 1 \"base\"\n2 2 \"top\"\n\
+         3 3 \"soft body\"\n$EndPhysicalNames\n$Entities\n0 0 2 1\n\
+         1 0 0 0 0 0 0 1 1 0\n2 0 0 0 0 0 0 1 2 0\n1 0 0 0 0 0 0 1 3 0\n$EndEntities\n",
+    );
+    let n = kept.len();
+    writeln!(text, "$Nodes\n1 {n} 1 {n}\n3 1 0 {n}").unwrap();
+    kept.iter()
+        .for_each(|i| writeln!(text, "{}", i + 1).unwrap());
+    for &i in &kept {
+        let x = mesh.nodes_m()[i];
+        writeln!(text, "{} {} {}", x[0], x[1], x[2]).unwrap();
+    }
+    text.push_str("$EndNodes\n");
+    let faces = [
+        [0, 2, 1, 6, 5, 4],
+        [0, 1, 3, 4, 8, 7],
+        [1, 2, 3, 5, 9, 8],
+        [0, 3, 2, 7, 9, 6],
+    ];
+    let mut blocks = Vec::new();
+    for (entity, named) in [(1, mesh.base_nodes()), (2, mesh.top_nodes())] {
+        let mut lines = Vec::new();
+        for t in mesh.tetrahedra() {
+            for f in faces {
+                if f.iter().all(|&i| named.contains(&t[i])) {
+                    lines.push(
+                        f[..if quadratic { 6 } else { 3 }]
+                            .iter()
+                            .map(|&i| t[i])
+                            .collect(),
+                    );
+                }
+            }
+        }
+        blocks.push((2, entity, if quadratic { 9 } else { 2 }, lines));
+    }
+    let order: &[usize] = if quadratic {
+        &[0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+    } else {
+        &[0, 1, 2, 3]
+    };
+    let tets: Vec<Vec<usize>> = mesh
+        .tetrahedra()
+        .iter()
+        .map(|t| order.iter().map(|&i| t[i]).collect())
+        .collect();
+    blocks.push((3, 1, if quadratic { 11 } else { 4 }, tets));
+    writeln!(text, "$Elements\n{} 0 0 0", blocks.len()).unwrap();
+    for (dimension, entity, kind, lines) in blocks {
+        writeln!(text, "{dimension} {entity} {kind} {}", lines.len()).unwrap();
+        for (e, line) in lines.iter().enumerate() {
+            let tags: Vec<String> = line.iter().map(|i| (i + 1).to_string()).collect();
+            writeln!(text, "{} {}", e + 1, tags.join(" ")).unwrap();
+        }
+    }
+    text + "$EndElements\n"
+}
+
+fn parse(text: &str) -> Result<Mesh, FemError> {
+    let path = std::env::temp_dir().join(format!("ecm-fem-{:?}.msh", std::thread::current().id()));
+    std::fs::write(&path, text).unwrap();
+    let mesh = Mesh::read(&path);
+    std::fs::remove_file(&path).unwrap();
+    mesh
+}
+
+#[test]
+fn quadratic_gmsh_file_gives_the_mesh_back() {
+    let mesh = cylinder();
+    let read = parse(&gmsh(&mesh, true)).unwrap();
+    assert_eq!(read.tetrahedra(), mesh.tetrahedra());
+    assert_eq!(read.top_nodes(), mesh.top_nodes());
+    assert!((read.length_m() - 0.1).abs() < 1e-12);
+    assert!((read.volume_m3() / mesh.volume_m3() - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn linear_gmsh_file_is_raised_to_quadratic() {
+    let mesh = cylinder();
+    let read = parse(&gmsh(&mesh, false)).unwrap();
+    assert_eq!(read.nodes_m().len(), mesh.nodes_m().len());
+    assert_eq!(read.base_nodes().len(), mesh.base_nodes().len());
+    // Straight edges cut off the rim.
+    assert!(read.volume_m3() < mesh.volume_m3());
+    let fem = Fem::new(read, Box::new(NeoHookean::new(1e6, 0.45).unwrap()), None).unwrap();
+    assert!(fem.rest_stiffness().unwrap()[0][0] > 0.0);
+}
+
+#[test]
+fn broken_files_name_line_and_remedy() {
+    let good = gmsh(&cylinder(), true);
+    let cases = [
+        (String::new(), "no tetrahedra"),
+        ("garbage".into(), "expected a section"),
+        (good.replace("4.1 0 8", "2.2 0 8"), "format version 2.2"),
+        (good.replace("4.1 0 8", "4.1 1 8"), "binary"),
+        (
+            good.replace("\"top\"", "\"lid\""),
+            "no face named `top` (named groups: base, lid)",
+        ),
+        (good.replace("\"base\"", "\"foot\""), "no face named `base`"),
+        (good[..good.len() / 2].into(), "the end of the file"),
+        (good.replacen("0.03", "zero", 1), "\"zero\""),
+        (good.replacen("0.03", "nan", 1), "is NaN"),
+        (good.replace("$EndEntities", "$Nonsense"), "\"$Nonsense\""),
+        (good.replace("3 1 11", "3 1 5"), "element type 5"),
+        (good.replacen("$PhysicalNames", "$MeshFormat", 1), "found"),
+        (good.replacen("3 1 0 ", "3 1 1 ", 1), "parametric"),
+    ];
+    for (text, expected) in cases {
+        let message = parse(&text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message} lacks {expected}");
+    }
+    let missing = Mesh::read(std::path::Path::new("no/such/file.msh")).unwrap_err();
+    assert!(missing.to_string().contains("no/such/file.msh"));
+}
+
+type Parts = (Vec<[f64; 3]>, Vec<[usize; 10]>, Vec<usize>, Vec<usize>);
+
+fn broken(change: impl Fn(&mut Parts)) -> FemError {
+    let mesh = cylinder();
+    let mut parts = (
+        mesh.nodes_m().to_vec(),
+        mesh.tetrahedra().to_vec(),
+        mesh.base_nodes().to_vec(),
+        mesh.top_nodes().to_vec(),
+    );
+    change(&mut parts);
+    Mesh::new(parts.0, parts.1, parts.2, parts.3).unwrap_err()
+}
+
+#[test]
+fn broken_meshes_are_told_apart() {
+    let inside_out = broken(|m| m.1.iter_mut().for_each(|t| t.swap(0, 1)));
+    assert!(
+        matches!(inside_out, FemError::InvertedElement { element: 0, count, total, .. } if count == total)
+    );
+    let one = broken(|m| m.1[7].swap(2, 3));
+    assert!(matches!(
+        one,
+        FemError::InvertedElement {
+            element: 7,
+            count: 1,
+            ..
+        }
+    ));
+    assert!(one.to_string().contains("the first is 7"));
+    let mirrored = broken(|m| m.0.iter_mut().for_each(|x| x[1] = -x[1]));
+    assert!(matches!(mirrored, FemError::InvertedElement { .. }));
+    let flat = broken(|m| m.0.iter_mut().for_each(|x| x[1] = 0.0));
+    assert!(matches!(flat, FemError::InvertedElement { .. }));
+    let nan = broken(|m| m.0[3][1] = f64::NAN);
+    assert!(matches!(nan, FemError::NotFinite { index: 3, .. }));
+    let infinite = broken(|m| m.0[4][0] = f64::INFINITY);
+    assert!(infinite.to_string().contains("node 4 is inf"));
+    let unused = broken(|m| m.0.push([0.0; 3]));
+    assert!(matches!(unused, FemError::UnusedNode { count: 1, .. }));
+    let outside = broken(|m| m.1[2][9] = 100_000);
+    assert!(matches!(
+        outside,
+        FemError::NoSuchNode {
+            what: "tetrahedron",
+            index: 2,
+            ..
+        }
+    ));
+    let no_base = broken(|m| m.2.clear());
+    assert!(matches!(
+        no_base,
+        FemError::MissingFace { name: "base", .. }
+    ));
+    let no_top = broken(|m| m.3.clear());
+    assert!(matches!(no_top, FemError::MissingFace { name: "top", .. }));
+    let wrong_top = broken(|m| m.3[0] = 100_000);
+    assert!(matches!(
+        wrong_top,
+        FemError::NoSuchNode {
+            what: "top_nodes entry",
+            ..
+        }
+    ));
+    let shared = broken(|m| m.3.push(m.2[0]));
+    assert!(matches!(shared, FemError::SharedNode { .. }));
+    let point = broken(|m| m.3.truncate(1));
+    assert!(matches!(
+        point,
+        FemError::NotASurface {
+            name: "top",
+            nodes: 1
+        }
+    ));
+    let upside_down = broken(|m| std::mem::swap(&mut m.2, &mut m.3));
+    assert!(matches!(upside_down, FemError::WrongAxis { .. }));
+    let along_z = broken(|m| m.0.iter_mut().for_each(|x| *x = [x[1], x[2], x[0]]));
+    assert!(along_z.to_string().contains("expected (L, 0, 0)"));
+    let two = broken(|m| {
+        let (n, count) = (m.0.len(), m.1.len());
+        for i in 0..n {
+            let x = m.0[i];
+            m.0.push([x[0], x[1] + 1.0, x[2]]);
+        }
+        for e in 0..count {
+            let t = m.1[e].map(|i| i + n);
+            m.1.push(t);
+        }
+    });
+    assert!(matches!(two, FemError::Disconnected { pieces: 2, .. }));
+    let empty = Mesh::new(Vec::new(), Vec::new(), Vec::new(), Vec::new()).unwrap_err();
+    assert!(matches!(empty, FemError::MissingFace { .. }));
+}
+
+#[test]
+fn broken_materials_and_loads_are_named() {
+    for (e, nu, name) in [
+        (0.0, 0.4, "young_modulus_Pa"),
+        (-1.0, 0.4, "young_modulus_Pa"),
+        (f64::NAN, 0.4, "young_modulus_Pa"),
+        (1e6, 0.5, "poisson_ratio"),
+        (1e6, -0.1, "poisson_ratio"),
+        (1e6, f64::NAN, "poisson_ratio"),
+    ] {
+        assert!(
+            NeoHookean::new(e, nu)
+                .unwrap_err()
+                .to_string()
+                .starts_with(name)
+        );
+    }
+    let material = || Box::new(NeoHookean::new(1e6, 0.45).unwrap());
+    let short = Fem::new(cylinder(), material(), Some(vec![1.0])).unwrap_err();
+    assert!(short.to_string().contains("one per tetrahedron"));
+    let count = cylinder().tetrahedra().len();
+    let negative = Fem::new(cylinder(), material(), Some(vec![-1.0; count])).unwrap_err();
+    assert!(negative.to_string().contains("positive factor"));
+    let fem = Fem::new(cylinder(), material(), None).unwrap();
+    let loads = [
+        Load::Wrench([0.0; 6]),
+        Load::Wrench([0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0]),
+    ];
+    let load = fem.solve_all(&loads, Watch::default()).unwrap_err();
+    assert_eq!(
+        load.to_string(),
+        "a component of wrench 1 is NaN; expected a finite number"
+    );
+    assert!(fem.solve_pose(&[0.1, 0.0, 0.0, 4.0, 0.0, 0.0]).is_err());
+}

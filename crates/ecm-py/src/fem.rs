@@ -1,0 +1,317 @@
+//! Meshes, the finite-element solver and the rod.
+
+use std::path::Path;
+
+use ecm_fem::{CaseResult, Load, NeoHookean, Quality, Rod, Watch};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::arrays::{from_matrices, from_rows, rows};
+use crate::door::long_work;
+use crate::errors::FemError;
+
+fn fem_error(error: ecm_fem::FemError) -> PyErr {
+    FemError::new_err(error.to_string())
+}
+
+/// Ten-node tetrahedra with a clamped face `base` and a rigid face `top`.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct Mesh(ecm_fem::Mesh);
+
+#[pymethods]
+impl Mesh {
+    /// A cylinder along x.
+    #[staticmethod]
+    #[pyo3(signature = (*, length_m, radius_m, quality = "standard"))]
+    fn cylinder(length_m: f64, radius_m: f64, quality: &str) -> PyResult<Self> {
+        let quality: Quality = quality.parse().map_err(fem_error)?;
+        ecm_fem::Mesh::cylinder(length_m, radius_m, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// A tube along x.
+    #[staticmethod]
+    #[pyo3(signature = (*, length_m, radius_m, inner_radius_m, quality = "standard"))]
+    fn tube(length_m: f64, radius_m: f64, inner_radius_m: f64, quality: &str) -> PyResult<Self> {
+        let quality: Quality = quality.parse().map_err(fem_error)?;
+        ecm_fem::Mesh::tube(length_m, radius_m, inner_radius_m, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// A body of revolution, r(x) = waist + (radius - waist)(2x/L - 1)^2.
+    #[staticmethod]
+    #[pyo3(signature = (*, length_m, radius_m, waist_radius_m, quality = "standard"))]
+    fn hourglass(
+        length_m: f64,
+        radius_m: f64,
+        waist_radius_m: f64,
+        quality: &str,
+    ) -> PyResult<Self> {
+        let quality: Quality = quality.parse().map_err(fem_error)?;
+        ecm_fem::Mesh::hourglass(length_m, radius_m, waist_radius_m, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// Gmsh 4.1 ASCII with named faces `base` and `top`; linear or quadratic tetrahedra.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: &str) -> PyResult<Self> {
+        py.detach(|| ecm_fem::Mesh::read(Path::new(path)))
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// (N, 3).
+    #[getter]
+    fn nodes_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        from_rows(py, self.0.nodes_m())
+    }
+
+    /// (M, 10), corner nodes then mid-edge nodes 01 12 02 03 13 23.
+    #[getter]
+    fn tetrahedra<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let flat = self
+            .0
+            .tetrahedra()
+            .iter()
+            .flatten()
+            .map(|&i| i as i64)
+            .collect();
+        PyArray1::from_vec(py, flat).reshape([self.0.tetrahedra().len(), 10])
+    }
+
+    /// Nodes of the clamped face.
+    #[getter]
+    fn base_nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        integers(py, self.0.base_nodes())
+    }
+
+    /// Nodes of the rigid face.
+    #[getter]
+    fn top_nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        integers(py, self.0.top_nodes())
+    }
+
+    /// Distance of the centres of the two named faces.
+    #[getter]
+    fn length_m(&self) -> f64 {
+        self.0.length_m()
+    }
+
+    /// Volume of the undeformed body.
+    #[getter]
+    fn volume_m3(&self) -> f64 {
+        self.0.volume_m3()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Mesh({} nodes, {} tetrahedra, length_m={})",
+            self.0.nodes_m().len(),
+            self.0.tetrahedra().len(),
+            self.0.length_m()
+        )
+    }
+}
+
+fn integers<'py>(py: Python<'py>, values: &[usize]) -> Bound<'py, PyArray1<i64>> {
+    PyArray1::from_iter(py, values.iter().map(|&i| i as i64))
+}
+
+/// One row per load case; rows that did not converge hold the last stable state.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct FemResults(Vec<CaseResult>);
+
+impl FemResults {
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&CaseResult) -> f64,
+    ) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.0.iter().map(of))
+    }
+}
+
+#[pymethods]
+impl FemResults {
+    /// solved | unstable | not_converged | inverted | cancelled
+    #[getter]
+    fn status(&self) -> Vec<&'static str> {
+        self.0.iter().map(|r| r.status.word()).collect()
+    }
+
+    /// (N, 6).
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        from_rows(py, &self.0.iter().map(|r| r.pose).collect::<Vec<_>>())
+    }
+
+    /// (N, 6).
+    #[getter]
+    fn wrenches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        from_rows(py, &self.0.iter().map(|r| r.wrench).collect::<Vec<_>>())
+    }
+
+    /// Stored energy.
+    #[getter]
+    #[pyo3(name = "energy_J")]
+    fn energy<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.energy_J)
+    }
+
+    /// K = dh/dp, (N, 6, 6).
+    #[getter]
+    fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        from_matrices(py, &self.0.iter().map(|r| r.stiffness).collect::<Vec<_>>())
+    }
+
+    /// Of the Hessian H in scaled coordinates (lengths by L).
+    #[getter]
+    fn smallest_eigenvalue<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.smallest_eigenvalue)
+    }
+
+    /// Largest principal stretch.
+    #[getter]
+    fn largest_stretch<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.largest_stretch)
+    }
+
+    /// Smallest det F.
+    #[getter]
+    fn smallest_jacobian<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.smallest_jacobian)
+    }
+
+    /// Newton iterations of all load steps.
+    #[getter]
+    fn iterations<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        PyArray1::from_iter(py, self.0.iter().map(|r| r.iterations as i64))
+    }
+
+    /// Norm of the residual over mu V / L.
+    #[getter]
+    fn residual<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.residual)
+    }
+}
+
+/// Neo-Hookean body clamped at `base`, rigid platform on `top`.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct Fem(ecm_fem::Fem);
+
+#[pymethods]
+impl Fem {
+    #[new]
+    #[pyo3(signature = (mesh, *, young_modulus_Pa, poisson_ratio, element_modulus_scale = None))]
+    #[allow(non_snake_case)] // The unit stands in the name.
+    fn new(
+        py: Python<'_>,
+        mesh: &Mesh,
+        young_modulus_Pa: f64,
+        poisson_ratio: f64,
+        element_modulus_scale: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        let scale = element_modulus_scale.map(|a| a.as_array().to_vec());
+        py.detach(|| {
+            let material = NeoHookean::new(young_modulus_Pa, poisson_ratio)?;
+            ecm_fem::Fem::new(mesh.0.clone(), Box::new(material), scale)
+        })
+        .map(Self)
+        .map_err(fem_error)
+    }
+
+    /// K at rest.
+    fn rest_stiffness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let k = py.detach(|| self.0.rest_stiffness()).map_err(fem_error)?;
+        from_rows(py, &k)
+    }
+
+    /// Equilibria under dead wrenches.
+    #[pyo3(signature = (wrenches, *, threads = 0, progress = None))]
+    fn solve_wrenches(
+        &self,
+        py: Python<'_>,
+        wrenches: PyReadonlyArray2<'_, f64>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<FemResults> {
+        let loads = rows::<6>("wrenches", &wrenches)?
+            .into_iter()
+            .map(Load::Wrench)
+            .collect();
+        self.solve(py, loads, threads, progress)
+    }
+
+    /// Wrenches that poses need.
+    #[pyo3(signature = (poses, *, threads = 0, progress = None))]
+    fn solve_poses(
+        &self,
+        py: Python<'_>,
+        poses: PyReadonlyArray2<'_, f64>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<FemResults> {
+        let loads = rows::<6>("poses", &poses)?
+            .into_iter()
+            .map(Load::Pose)
+            .collect();
+        self.solve(py, loads, threads, progress)
+    }
+}
+
+impl Fem {
+    fn solve(
+        &self,
+        py: Python<'_>,
+        loads: Vec<Load>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<FemResults> {
+        long_work(py, threads, progress, |work| {
+            work.total
+                .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
+            let watch = Watch {
+                cancel: Some(&work.cancel),
+                done: Some(&work.done),
+            };
+            self.0.solve_all(&loads, watch)
+        })?
+        .map(FemResults)
+        .map_err(fem_error)
+    }
+}
+
+/// Cosserat rod clamped at its base under a dead tip wrench: poses (N, 6), converged (N,).
+#[pyfunction]
+#[pyo3(signature = (
+    wrenches, *, length_m, axial_stiffness_N, shear_stiffness_N, bending_stiffness_Nm2,
+    torsion_stiffness_Nm2
+))]
+#[allow(non_snake_case)] // The unit stands in the name.
+pub fn rod_poses<'py>(
+    py: Python<'py>,
+    wrenches: PyReadonlyArray2<'py, f64>,
+    length_m: f64,
+    axial_stiffness_N: f64,
+    shear_stiffness_N: f64,
+    bending_stiffness_Nm2: f64,
+    torsion_stiffness_Nm2: f64,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)> {
+    let wrenches = rows::<6>("wrenches", &wrenches)?;
+    let rod = Rod {
+        length_m,
+        axial_stiffness_N,
+        shear_stiffness_N,
+        bending_stiffness_Nm2,
+        torsion_stiffness_Nm2,
+    }
+    .checked()
+    .map_err(fem_error)?;
+    let (poses, converged): (Vec<[f64; 6]>, Vec<bool>) =
+        py.detach(|| wrenches.par_iter().map(|h| rod.pose(h)).unzip());
+    Ok((from_rows(py, &poses)?, PyArray1::from_vec(py, converged)))
+}
