@@ -46,6 +46,17 @@ def is_pose(table: Table) -> NDArray[np.bool_]:
     return np.array([value in ("", "pose") for value in kind], dtype=np.bool_)
 
 
+def informative(table: Table) -> Table:
+    """Without unloaded readings of exactly zero: the zero was taken from them, they say nothing."""
+    names = table.wrench_columns
+    if not names or not table.has("kind"):
+        return table
+    silent = np.asarray(table.text("kind") == "unloaded", dtype=np.bool_)
+    for name in names:
+        silent &= table.column(name) == 0.0
+    return table.select(np.flatnonzero(~silent)) if silent.any() else table
+
+
 def _codes(table: Table, name: str) -> I:
     values = table.columns[name]
     if values.dtype == object:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ecm.compare.estimate import repeat_cells
+from ecm.compare.folds import informative
 from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
@@ -63,6 +64,7 @@ def diagnose(
         raise InputError(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least 8"
         )
+    table = informative(table)
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]

@@ -65,6 +65,8 @@ class Payload(LinearEffect):
             turn = rows.rotation @ rotation[0].T
             columns[:, :3] -= turn @ zero[:3]
             columns[:, 3:] -= turn @ zero[3:]
+        # A sensor that is free of the mechanism is free of what hangs between the two.
+        columns[rows.unloaded] = 0.0
         return columns
 
 

@@ -212,6 +212,18 @@ class Anisotropy(EffectBase):
     )
     signature = "m = 2, conservative"
 
+    def __init__(self, shear: str = "isotropic") -> None:
+        self._shear = shear
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the shear stiffness follows the bending stiffness."""
+        return {"shear": self._shear}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Only the bending stiffness, or the shear stiffness with it."""
+        return (Anisotropy("isotropic"), Anisotropy("follows"))
+
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
@@ -219,7 +231,7 @@ class Anisotropy(EffectBase):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base."""
-        share = _bending_share(rows)
+        share = _bending_share(rows) if self._shear == "isotropic" else 1.0
         c, s = 0.5 * values
         matrix = np.eye(6)
         matrix[1:3, 1:3] += share * np.array([[c, s], [s, -c]])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.compare.folds import informative
 from ecm.compare.noise import Noise
 from ecm.effects import Effect, Rows, get_effect
 from ecm.errors import InputError
@@ -164,6 +165,7 @@ class Model:
         from ecm.models.ladder import rung
         from ecm.models.training import domain_of, training_of
 
+        table = informative(table)
         used = self.noise if noise is None else noise
         chosen = self
         for position, item in enumerate(self.effects):
