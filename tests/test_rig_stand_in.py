@@ -101,7 +101,7 @@ class StandIn:
 
 def some_poses(count: int, seed: int = 0) -> F:
     random = np.random.default_rng(seed)
-    size = np.array([0.0025, 0.007, 0.007, 0.35, 0.35, 0.35])
+    size = np.array([0.0025, 0.006, 0.006, 0.3, 0.3, 0.3])
     rest = np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
     return rest + size * random.uniform(-1.0, 1.0, (count, 6))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,9 @@ def digest(label: str, array: NDArray[np.float64]) -> str:
 def load(path: Path) -> dict[str, NDArray[np.float64]] | None:
     """The arrays of a finished file, or None where there is none or it is damaged."""
     try:
-        with np.load(path) as data:
+        with path.open("rb") as stream, np.load(stream) as data:
             return {name: data[name] for name in data.files}
-    except (OSError, ValueError, EOFError, KeyError):
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
         return None
 
 

@@ -10,7 +10,6 @@ surrogate gives the curvature of a sub-millimetre step only.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,10 +113,7 @@ def solve_cached(
     if folder is not None:
         name = cache.digest(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
         path = folder / f"anchors-{name[:32]}.npz"
-        try:
-            found = cache.load(path)
-        except zipfile.BadZipFile:
-            found = None
+        found = cache.load(path)
         if found is not None:
             status = tuple(str(s) for s in found["status"])
             return Anchors(poses, found["wrenches"], found["stiffness"], status)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from ecm.errors import InputError
 
@@ -26,13 +25,15 @@ class Whitener:
 
     def __init__(self, covariance: F, base: F) -> None:
         """covariance: (N, 6, 6); base: columns (N, 6, k) of wrench per base parameter."""
-        lower = np.linalg.cholesky(covariance)
-        self._inverse = np.stack([solve_triangular(low, np.eye(6), lower=True) for low in lower])
+        lower: F = np.linalg.cholesky(covariance)
+        self._inverse = _inverse_lower(lower)
         self._base: list[F] = []
         for column in np.einsum("nij,njk->kni", self._inverse, base):
             # Gram-Schmidt with numpy's own sums: a threaded BLAS would change the last bits.
             left = self._without_base(column.ravel())
-            self._base.append(left / np.sqrt(np.sum(left * left)))
+            size = np.sqrt(np.sum(left * left))
+            if size > 0.0:
+                self._base.append(left / size)
 
     def strength(self, effect: F) -> float:
         """s of an effect (N, 6) in N and N m."""
@@ -43,6 +44,16 @@ class Whitener:
         for column in self._base:
             white = white - column * np.sum(column * white)
         return white
+
+
+def _inverse_lower(lower: F) -> F:
+    """Inverses of lower triangles (N, 6, 6), all rows at once by forward substitution."""
+    inverse = np.zeros_like(lower)
+    for i in range(lower.shape[1]):
+        known = np.einsum("nk,nkj->nj", lower[:, i, :i], inverse[:, :i])
+        unit = np.arange(lower.shape[1]) == i
+        inverse[:, i] = (unit - known) / lower[:, i, i, None]
+    return inverse
 
 
 def calibrate(

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
 from ecm.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
 
 FORMAT = "ecm-truth"
 VERSION = 1
+_NO_MATCH = 1e6
 LARGEST_CLASS = 3
 """A larger class names nothing."""
 
@@ -49,20 +53,22 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
     """Compares hidden ids with the classes of an answer.
 
     A hidden effect is found when a class of at most three names holds it; every class answers for
-    one effect. A class that holds none of them is a wrong name.
+    one effect, as many as possible being answered for. A class left over is a wrong name.
     """
-    left = [list(dict.fromkeys(members)) for members in answer]
-    found: list[dict[str, Any]] = []
-    missed: list[str] = []
-    # Single names first: a class is left to the effect that only it can answer for.
-    for effect in truth:
-        holding = [c for c in left if effect in c and len(c) <= LARGEST_CLASS]
-        if holding:
-            best = min(holding, key=len)
-            left.remove(best)
-            found.append({"id": effect, "class": best, "named": len(best) == 1})
-        else:
-            missed.append(effect)
+    classes = [list(dict.fromkeys(members)) for members in answer]
+    cost = np.full((len(truth), len(classes)), _NO_MATCH)
+    for i, effect in enumerate(truth):
+        for j, members in enumerate(classes):
+            if effect in members and len(members) <= LARGEST_CLASS:
+                cost[i, j] = len(members)
+    pairs = [(i, j) for i, j in zip(*linear_sum_assignment(cost), strict=True)]
+    match = {int(i): int(j) for i, j in pairs if cost[i, j] < _NO_MATCH}
+    found = [
+        {"id": truth[i], "class": classes[j], "named": len(classes[j]) == 1}
+        for i, j in sorted(match.items())
+    ]
+    missed = [effect for i, effect in enumerate(truth) if i not in match]
+    left = [members for j, members in enumerate(classes) if j not in match.values()]
     return {
         "truth": list(truth),
         "found": found,

@@ -1,0 +1,183 @@
+"""Hidden effects: the strength they reach, the seal, the score of an answer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError
+from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
+from ecm.rig.hidden import CORE, DRAWS
+from ecm.rig.observe import residual
+from ecm.table import Table, read_table
+from test_rig_campaign import error_of, whitener_of
+from test_rig_plan import plan_of
+from test_rig_stand_in import StandIn, some_poses
+
+ZERO = np.zeros(6)
+
+
+def both_sides() -> Table:
+    """Every pose twice, the second time from another pose."""
+    poses = some_poses(60)
+    random = np.random.default_rng(7)
+    approach = ["initial"] * 60 + [str(i) for i in random.integers(0, 60, 60)]
+    return plan_of(
+        np.concatenate([poses, poses]),
+        pose_id=np.tile(np.arange(60), 2),
+        approach=approach,
+        dwell_s=np.tile([2.0, 2.0, 8.0, 60.0], 30),
+    )
+
+
+@pytest.mark.parametrize("effect", sorted(DRAWS))
+def test_the_wanted_strength_is_reached(effect: str) -> None:
+    plan, settings = both_sides(), RigSettings()
+    plain = Campaign(plan, settings, StandIn(), seed=2)
+    base = residual(plain.plant, plain.course, plain.physics, ZERO, settings)
+    sizes = []
+    for wanted in (0.5, 2.0):
+        hidden = Campaign(plan, settings, StandIn(), hide=[Hidden(effect, wanted)], seed=2)
+        left = residual(hidden.plant, hidden.course, hidden.physics, ZERO, settings) - base
+        assert whitener_of(hidden).strength(left) == pytest.approx(wanted, rel=1e-4)
+        sizes.append(hidden.secrets[0].size)
+        excess = whitener_of(hidden).strength(error_of(hidden, hidden.run()))
+        assert excess == pytest.approx(np.hypot(1.0, wanted), abs=0.12)
+    # Nearly proportional, with the same sign and shape.
+    assert 3.0 < sizes[1] / sizes[0] < 5.5
+
+
+def test_the_eight_of_the_first_catalogue_are_there() -> None:
+    assert set(CORE) == {
+        "fts_offset",
+        "fts_drift",
+        "payload",
+        "base_compliance",
+        "tip_frame_misalignment",
+        "hysteresis",
+        "temperature_modulus",
+        "anisotropy",
+    }
+
+
+def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
+    poses = some_poses(40)
+    plan = plan_of(
+        np.concatenate([poses, poses[:1], poses]),
+        action=["measure"] * 40 + ["remount:90"] + ["measure"] * 40,
+    )
+    settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
+    campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("anisotropy", 2.0)])
+    nominal = Campaign(plan, settings, StandIn())
+    left = residual(campaign.plant, campaign.course, campaign.physics, ZERO, settings)
+    left = left - residual(nominal.plant, nominal.course, nominal.physics, ZERO, settings)
+    assert np.abs(left).max() > 0.5
+    assert left[40:] == pytest.approx(-left[:40], abs=1e-9)
+
+
+def test_a_plan_that_cannot_show_the_effect_is_refused() -> None:
+    # A sensor that is never taken off its first zero and never driven: nothing ages at rest.
+    rest = np.tile(some_poses(1) * 0.0 + np.array([0.1034, 0, 0, 0, 0, 0]), (5, 1))
+    settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
+    with pytest.raises(InputError, match="cannot show"):
+        Campaign(plan_of(rest), settings, StandIn(), hide=[Hidden("ageing", 1.0)])
+
+
+def test_random_is_drawn_by_the_seed() -> None:
+    plan = both_sides()
+    drawn = []
+    for seed in range(12):
+        campaign = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random"), seed=seed)
+        again = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random"), seed=seed)
+        assert campaign.truth_text() == again.truth_text()
+        drawn.append(campaign.secrets[0].effect)
+    assert len(set(drawn)) >= 4
+    assert set(drawn) <= set(CORE)
+
+
+def test_two_effects_can_be_hidden() -> None:
+    hide = Hidden.parse("payload=1, hysteresis=0.5")
+    campaign = Campaign(both_sides(), RigSettings(), StandIn(), hide=hide)
+    document = json.loads(campaign.truth_text() or "")
+    assert [(e["id"], e["s"]) for e in document["effects"]] == [("payload", 1), ("hysteresis", 0.5)]
+    assert document["effects"][0]["parameters"]["places_m"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["fts_drfit=1", "fts_drift=x", "fts_drift=0", "=1", "payload=1,payload=2", "payload=nan"],
+)
+def test_wrong_wishes_are_refused(text: str) -> None:
+    with pytest.raises(InputError, match="--hide"):
+        Hidden.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("truth", "answer", "correct", "named"),
+    [
+        (["a"], [["a"]], True, True),
+        (["a"], [["b", "a"]], True, False),
+        (["a"], [["a", "b", "c", "d"]], False, False),
+        (["a"], [["a"], ["b"]], False, False),
+        (["a"], [], False, False),
+        ([], [], True, True),
+        ([], [["b"]], False, False),
+        (["a", "b"], [["a", "b"], ["a"]], True, False),
+        (["a", "b"], [["a", "b"]], False, False),
+        (["a", "b"], [["b"], ["a"]], True, True),
+        (["a", "b"], [["a", "b"], ["a", "c", "d"]], True, False),
+    ],
+)
+def test_scoring(truth: list[str], answer: list[list[str]], correct: bool, named: bool) -> None:
+    found = score(truth, answer)
+    assert found["correct"] is correct
+    assert found["named"] is named
+
+
+def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(both_sides(), RigSettings(), out, hide="fts_offset=1.5", seed=9, **kept)
+    assert "fts_offset" not in out.read_text() + out.with_suffix(".toml").read_text()
+    report = {"verdict": "named", "answer": [["fts_offset"]]}
+    answer = tmp_path / "answer.json"
+    answer.write_text(json.dumps(report))
+    for found in (reveal(out, answer), reveal(read_table(out), report)):
+        assert found.effects[0]["id"] == "fts_offset"
+        assert found.effects[0]["s"] == 1.5
+        assert found.score is not None
+        assert found.score["correct"]
+    assert "the answer is right" in found.text()
+    assert found.to_dict()["score"]["named"]
+    assert reveal(out).score is None
+
+    truth = tmp_path / "data.truth.json"
+    truth.write_text(truth.read_text().replace("1.5", "1.6"))
+    with pytest.raises(InputError, match="seal is broken"):
+        reveal(out)
+    truth.unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        reveal(out)
+
+
+def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(both_sides(), RigSettings(), out, **kept)
+    with pytest.raises(InputError, match="nothing was hidden"):
+        reveal(out)
+
+
+@pytest.mark.parametrize("text", ["[]", "{", '{"answer": ["payload"]}', '{"verdict": "none"}'])
+def test_an_answer_that_is_no_report_is_refused(tmp_path: Path, text: str) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(both_sides(), RigSettings(), out, hide="payload", **kept)
+    answer = tmp_path / "answer.json"
+    answer.write_text(text)
+    with pytest.raises(InputError, match=r"answer\.json"):
+        reveal(out, answer)
