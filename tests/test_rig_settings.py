@@ -23,8 +23,8 @@ def test_defaults_stand_where_nothing_is_said() -> None:
 @pytest.mark.parametrize(
     ("tables", "words"),
     [
-        ({"rgi": {}}, ["rig.toml", "rgi", "did you mean `rig`"]),
-        ({"rig": {"dwel_s": 1.0}}, ["rig.toml [rig]", "dwel_s", "did you mean `dwell_s`"]),
+        ({"rgi": {}}, ["rig.toml", "rgi", "Did you mean `rig`"]),
+        ({"rig": {"dwel_s": 1.0}}, ["rig.toml [rig]", "dwel_s", "Did you mean `dwell_s`"]),
         ({"rig": {"dwell_s": "two"}}, ["dwell_s", "'two'", "a number"]),
         ({"rig": {"dwell_s": -1.0}}, ["dwell_s", "-1.0", "from 0"]),
         ({"rig": {"dwell_s": float("nan")}}, ["dwell_s", "nan"]),
@@ -35,7 +35,7 @@ def test_defaults_stand_where_nothing_is_said() -> None:
         ({"instrument": {"fts_range": [400.0]}}, ["fts_range", "6 numbers"]),
         ({"instrument": {"zeroed_with_payload": 1}}, ["zeroed_with_payload", "true or false"]),
         ({"instrument": {"top_from_sensor": [0, 0, 0, 2, 0, 0, 0]}}, ["quaternion", "norm 2"]),
-        ({"hidden": {"effect": "fts_drfit"}}, ["[hidden]", "did you mean `fts_drift`"]),
+        ({"hidden": {"effect": "fts_drfit"}}, ["[hidden]", "Did you mean `fts_drift`"]),
         ({"hidden": {"strength": 0.0}}, ["strength", "0.0"]),
     ],
 )

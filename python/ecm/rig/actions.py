@@ -39,7 +39,7 @@ class Action:
         name = name.strip() or "measure"
         if name not in ARGUMENT_UNITS:
             raise InputError(
-                f"{where}: unknown action `{text}`{nearest(name, list(ARGUMENT_UNITS))}. "
+                f"{where}: unknown action `{text}`{nearest(name, list(ARGUMENT_UNITS))} "
                 f"Expected one of {', '.join(ARGUMENT_UNITS)}"
             )
         unit = ARGUMENT_UNITS[name]

@@ -25,9 +25,9 @@ def setting(
 
 
 def nearest(name: str, known: list[str]) -> str:
-    """' (did you mean X?)' for the known name most like `name`, or nothing."""
+    """End of a sentence about an unknown name: ". Did you mean `X`?", or "." alone."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"; did you mean `{close[0]}`?" if close else ""
+    return f". Did you mean `{close[0]}`?" if close else "."
 
 
 def _number(value: Any, low: float, high: float, place: str) -> float:
@@ -78,7 +78,7 @@ def from_table(kind: type[T], table: Mapping[str, Any], where: str) -> T:
     for key, value in table.items():
         if key not in known:
             raise InputError(
-                f"{where}: unknown key `{key}`{nearest(key, list(known))}. "
+                f"{where}: unknown key `{key}`{nearest(key, list(known))} "
                 f"Known keys: {', '.join(known)}"
             )
         spec = known[key]

@@ -61,7 +61,7 @@ class Hidden:
         name = name.strip()
         if name not in (*DRAWS, "random"):
             raise InputError(
-                f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(DRAWS))}. "
+                f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(DRAWS))} "
                 f"Expected random or one of {', '.join(sorted(DRAWS))}"
             )
         if not equals:

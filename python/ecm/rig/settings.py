@@ -158,7 +158,7 @@ class RigSettings:
         for name in tables:
             if name not in TABLES:
                 raise InputError(
-                    f"{where}: unknown table [{name}]{nearest(name, list(TABLES))}. "
+                    f"{where}: unknown table [{name}]{nearest(name, list(TABLES))} "
                     f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
                 )
         settings = RigSettings(

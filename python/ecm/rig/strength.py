@@ -25,7 +25,7 @@ class Whitener:
 
     def __init__(self, covariance: F, base: F) -> None:
         """covariance: (N, 6, 6); base: columns (N, 6, k) of wrench per base parameter."""
-        lower: F = np.linalg.cholesky(covariance)
+        lower = np.linalg.cholesky(covariance).astype(np.float64)
         self._inverse = _inverse_lower(lower)
         self._base: list[F] = []
         for column in np.einsum("nij,njk->kni", self._inverse, base):
