@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import csv_text, neck_columns
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from conftest import csv_text, neck_columns
 from ecm.columns import POSE, STANDARD, WRENCH, likely_name
 from ecm.errors import InputError, MissingExtra
 from ecm.meta import Meta, Scene

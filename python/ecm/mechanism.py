@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
+from ecm.errors import FemError, InputError
 from ecm.settings import read_settings
 from ecm.stages import hash_of
 from ecm.toml_file import check_keys, nearest
@@ -33,7 +33,7 @@ _SECTIONS = (
     "bending_stiffness_Nm2",
     "torsion_stiffness_Nm2",
 )
-QUALITIES = ("coarse", "standard", "fine")
+QUALITIES = ("standard", "fine")
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Mechanism:
     mesh_file: Path | None = None
     """Gmsh 4.1 ASCII file with faces named `base` and `top`, instead of a builtin."""
     quality: str = "standard"
-    """coarse, standard or fine: element size of a builtin."""
+    """standard or fine: element size of a builtin."""
     axial_stiffness_N: float = 0.0
     """EA of a builtin rod; 0: from radius and E."""
     shear_stiffness_N: float = 0.0
@@ -190,9 +190,7 @@ class Mechanism:
         from ecm._native import Mesh
 
         if self.mesh_file is not None:
-            if not self.mesh_file.is_file():
-                raise InputError(f"{self.mesh_file}: this mesh file does not exist: check the path")
-            return Mesh.read(str(self.mesh_file))
+            return _read_mesh(self.mesh_file)
         if self.builtin in ("cylinder", "rod") and self.radius_m > 0.0:
             return Mesh.cylinder(
                 length_m=self.length_m, radius_m=self.radius_m, quality=self.quality
@@ -240,16 +238,19 @@ class Mechanism:
 
         Shear correction of a circle or ring with m = inner / outer radius (Cowper 1966):
         k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu)(1 + m^2)^2 + (20 + 12 nu) m^2).
-        An hourglass is taken at its mean radius: good enough to screen draws, not to model.
+        An hourglass is taken at its mean radius, a mesh as the cylinder of its volume and length:
+        good enough to screen draws, not to model.
 
         Errors
         ------
         InputError
-            For a mesh or a bare length.
+            For a bare length, or a mesh that cannot be read.
         """
         given = {name: float(getattr(self, name)) for name in _SECTIONS}
         if all(value > 0.0 for value in given.values()):
             return given
+        if self.mesh_file is not None and self.young_modulus_Pa > 0.0:
+            return self._sections_of(*self._equivalent_circle())
         if not self.builtin or self.young_modulus_Pa <= 0.0 or self.radius_m <= 0.0:
             raise InputError(
                 "[mechanism]: a rod needs builtin, radius_m and young_modulus_Pa, or "
@@ -258,7 +259,14 @@ class Mechanism:
         outer = self.radius_m
         if self.builtin == "hourglass":
             outer = 0.5 * (self.radius_m + self.waist_radius_m)
-        inner = self.inner_radius_m if self.builtin == "tube" else 0.0
+        return self._sections_of(outer, self.inner_radius_m if self.builtin == "tube" else 0.0)
+
+    def _equivalent_circle(self) -> tuple[float, float]:
+        """Radii of the cylinder of the mesh's volume and length."""
+        mesh = self.mesh()
+        return math.sqrt(mesh.volume_m3 / (math.pi * mesh.length_m)), 0.0
+
+    def _sections_of(self, outer: float, inner: float) -> dict[str, float]:
         nu = self.poisson_ratio
         ratio = (inner / outer) ** 2
         correction = (
@@ -282,10 +290,7 @@ class Mechanism:
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
         content = ""
         if self.mesh_file is not None:
-            try:
-                content = hashlib.sha256(self.mesh_file.read_bytes()).hexdigest()
-            except OSError as error:
-                raise InputError(f"{self.mesh_file}: this mesh cannot be read: {error}") from None
+            content = hashlib.sha256(_mesh_bytes(self.mesh_file)).hexdigest()
         return hash_of(values, content)
 
 
@@ -322,8 +327,24 @@ def _material(table: Any, place: str) -> dict[str, Any]:
 
 
 def _mesh_length(path: Path) -> float:
+    return float(_read_mesh(path).length_m)
+
+
+def _read_mesh(path: Path) -> Mesh:
     from ecm._native import Mesh
 
-    if not path.is_file():
-        raise InputError(f"{path}: this mesh file does not exist: check the path")
-    return float(Mesh.read(str(path)).length_m)
+    _mesh_bytes(path)
+    try:
+        return Mesh.read(str(path))
+    except FemError as error:
+        text = str(error)
+        raise InputError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _mesh_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: this mesh file does not exist: check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: this mesh file cannot be read: {error.strerror}") from None

@@ -25,6 +25,7 @@ from ecm.meta import ColumnSource, Meta
 from ecm.plausible import check_poses
 from ecm.toml_file import nearest
 
+_HINTED = 50
 Cells = Sequence[Any] | NDArray[Any]
 
 
@@ -267,7 +268,9 @@ def _own_columns(columns: dict[str, NDArray[Any]], source: str) -> list[str]:
     own = [name for name in columns if not is_standard(name)]
     if not own:
         return []
-    hints = [f"{name}: did you mean {close}?" for name in own if (close := close_name(name))]
+    hints = [
+        f"{name}: did you mean {close}?" for name in own[:_HINTED] if (close := close_name(name))
+    ]
     shown = ", ".join(own[:12]) + (", ..." if len(own) > 12 else "")
     hint = f" ({'; '.join(hints)})" if hints else ""
     return [f"{source}: {len(own)} column(s) of your own are kept as covariates: {shown}{hint}"]

@@ -46,7 +46,8 @@ def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
     """
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:
-        return _invoke(arguments)
+        code = _invoke(arguments)
+        return _interrupted() if code == _INTERRUPTED else code  # the parser swallows Ctrl-C
     except (KeyboardInterrupt, EOFError):
         return _interrupted()
     except BrokenPipeError:

@@ -1,0 +1,332 @@
+"""The command `ecm`: help, options that all share, results, and how it ends."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from conftest import LENGTH_M, Done, csv_text, neck_columns, neck_rows
+from ecm.cli.app import app
+from ecm.cli.console import Console
+from ecm.columns import POSE, STIFFNESS, WRENCH
+from ecm.table import read_table
+
+Command = Callable[..., Done]
+COMMANDS = sorted(str(command.name) for command in app.registered_commands)
+
+
+def test_the_commands_are_those_of_this_version() -> None:
+    assert (
+        sorted(
+            [
+                "identify",
+                "simulate",
+                "fit",
+                "predict",
+                "design",
+                "campaign",
+                "check",
+                "compare",
+                "diagnose",
+                "refit",
+                "reveal",
+                "effects",
+                "new",
+            ]
+        )
+        == COMMANDS
+    )
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
+    done = ecm_command(*([name] if name else []), "--help")
+    assert done.code == 0
+    lines = done.out.rstrip("\n").split("\n")
+    assert len(lines) <= 24, done.out
+    assert max(len(line) for line in lines) <= 80, done.out
+    assert "..." not in done.out.replace("...}", "").replace("ARGS]...", "").replace(
+        "DATA...", ""
+    ).replace("k_fx_x ...", "").replace("}...", ""), done.out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_takes_the_common_options(name: str) -> None:
+    from typer.main import get_command
+
+    group: Any = get_command(app)
+    options = {option for p in group.commands[name].params for option in p.opts}
+    assert {"--json", "--seed", "--threads", "--quiet"} <= options
+
+
+def test_version_and_no_arguments(ecm_command: Command) -> None:
+    from ecm._native import __version__
+
+    assert ecm_command("--version").out == f"ecm {__version__}\n"
+    assert "Usage: ecm" in ecm_command().err + ecm_command().out
+
+
+def read(path: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return document
+
+
+def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    done = ecm_command("check", neck_csv, "--json", tmp_path / "check.json")
+    assert done.code == 0
+    assert "60 rows" in done.out
+    document = read(tmp_path / "check.json")
+    assert document["rows"] == 60
+    assert {column["name"] for column in document["columns"]} == {*POSE, *WRENCH}
+    assert "anisotropy" in document["testable"]
+
+
+def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    done = ecm_command("check", neck_csv, "--quiet", "--json", tmp_path / "check.json")
+    assert (done.code, done.out, done.err) == (0, "", "")
+    assert (tmp_path / "check.json").exists()
+
+
+def test_fit_and_predict(tmp_path: Path, ecm_command: Command) -> None:
+    """Noise-free rows of a linear mechanism: the model gives wrench and stiffness back."""
+    poses, _ = neck_rows(80)
+    from conftest import STIFFNESS as K
+
+    wrenches = (poses - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
+    fitted = ecm_command(
+        "fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json",
+        "--json", tmp_path / "fit.json",
+    )  # fmt: skip
+    assert fitted.code == 0, fitted.err
+    assert read(tmp_path / "fit.json")["components"]["fx_N"]["rmse"] < 1e-9
+    new, _ = neck_rows(5, seed=3)
+    asked = {"pose_id": np.arange(5.0), **dict(zip(POSE, new.T, strict=True))}
+    asked |= {"fx_N": np.zeros(5), "humidity": np.full(5, 40.0)}
+    (tmp_path / "p.csv").write_text(csv_text(asked), encoding="utf-8")
+    done = ecm_command(
+        "predict", tmp_path / "m.json", tmp_path / "p.csv", "--out", tmp_path / "out.csv",
+        "--stiffness",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    table = read_table(tmp_path / "out.csv")
+    # The input's columns keep their order, fx_N its place; predicted ones follow.
+    assert list(table.columns)[: len(asked)] == list(asked)
+    assert table.column("humidity").tolist() == [40.0] * 5
+    expected = (new - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
+    np.testing.assert_allclose(table.wrenches, expected, atol=1e-8)
+    assert [name for name in table.columns if name.startswith("k_")] == list(STIFFNESS)
+    np.testing.assert_allclose(
+        table.matrix(STIFFNESS).reshape(5, 6, 6), np.broadcast_to(K, (5, 6, 6)), atol=1e-5
+    )
+    assert "sd_fx_N" in table.columns
+
+
+def test_predicting_far_away_warns(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", tmp_path / "m.json")
+    far = {name: np.full(3, 0.7) for name in POSE}
+    (tmp_path / "p.csv").write_text(csv_text(far), encoding="utf-8")
+    done = ecm_command("predict", tmp_path / "m.json", tmp_path / "p.csv", "--out",
+                       tmp_path / "o.csv")  # fmt: skip
+    assert done.code == 0
+    assert "3 of 3 poses are outside what the model was trained on" in done.err
+
+
+def test_bad_rows_are_skipped_on_request(tmp_path: Path, ecm_command: Command) -> None:
+    lines = csv_text(neck_columns()).splitlines()
+    lines[3] = lines[3].replace(lines[3].split(",")[0], "?", 1)
+    (tmp_path / "d.csv").write_text("\n".join(lines), encoding="utf-8")
+    assert ecm_command("check", tmp_path / "d.csv").code == 2
+    done = ecm_command("check", tmp_path / "d.csv", "--skip-bad-rows")
+    assert done.code == 0
+    assert "59 rows" in done.out
+    assert "left out 1 row(s)" in done.err
+    assert "line 4, column 'x_m'" in done.err
+
+
+def test_compare_prints_every_component(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", neck_csv, "--json", tmp_path / "c.json",
+        "--report", tmp_path / "c.html",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    for word in ("rmse", "bias", "noise floor", "excess", *WRENCH):
+        assert word in done.out
+    assert set(read(tmp_path / "c.json")["rmse"]) == set(WRENCH)
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "noise floor" in page
+    assert "http://" not in re.sub(r"http://www\.w3\.org[^\s\"']*", "", page.split("<main>")[1])
+
+
+def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> None:
+    listed = ecm_command("effects", "--json", tmp_path / "e.json")
+    ids = {effect["id"] for effect in read(tmp_path / "e.json")["effects"]}
+    assert {"fts_offset", "fts_drift", "payload", "base_compliance", "tip_frame_misalignment",
+            "hysteresis", "temperature_modulus", "anisotropy"} <= ids  # fmt: skip
+    assert all(id in listed.out for id in ids)
+    one = ecm_command("effects", "hysteresis")
+    assert one.code == 0
+    assert "parameter" in one.out
+    assert "confused with" in one.out
+
+
+@pytest.mark.parametrize("what", ["config", "rig", "data"])
+def test_new_writes_a_file_once(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ecm_command("new", what).code == 0
+    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert written
+    assert ecm_command("new", what).code == 2
+    assert written == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+
+# --- how it ends ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (OSError(errno.ENOSPC, "No space left on device", "d.csv"), 1, "the disk is full"),
+        (PermissionError(errno.EACCES, "Permission denied", "d.csv"), 1, "Permission denied"),
+        (MemoryError(), 1, "not enough memory"),
+        (RuntimeError("inner"), 1, "please report it"),
+        (ZeroDivisionError(), 1, "please report it"),
+    ],
+)
+def test_nobody_sees_a_traceback(  # noqa: PLR0917
+    error: BaseException,
+    code: int,
+    says: str,
+    neck_csv: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ecm_command: Command,
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("ecm.check.check", fail)
+    done = ecm_command("check", neck_csv)
+    assert done.code == code
+    assert says in done.err
+    assert "Traceback" not in done.err
+
+
+def test_errors_of_the_computation_and_of_the_input_differ(
+    neck_csv: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    from ecm.errors import ComputationError, FemError, InputError, ModelError
+
+    for error, code in (
+        (ComputationError("no convergence"), 1),
+        (InputError("wrong"), 2),
+        (ModelError("wrong model"), 2),
+        (FemError("wrong mesh"), 2),
+    ):
+
+        def fail(*_: object, error: Exception = error, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr("ecm.check.check", fail)
+        done = ecm_command("check", neck_csv)
+        assert done.code == code
+        assert done.err.startswith(f"error: {error}")
+
+
+INTERRUPTED = """
+import sys, time
+import ecm.simulate
+from ecm.cli import main
+def endless(*args, progress=None, **more):
+    print("begun", flush=True)
+    while True:
+        time.sleep(0.01)
+ecm.simulate.simulate = endless
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_with_130_and_says_what_is_kept(number: int, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text("", encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, "simulate", "c.toml", "--out", "s.csv"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "s.parts" in err
+    assert "Traceback" not in err
+
+
+def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
+    table = {f"own_{i}": np.arange(3.0) for i in range(3000)} | {"y_m": np.arange(3.0) / 10}
+    (tmp_path / "d.csv").write_text(csv_text(table), encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ecm.cli", "check", "d.csv"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    err = process.stderr.read()
+    assert process.wait(timeout=20) == 1
+    assert "Traceback" not in err
+    assert "Exception ignored" not in err
+    process.stderr.close()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="full disk: no /dev/full here")
+def test_a_full_disk_is_said(neck_csv: Path) -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "ecm.cli", "check", str(neck_csv)],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert "the disk is full" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_progress_off_a_terminal_is_plain_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    show = Console().bar("FEM poses")
+    assert show is not None
+    for done in range(0, 101, 25):
+        now[0] = 0.4 * done
+        show(done, 100, "solving")
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.splitlines() == [
+        "FEM poses: 25 of 100, 30 s left",
+        "FEM poses: 50 of 100, 20 s left",
+        "FEM poses: 75 of 100, 10 s left",
+        "FEM poses: 100 of 100",
+    ]
+    assert Console(quiet=True).bar("FEM poses") is None
