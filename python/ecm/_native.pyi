@@ -156,6 +156,13 @@ class PolynomialModel:
     def from_coefficients(
         degree: int, lower: F, upper: F, coefficients: F
     ) -> PolynomialModel: ...
+    @staticmethod
+    def leave_one_out(inputs: F, outputs: F, degree: int) -> tuple[F, F]:
+        """Singular values (r,), and leave-one-out RMSE (r, m) of keeping the first 1, 2, ... r."""
+    def leverage(self, inputs: F) -> F:
+        """(N,) variance of the prediction in units of the residual variance."""
+    def prediction_sd(self, inputs: F) -> F:
+        """(N, m) standard deviation of a new measurement around the prediction."""
     def predict(self, inputs: F) -> F: ...
     def jacobian(self, inputs: F) -> F:
         """(N, m, n); K = dh/dp for the paper's map."""
@@ -176,6 +183,9 @@ class PolynomialModel:
         """kappa before normalisation."""
     @property
     def rank(self) -> int: ...
+    @property
+    def residual_variance(self) -> F:
+        """(m,) residual square per degree of freedom; NaN where it was not fitted."""
 
 @final
 class EnergyModel:
@@ -214,6 +224,16 @@ class EnergyModel:
     def energy_J(self, poses: F) -> F: ...
     def predict(self, poses: F) -> F: ...
     def stiffness(self, poses: F, kind: StiffnessKind = "partial") -> F: ...
+    def prediction_covariance(self, poses: F) -> F:
+        """(N, 6, 6) of the predicted wrench, of the coefficients' covariance."""
+    @property
+    def rank(self) -> int: ...
+    @property
+    def condition_number(self) -> float:
+        """kappa of the whitened, column-scaled regressor; NaN where it was not fitted."""
+    @property
+    def residual_variance(self) -> float:
+        """Whitened residual square per degree of freedom: 1 where the covariance is right."""
     @property
     def coefficients(self) -> F: ...
     @property
@@ -221,7 +241,7 @@ class EnergyModel:
         """(k, k) of the coefficients."""
     @property
     def terms(self) -> I:
-        """(k, n_invariants) exponents."""
+        """(k, 6) exponents of c_x, |c_perp|^2, |theta_perp|^2, theta_x, a, b; general: of c, theta."""
     @property
     def scale(self) -> F:
         """(2,) length and angle that make the coordinates dimensionless."""

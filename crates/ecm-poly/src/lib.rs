@@ -15,6 +15,8 @@ pub mod energy;
 pub mod normalise;
 pub mod polynomial;
 pub mod shape;
+#[cfg(feature = "std")]
+pub mod uncertainty;
 
 #[cfg(feature = "std")]
 mod cubic_bulk;

@@ -4,13 +4,14 @@ use std::boxed::Box;
 use std::format;
 use std::vec::Vec;
 
-use crate::basis::{exponents, number_of_terms};
+use crate::basis::exponents;
 use crate::cubic::Cubic;
 use crate::cubic_bulk;
 use crate::dense::{ThinSvd, singular_values};
 use crate::error::{ModelError, check_count, check_finite};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
+use crate::regression::leave_one_out::LeaveOneOut;
 use crate::regression::{Method, Solution, solve};
 
 /// n inputs to m outputs by polynomials of one degree; n = m = 6 for a pose-to-wrench map.
@@ -36,8 +37,10 @@ pub struct FitFacts {
     pub condition_number_raw: f64,
     /// Singular values kept.
     pub rank: usize,
-    /// tr(hat matrix).
+    /// tr(2H − H²) of the hat matrix H.
     pub effective_parameters: f64,
+    /// s² per output: residual square per degree of freedom; NaN where none is left.
+    pub residual_variance: Vec<f64>,
     /// (XᵀX)⁻¹ of what was kept, row-major (k, k).
     pub unscaled_covariance: Vec<f64>,
 }
@@ -90,11 +93,17 @@ impl PolynomialModel {
             effective_parameters,
             unscaled_covariance,
         } = solve(&ThinSvd::new(&normalised, k)?, &targets, outputs, method)?;
+        let freedom = rows as f64 - effective_parameters;
+        let squares = residual_squares(&normalised, &coefficients, &targets, outputs);
         let fit = FitFacts {
             condition_number,
             condition_number_raw: condition_number_of(&raw, k)?,
             rank,
             effective_parameters,
+            residual_variance: squares
+                .iter()
+                .map(|s| if freedom > 0.5 { s / freedom } else { f64::NAN })
+                .collect(),
             unscaled_covariance,
         };
         Ok(Self {
@@ -107,6 +116,29 @@ impl PolynomialModel {
             outputs,
             fit,
         })
+    }
+
+    /// Leave-one-out errors of every PCR rank, of the regressor that [`PolynomialModel::fit`] uses.
+    pub fn leave_one_out(
+        points: &[f64],
+        inputs: usize,
+        observations: &[f64],
+        outputs: usize,
+        degree: usize,
+    ) -> Result<LeaveOneOut, ModelError> {
+        let table = exponents(inputs, degree)?;
+        check_count(
+            "outputs",
+            "numbers",
+            observations.len(),
+            points.len() / inputs * outputs,
+        )?;
+        check_finite("inputs", points, inputs)?;
+        check_finite("outputs", observations, outputs)?;
+        let (lower, upper) = ranges(points, inputs);
+        let normalised = regressor(points, &table, &lower, &upper)?;
+        let factors = ThinSvd::new(&normalised, table.len() / inputs)?;
+        LeaveOneOut::new(&factors, observations, outputs)
     }
 
     /// From coefficients (k, outputs), row-major, of inputs normalised from [lower, upper].
@@ -151,6 +183,7 @@ impl PolynomialModel {
                 condition_number_raw: f64::NAN,
                 rank: k,
                 effective_parameters: k as f64,
+                residual_variance: std::vec![f64::NAN; outputs],
                 unscaled_covariance: Vec::new(),
             },
         })
@@ -287,9 +320,27 @@ pub fn polynomial_regressor(
     regressor(points, &exponents(lower.len(), degree)?, lower, upper)
 }
 
-/// k of a polynomial.
-pub fn coefficients_per_output(inputs: usize, degree: usize) -> Option<usize> {
-    number_of_terms(inputs, degree)
+/// Σ (y − X β)² of each output.
+fn residual_squares(
+    matrix: &[f64],
+    coefficients: &[f64],
+    targets: &[f64],
+    outputs: usize,
+) -> Vec<f64> {
+    let k = coefficients.len() / outputs.max(1);
+    let mut squares = std::vec![0.0; outputs];
+    for (row, y) in matrix.chunks_exact(k).zip(targets.chunks_exact(outputs)) {
+        let mut residual = y.to_vec();
+        for (x, weights) in row.iter().zip(coefficients.chunks_exact(outputs)) {
+            for (e, w) in residual.iter_mut().zip(weights) {
+                *e -= x * w;
+            }
+        }
+        for (square, e) in squares.iter_mut().zip(&residual) {
+            *square += e * e;
+        }
+    }
+    squares
 }
 
 fn condition_number_of(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {

@@ -256,3 +256,64 @@ fn too_few_rows_and_bad_covariance_are_refused_with_their_place() {
     let message = fit.run(&poses, &missing).unwrap_err().to_string();
     assert!(message.contains("row 3, column 1"), "{message}");
 }
+
+#[test]
+fn prediction_covariance_is_that_of_the_coefficients() {
+    let truth = model(Symmetry::Alike, 4, 2.0);
+    let poses: Vec<[f64; 6]> = (0..40)
+        .map(|i| {
+            std::array::from_fn(|k| {
+                let wave = ((i * 6 + k) as f64 * 1.7).sin();
+                if k < 3 {
+                    0.02 * wave + if k == 0 { LENGTH } else { 0.0 }
+                } else {
+                    0.8 * wave
+                }
+            })
+        })
+        .collect();
+    let wrenches: Vec<[f64; 6]> = truth
+        .predict(&poses)
+        .unwrap()
+        .iter()
+        .enumerate()
+        .map(|(i, h)| std::array::from_fn(|k| h[k] + 0.1 * ((i * 6 + k) as f64 * 7.3).sin()))
+        .collect();
+    let fit = EnergyFit {
+        length_m: LENGTH,
+        degree: 4,
+        symmetry: Symmetry::Alike,
+        covariance: None,
+    };
+    let found = fit.run(&poses, &wrenches).unwrap();
+    let covariance = found.prediction_covariance(&poses[..3]).unwrap();
+    // Against one coefficient at a time, moved by hand.
+    for (p, c) in poses[..3].iter().zip(&covariance) {
+        let columns: Vec<[f64; 6]> = (0..22)
+            .map(|t| {
+                let mut unit = vec![0.0; 22];
+                unit[t] = 1.0;
+                let one = EnergyModel::from_coefficients(
+                    LENGTH,
+                    4,
+                    Symmetry::Alike,
+                    found.scale(),
+                    &unit,
+                )
+                .unwrap();
+                one.predict(&[*p]).unwrap()[0]
+            })
+            .collect();
+        for i in 0..6 {
+            for j in 0..6 {
+                let mut sum = 0.0;
+                for a in 0..22 {
+                    for b in 0..22 {
+                        sum += columns[a][i] * found.covariance()[22 * a + b] * columns[b][j];
+                    }
+                }
+                assert!((sum - c[i][j]).abs() < 1e-9 * (c[i][i] * c[j][j]).sqrt());
+            }
+        }
+    }
+}

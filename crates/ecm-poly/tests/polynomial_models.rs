@@ -230,3 +230,89 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn leave_one_out_curves_are_those_of_leaving_out() {
+    // With the components held fixed: refit on the scores U σ without the row, for every row.
+    let points = poses(60, 11);
+    let values: Vec<f64> = points
+        .chunks(6)
+        .flat_map(|p| [(4.0 * p[5]).sin() + p[1], p[3] * p[0] + p[4].cos()])
+        .collect();
+    let curves = PolynomialModel::leave_one_out(&points, 6, &values, 2, 2).unwrap();
+    assert_eq!((curves.singular_values.len(), curves.rmse.len()), (28, 56));
+    let model =
+        PolynomialModel::fit(&points, 6, &values, 2, 2, Method::LeastSquares, None).unwrap();
+    let x = polynomial_regressor(&points, 2, model.lower(), model.upper()).unwrap();
+    let svd = ecm_poly::dense::ThinSvd::new(&x, 28).unwrap();
+    for rank in [1, 5, 17, 28] {
+        let score = |row: usize| -> Vec<f64> {
+            (0..rank)
+                .map(|j| svd.u[(row, j)] * svd.singular_values[j])
+                .collect()
+        };
+        for output in 0..2 {
+            let mut sum = 0.0;
+            for left in 0..60 {
+                let rows: Vec<usize> = (0..60).filter(|&i| i != left).collect();
+                let gram = (0..rank)
+                    .map(|a| {
+                        (0..rank)
+                            .map(|b| rows.iter().map(|&i| score(i)[a] * score(i)[b]).sum::<f64>())
+                            .collect()
+                    })
+                    .collect();
+                let side = (0..rank)
+                    .map(|a| {
+                        rows.iter()
+                            .map(|&i| score(i)[a] * values[2 * i + output])
+                            .sum()
+                    })
+                    .collect();
+                let weights = eliminate(gram, side);
+                let predicted: f64 = score(left).iter().zip(&weights).map(|(a, b)| a * b).sum();
+                sum += (values[2 * left + output] - predicted).powi(2);
+            }
+            let direct = (sum / 60.0).sqrt();
+            let found = curves.rmse[2 * (rank - 1) + output];
+            assert!(
+                (found / direct - 1.0).abs() < 1e-8,
+                "rank {rank}: {found} {direct}"
+            );
+        }
+    }
+    let best = curves.best_rank(&[1.0, 1.0]);
+    assert!((1..=28).contains(&best));
+}
+
+#[test]
+fn ninety_five_percent_of_new_measurements_fall_into_the_interval() {
+    let mut next = stream(21);
+    let mut normal = move || (0..12).map(|_| next()).sum::<f64>() / 2.0;
+    let truth = |p: &[f64]| 3.0 * p[1] - 2.0 * p[5] * p[5] + p[0] * p[3];
+    let train = poses(150, 31);
+    let values: Vec<f64> = train.chunks(6).map(|p| truth(p) + 0.2 * normal()).collect();
+    let fresh = poses(2000, 41);
+    for (method, tolerance) in [(Method::LeastSquares, 0.03), (Method::Pcr(0.05), 0.03)] {
+        let model = PolynomialModel::fit(&train, 6, &values, 1, 2, method, None).unwrap();
+        let s = model.facts().residual_variance[0].sqrt();
+        assert!((s / 0.2 - 1.0).abs() < 0.2, "{s}");
+        let (predicted, sd) = (
+            model.predict(&fresh).unwrap(),
+            model.prediction_sd(&fresh).unwrap(),
+        );
+        let inside = fresh
+            .chunks(6)
+            .zip(predicted.iter().zip(&sd))
+            .filter(|(p, (h, sd))| (truth(p) + 0.2 * normal() - **h).abs() < 1.98 * **sd)
+            .count();
+        assert!(
+            (inside as f64 / 2000.0 - 0.95).abs() < tolerance,
+            "{method:?} {inside}"
+        );
+    }
+    // The leverages of the training rows sum to the rank.
+    let model = PolynomialModel::fit(&train, 6, &values, 1, 2, Method::LeastSquares, None).unwrap();
+    let sum: f64 = model.leverage(&train).unwrap().iter().sum();
+    assert!((sum - 28.0).abs() < 1e-9, "{sum}");
+}

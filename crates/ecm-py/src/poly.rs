@@ -147,6 +147,52 @@ impl PolynomialModel {
             .map_err(error)
     }
 
+    /// Singular values (r,) and leave-one-out RMSE (r, m) of keeping the first 1, 2, ... r of them.
+    #[staticmethod]
+    fn leave_one_out<'py>(
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+        outputs: PyReadonlyArray2<'py, f64>,
+        degree: usize,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let (points, _, columns) = matrix(&inputs);
+        let (values, _, outputs) = matrix(&outputs);
+        let curves = py
+            .detach(|| {
+                ecm_poly::PolynomialModel::leave_one_out(&points, columns, &values, outputs, degree)
+            })
+            .map_err(error)?;
+        let ranks = curves.singular_values.len();
+        Ok((
+            PyArray1::from_vec(py, curves.singular_values),
+            shaped(py, curves.rmse, ranks, outputs)?,
+        ))
+    }
+
+    /// (N,) variance of the prediction in units of the residual variance.
+    fn leverage<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (points, _, columns) = matrix(&inputs);
+        check_columns("inputs", columns, self.0.inputs())?;
+        let leverage = py.detach(|| self.0.leverage(&points)).map_err(error)?;
+        Ok(PyArray1::from_vec(py, leverage))
+    }
+
+    /// (N, m) standard deviation of a new measurement around the prediction.
+    fn prediction_sd<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (points, n, columns) = matrix(&inputs);
+        check_columns("inputs", columns, self.0.inputs())?;
+        let sd = py.detach(|| self.0.prediction_sd(&points)).map_err(error)?;
+        shaped(py, sd, n, self.0.outputs())
+    }
+
     fn predict<'py>(
         &self,
         py: Python<'py>,
@@ -202,6 +248,11 @@ impl PolynomialModel {
     #[getter]
     fn rank(&self) -> usize {
         self.0.facts().rank
+    }
+    /// (m,) residual square per degree of freedom; NaN where it was not fitted.
+    #[getter]
+    fn residual_variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.0.facts().residual_variance)
     }
 }
 
@@ -302,6 +353,19 @@ impl EnergyModel {
         from_rows(py, &wrenches)
     }
 
+    /// (N, 6, 6) covariance of the predicted wrench, of the coefficients' covariance.
+    fn prediction_covariance<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let poses = rows::<6>("poses", &poses)?;
+        let results = py
+            .detach(|| self.0.prediction_covariance(&poses))
+            .map_err(error)?;
+        from_matrices(py, &results)
+    }
+
     #[pyo3(signature = (poses, kind = "partial"))]
     fn stiffness<'py>(
         &self,
@@ -346,6 +410,21 @@ impl EnergyModel {
     #[getter]
     fn degree(&self) -> usize {
         self.0.degree()
+    }
+    /// Singular values that the fit used.
+    #[getter]
+    fn rank(&self) -> usize {
+        self.0.rank()
+    }
+    /// kappa of the whitened, column-scaled regressor; NaN where it was not fitted.
+    #[getter]
+    fn condition_number(&self) -> f64 {
+        self.0.condition_number()
+    }
+    /// Whitened residual square per degree of freedom: 1 where the covariance is right.
+    #[getter]
+    fn residual_variance(&self) -> f64 {
+        self.0.residual_variance()
     }
     #[getter]
     fn symmetry(&self) -> &'static str {

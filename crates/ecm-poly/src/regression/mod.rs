@@ -1,6 +1,7 @@
 //! Linear regression on a polynomial regressor: ordinary, ridge, and on principal components.
 
 pub mod least_squares;
+pub mod leave_one_out;
 pub mod pcr;
 pub mod ridge;
 
@@ -29,7 +30,7 @@ pub struct Solution {
     pub rank: usize,
     /// κ of what was kept.
     pub condition_number: f64,
-    /// tr(hat matrix): what the fit spends of the degrees of freedom, per output.
+    /// What the fit spends of the degrees of freedom, per output: tr(2H − H²) of the hat matrix.
     pub effective_parameters: f64,
     /// (XᵀX)⁻¹ of what was kept, row-major (k, k): times σ² the coefficients' covariance.
     pub unscaled_covariance: Vec<f64>,

@@ -31,7 +31,11 @@ pub fn solve(
         coefficients: factors.solve(observations, outputs, |_, s| s / (s * s + lambda)),
         rank: values.len(),
         condition_number,
-        effective_parameters: values.iter().map(|s| s * s / (s * s + lambda)).sum(),
+        effective_parameters: values
+            .iter()
+            .map(|s| s * s / (s * s + lambda))
+            .map(|h| 2.0 * h - h * h)
+            .sum(),
         unscaled_covariance: factors.gram(|_, s| (s / (s * s + lambda)).powi(2)),
     })
 }

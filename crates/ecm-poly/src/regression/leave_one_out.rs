@@ -1,0 +1,95 @@
+//! Leave-one-out errors of every number of principal components, from one decomposition.
+//!
+//! With the components held fixed the residual of a row that was left out is e/(1 − h), where
+//! the leverage h of the row is the sum of its squared entries in the columns of U in use.
+//! Source: Allen, Technometrics 16 (1974) 125 (PRESS).
+
+use std::vec::Vec;
+
+use crate::dense::ThinSvd;
+use crate::error::{ModelError, check_count};
+
+/// Leave-one-out root mean square errors.
+#[derive(Clone, Debug)]
+pub struct LeaveOneOut {
+    /// Singular values σ₁ ≥ σ₂ ≥ …; row r − 1 of `rmse` keeps the first r of them.
+    pub singular_values: Vec<f64>,
+    /// (ranks, outputs), row-major; infinite where a row decides a coefficient alone.
+    pub rmse: Vec<f64>,
+    outputs: usize,
+}
+
+impl LeaveOneOut {
+    /// The curves of row-major `observations` (N, outputs).
+    pub fn new(
+        factors: &ThinSvd,
+        observations: &[f64],
+        outputs: usize,
+    ) -> Result<Self, ModelError> {
+        let rows = factors.u.nrows();
+        check_count("outputs", "numbers", observations.len(), rows * outputs)?;
+        let ranks = factors.numerical_rank();
+        // Column by column of the residuals, so that the inner loops run along memory.
+        let mut residuals: Vec<Vec<f64>> = (0..outputs)
+            .map(|j| {
+                observations
+                    .iter()
+                    .skip(j)
+                    .step_by(outputs)
+                    .copied()
+                    .collect()
+            })
+            .collect();
+        let mut kept = std::vec![1.0; rows];
+        let mut inverse = std::vec![0.0; rows];
+        let mut rmse = Vec::with_capacity(ranks * outputs);
+        for r in 0..ranks {
+            let column: Vec<f64> = factors.u.col(r).iter().copied().collect();
+            for ((left, inverse), u) in kept.iter_mut().zip(&mut inverse).zip(&column) {
+                *left -= u * u;
+                *inverse = if *left > 1e-12 {
+                    1.0 / *left
+                } else {
+                    f64::INFINITY
+                };
+            }
+            for residual in &mut residuals {
+                let share: f64 = column.iter().zip(residual.iter()).map(|(u, e)| u * e).sum();
+                let mut sum = 0.0;
+                for ((e, u), inverse) in residual.iter_mut().zip(&column).zip(&inverse) {
+                    *e -= share * u;
+                    let left_out = *e * inverse;
+                    sum += left_out * left_out;
+                }
+                let mean = sum / rows as f64;
+                rmse.push(if mean.is_nan() {
+                    f64::INFINITY
+                } else {
+                    mean.sqrt()
+                });
+            }
+        }
+        Ok(Self {
+            singular_values: factors.singular_values[..ranks].to_vec(),
+            rmse,
+            outputs,
+        })
+    }
+
+    /// The number of components with the least sum over outputs of (rmse / spread)².
+    pub fn best_rank(&self, spreads: &[f64]) -> usize {
+        let score = |row: &[f64]| -> f64 {
+            let pairs = row.iter().zip(spreads);
+            pairs.map(|(e, s)| (e / s).powi(2)).sum()
+        };
+        let rows = self.rmse.chunks_exact(self.outputs.max(1));
+        let mut best = (f64::INFINITY, 0);
+        for (r, row) in rows.enumerate() {
+            let value = score(row);
+            if value < best.0 {
+                best = (value, r + 1);
+            }
+        }
+        best.1
+    }
+}
