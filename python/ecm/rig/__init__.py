@@ -6,8 +6,9 @@ plant has formulas of its own, or finding it would prove nothing.
 
 from __future__ import annotations
 
-from ecm.rig.campaign import Campaign, fem_source, run_campaign
+from ecm.rig.campaign import Campaign
 from ecm.rig.hidden import Hidden
+from ecm.rig.run import campaign_minutes, fem_source, run_campaign
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
 from ecm.rig.truth import Revealed, reveal, score
 
@@ -22,6 +23,7 @@ __all__ = [
     "Procedure",
     "Revealed",
     "RigSettings",
+    "campaign_minutes",
     "fem_source",
     "reveal",
     "rig_from_dict",

@@ -53,8 +53,7 @@ class FemSource:
 def modulus_grade(mechanism: Mechanism, grade: str) -> F:
     """(M,) factor 1 + CONTRAST (rho/R)^2 cos 2 phi (or sin) on E per tetrahedron.
 
-    phi is the azimuth of the element's centre from y; the bending stiffnesses of a full cylinder
-    become EI (1 +- CONTRAST / 3).
+    phi is the azimuth of the element's centre from y.
     """
     wave = {COS2: np.cos, SIN2: np.sin}[grade]
     mesh = mechanism.mesh()

@@ -1,8 +1,9 @@
 """A cross-section that is stiffer in one direction: a modulus graded with twice the azimuth.
 
 E -> E (1 + c rho^2/R^2 cos 2(phi - phi0)), through two FEM solutions (cos 2 phi and sin 2 phi)
-whose difference to the plain one is scaled linearly; the bending stiffnesses become
-EI (1 +- c/3). A mechanism remounted by alpha has phi0 + alpha.
+whose difference to the plain one is scaled linearly. On a fine mesh the bending stiffnesses of a
+full cylinder are EI (1 +- c/3); the grade is constant in each element, which takes from that on a
+coarse one. A mechanism remounted by alpha has phi0 + alpha.
 """
 
 from __future__ import annotations

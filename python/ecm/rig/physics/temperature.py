@@ -2,9 +2,8 @@
 
     h -> h exp(A (1/T - 1/T0)) (T/T0),   T absolute
 
-The factor T/T0 is the entropic modulus of a rubber network; A < 0 stiffens on cooling less than
-A > 0 does. `size` is the relative change of modulus per kelvin at T0, from which A follows:
-d ln h/dT = -A/T0^2 + 1/T0.
+The factor T/T0 is the entropic modulus of a rubber network. `size` is the relative change of the
+modulus per kelvin at T0, from which A follows: d ln h/dT = -A/T0^2 + 1/T0.
 """
 
 from __future__ import annotations

@@ -1,0 +1,75 @@
+"""Hides an effect in a plant: its shape is drawn, its size found from the wanted strength."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.hidden import Hidden, Scale, draw, put
+from ecm.rig.observe import residual, row_covariance
+from ecm.rig.physics import Physics
+from ecm.rig.plan import rest_pose
+from ecm.rig.plant import Course, Plant
+from ecm.rig.settings import RigSettings
+from ecm.rig.streams import stream
+from ecm.rig.strength import Whitener, calibrate
+from ecm.rig.timeline import POSE
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class World:
+    """A plant with its visits, before something is hidden in it."""
+
+    plant: Plant
+    course: Course
+    physics: Physics
+    offset: F
+    """Constant zero of the sensor, (6,) in sensor axes."""
+    settings: RigSettings
+
+    def residual(self, physics: Physics) -> F:
+        """What a measurement without noise has beyond the elastic map, (N, 6)."""
+        return residual(self.plant, self.course, physics, self.offset, self.settings)
+
+
+@dataclass(frozen=True)
+class Secret:
+    """What was hidden."""
+
+    effect: str
+    strength: float
+    name: str
+    """Field of `Physics`."""
+    size: float
+
+
+def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[Physics, Secret]:
+    """The physics with the effect in it, and what it is.
+
+    A hidden warm-up of the sensor takes the place of the rig's own; every other truth is added.
+    """
+    course, plant = world.course, world.plant
+    rows = np.asarray([v.kind == POSE for v in course.visits])
+    h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
+    moved = course.reached[rows] - rest_pose(plant.length_m)
+    scale = Scale(
+        length_m=plant.length_m,
+        duration_s=duration_s,
+        mean_temperature_degC=float(course.temperature_degC[rows].mean()),
+        mean_sensor_degC=float(course.sensor_temperature_degC[rows].mean()),
+        energy_J=float(np.mean(0.5 * np.abs(np.sum(h * moved, axis=1)))),
+    )
+    name, first = draw(hide.effect, stream(seed, "hidden shape", hide.effect), scale)
+    whitener = Whitener(row_covariance(plant, course, world.settings), h[:, :, None])
+    plain = world.residual(world.physics)
+
+    def effect(size: float) -> F:
+        return world.residual(put(world.physics, name, first.resized(size))) - plain
+
+    size = calibrate(effect, whitener, first.size, hide.strength)
+    physics = put(world.physics, name, first.resized(size))
+    return physics, Secret(hide.effect, hide.strength, name, size)

@@ -1,0 +1,115 @@
+"""`ecm campaign`: a plan and a rig file become a table on disk, reading by reading."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ecm.errors import InputError
+from ecm.rig import cache, truth
+from ecm.rig.campaign import Campaign
+from ecm.rig.elastic import Progress, Source
+from ecm.rig.hidden import Hidden
+from ecm.rig.journal import Journal
+from ecm.rig.plan import outside, requests
+from ecm.rig.record import HEADER, Reading
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import lay_out
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+
+def run_campaign(
+    plan: Table,
+    rig: RigSettings,
+    out: Path | None = None,
+    *,
+    hide: str | Sequence[Hidden] | None = None,
+    seed: int = 0,
+    progress: Progress = None,
+    resume: bool = True,
+    threads: int = 0,
+    source: Source | None = None,
+    folder: Path | None = None,
+) -> Table:
+    """Runs a plan on the simulated rig.
+
+    Parameters
+    ----------
+    plan
+        Poses in visiting order; its TOML names the `[mechanism]`.
+    out
+        Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
+        NAME.journal.csv before the next one is taken. None: in memory.
+    hide
+        `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
+    resume
+        Go on with a journal that stands there; False begins anew.
+    source
+        Solves the mechanism; default FEM of the plan's `[mechanism]`.
+    folder
+        Where solved poses are kept; default the user's cache.
+
+    Returns
+    -------
+    Table
+        Its `warnings` hold the poses that were skipped, with the reason.
+    """
+    from ecm.stages import write_atomically
+
+    if source is None:
+        source = fem_source(plan, threads)
+    if hide is None:
+        hide = rig.hidden.effect and f"{rig.hidden.effect}={rig.hidden.strength!r}"
+    if isinstance(hide, str):
+        hide = Hidden.parse(hide)
+    campaign = Campaign(
+        plan,
+        rig,
+        source,
+        hide=hide,
+        seed=seed,
+        folder=cache.directory() if folder is None else folder,
+        progress=progress,
+    )
+    if out is None:
+        return campaign.run()
+    path = out.with_name(out.stem + ".journal.csv")
+    with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
+        for i in range(len(journal.lines), len(campaign)):
+            journal.append(campaign.measure(i).line())
+            if progress is not None:
+                progress(i + 1, len(campaign), "measuring")
+        readings = [Reading.parse(line, str(path)) for line in journal.lines]
+    table = replace(campaign.table(readings), source=str(out))
+    text = campaign.truth_text()
+    if text is not None:
+        write_atomically(truth.truth_path(out), text)
+    table.write(out)
+    journal.remove()
+    return table
+
+
+def campaign_minutes(plan: Table, rig: RigSettings) -> float:
+    """Time that a plan takes on the rig, before anything is solved."""
+    length = plan.meta.length_m
+    if length is None:
+        raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
+    kept, _ = outside(requests(plan, rig.rig, length), rig.rig, length)
+    return lay_out(kept, rig.rig, length).end_s / 60.0
+
+
+def fem_source(plan: Table, threads: int = 0) -> Source:
+    """FEM of the mechanism that a plan's TOML names."""
+    from ecm.rig.fem_source import FemSource
+
+    body = plan.meta.body()
+    if body is None or not body.has_body:
+        raise InputError(
+            f"{plan.source}: its TOML names no [mechanism] that FEM could solve; add builtin, its "
+            "dimensions and young_modulus_Pa, as `ecm design` copies them from the candidates"
+        )
+    return FemSource(body, threads=threads)
