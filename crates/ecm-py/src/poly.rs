@@ -1,22 +1,42 @@
 //! Polynomial and energy models, and model files.
 
+use std::borrow::Cow;
+
 use ecm_poly::basis::exponents;
 use ecm_poly::energy::fit::regressor;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::{EnergyFit, Method, Symmetry};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{from_matrices, from_rows, matrix, rows};
+use crate::arrays::rows;
 use crate::errors::ModelError;
 use crate::se3::{matrices, stiffness_kind};
 
 fn error(error: ecm_poly::ModelError) -> PyErr {
     ModelError::new_err(error.to_string())
+}
+
+/// Row-major numbers of an array, borrowed where they already lie so.
+fn numbers<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> (Cow<'a, [f64]>, usize, usize) {
+    let shape = array.shape();
+    let flat = match array.as_slice() {
+        Ok(slice) => Cow::Borrowed(slice),
+        Err(_) => Cow::Owned(array.as_array().iter().copied().collect()),
+    };
+    (flat, shape[0], shape[1])
+}
+
+/// Poses of an (N, 6) array, borrowed where they lie row by row.
+fn poses_of<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<Cow<'a, [[f64; 6]]>> {
+    match array.as_slice() {
+        Ok(slice) if array.shape()[1] == 6 => Ok(Cow::Borrowed(slice.as_chunks().0)),
+        _ => rows::<6>("poses", array).map(Cow::Owned),
+    }
 }
 
 fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
@@ -54,7 +74,7 @@ pub fn polynomial_regressor<'py>(
     lower: PyReadonlyArray1<'py, f64>,
     upper: PyReadonlyArray1<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (points, n, columns) = matrix(&inputs);
+    let (points, n, columns) = numbers(&inputs);
     let (lower, upper) = (vector(&lower), vector(&upper));
     check_columns("inputs", columns, lower.len())?;
     let x = ecm_poly::polynomial_model::polynomial_regressor(&points, degree, &lower, &upper)
@@ -102,8 +122,8 @@ impl PolynomialModel {
                 )));
             }
         };
-        let (points, n, columns) = matrix(&inputs);
-        let (values, m, outputs) = matrix(&outputs);
+        let (points, n, columns) = numbers(&inputs);
+        let (values, m, outputs) = numbers(&outputs);
         if n != m {
             return Err(ModelError::new_err(format!(
                 "inputs have {n} rows and outputs {m}, expected as many"
@@ -134,7 +154,7 @@ impl PolynomialModel {
     ) -> PyResult<Self> {
         let (lower, upper) = (vector(&lower), vector(&upper));
         let table = exponents(lower.len(), degree).map_err(error)?;
-        let (flat, k, _) = matrix(&coefficients);
+        let (flat, k, _) = numbers(&coefficients);
         if k * lower.len() != table.len() {
             return Err(ModelError::new_err(format!(
                 "coefficients have {k} rows, expected {} of degree {degree} in {} inputs",
@@ -155,8 +175,8 @@ impl PolynomialModel {
         outputs: PyReadonlyArray2<'py, f64>,
         degree: usize,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let (points, _, columns) = matrix(&inputs);
-        let (values, _, outputs) = matrix(&outputs);
+        let (points, _, columns) = numbers(&inputs);
+        let (values, _, outputs) = numbers(&outputs);
         let curves = py
             .detach(|| {
                 ecm_poly::PolynomialModel::leave_one_out(&points, columns, &values, outputs, degree)
@@ -175,7 +195,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (points, _, columns) = matrix(&inputs);
+        let (points, _, columns) = numbers(&inputs);
         check_columns("inputs", columns, self.0.inputs())?;
         let leverage = py.detach(|| self.0.leverage(&points)).map_err(error)?;
         Ok(PyArray1::from_vec(py, leverage))
@@ -187,7 +207,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (points, n, columns) = matrix(&inputs);
+        let (points, n, columns) = numbers(&inputs);
         check_columns("inputs", columns, self.0.inputs())?;
         let sd = py.detach(|| self.0.prediction_sd(&points)).map_err(error)?;
         shaped(py, sd, n, self.0.outputs())
@@ -198,7 +218,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (points, n, columns) = matrix(&inputs);
+        let (points, n, columns) = numbers(&inputs);
         check_columns("inputs", columns, self.0.inputs())?;
         let values = py.detach(|| self.0.predict(&points)).map_err(error)?;
         shaped(py, values, n, self.0.outputs())
@@ -210,7 +230,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (points, n, columns) = matrix(&inputs);
+        let (points, n, columns) = numbers(&inputs);
         check_columns("inputs", columns, self.0.inputs())?;
         let values = py.detach(|| self.0.jacobian(&points)).map_err(error)?;
         PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), columns])
@@ -276,7 +296,7 @@ impl EnergyModel {
         covariance: Option<PyReadonlyArray3<'_, f64>>,
     ) -> PyResult<Self> {
         let symmetry = symmetry_of(symmetry)?;
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let wrenches = rows::<6>("wrenches", &wrenches)?;
         let covariance = match &covariance {
             Some(array) => Some(matrices::<6, 6>("covariance", array)?),
@@ -324,7 +344,7 @@ impl EnergyModel {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let symmetry = symmetry_of(symmetry)?;
         let scale = scale_of(&scale)?;
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let table = terms(symmetry, degree).map_err(error)?;
         let flat = py
             .detach(|| regressor(&poses, length_m, symmetry, &table, scale))
@@ -338,7 +358,7 @@ impl EnergyModel {
         py: Python<'py>,
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let energies = py.detach(|| self.0.energy(&poses)).map_err(error)?;
         Ok(PyArray1::from_vec(py, energies))
     }
@@ -348,9 +368,9 @@ impl EnergyModel {
         py: Python<'py>,
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let wrenches = py.detach(|| self.0.predict(&poses)).map_err(error)?;
-        from_rows(py, &wrenches)
+        shaped(py, wrenches.into_flattened(), poses.len(), 6)
     }
 
     /// (N, 6, 6) covariance of the predicted wrench, of the coefficients' covariance.
@@ -359,11 +379,15 @@ impl EnergyModel {
         py: Python<'py>,
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let results = py
             .detach(|| self.0.prediction_covariance(&poses))
             .map_err(error)?;
-        from_matrices(py, &results)
+        PyArray1::from_vec(py, results.into_flattened().into_flattened()).reshape([
+            poses.len(),
+            6,
+            6,
+        ])
     }
 
     #[pyo3(signature = (poses, kind = "partial"))]
@@ -374,11 +398,15 @@ impl EnergyModel {
         kind: &str,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let kind = stiffness_kind(kind)?;
-        let poses = rows::<6>("poses", &poses)?;
+        let poses = poses_of(&poses)?;
         let results = py
             .detach(|| self.0.stiffness(&poses, kind))
             .map_err(error)?;
-        from_matrices(py, &results)
+        PyArray1::from_vec(py, results.into_flattened().into_flattened()).reshape([
+            poses.len(),
+            6,
+            6,
+        ])
     }
 
     #[getter]
