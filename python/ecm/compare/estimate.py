@@ -17,6 +17,8 @@ from ecm.effects.rows import Rows
 if TYPE_CHECKING:
     from ecm.table import Table
 
+_LEAST_CONTRASTS = 8
+
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 
@@ -45,7 +47,7 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     """
     table = rows.table
     if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
-        return Noise() if fallback is None else fallback
+        return _pure_error(rows, predicted) or fallback or Noise()
     prior = declared_noise(table)
     if prior.source == "assumed" and fallback is not None and fallback.source != "assumed":
         prior = fallback
@@ -53,6 +55,30 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     measured = table.wrenches
     found = floor_from_repeats(rows, measured - predicted, cells, nuisance_columns(rows), prior)
     return prior if found is None else found
+
+
+def _pure_error(rows: Rows, predicted: F) -> Noise | None:
+    """Spread of each output within repeats, for tables of other columns; None below 8 contrasts."""
+    table = rows.table
+    cells = repeat_cells(table)
+    _, packed = np.unique(cells, return_inverse=True)
+    count = np.bincount(packed)
+    contrasts = len(packed) - len(count)
+    if contrasts < _LEAST_CONTRASTS:
+        return None
+    measured = np.stack([table.column(name) for name in rows.base.outputs], axis=1)
+    left = measured - predicted
+    means = np.stack([np.bincount(packed, column) / count for column in left.T], axis=1)
+    spread = np.sqrt(((left - means[packed]) ** 2).sum(axis=0) / contrasts)
+    return Noise(source="repeats", components=usable_sd(spread, measured))
+
+
+def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
+    """Standard deviations that can divide: an output that never varies gets its unit."""
+    varies = np.ptp(measured, axis=0) > 1e-12
+    floor = 1e-9 * np.abs(measured).max(axis=0)
+    found = np.where(varies, np.maximum(spread, floor), 1.0)
+    return tuple(float(v) for v in found)
 
 
 def nuisance_columns(rows: Rows) -> F:

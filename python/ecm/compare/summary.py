@@ -67,6 +67,11 @@ class Comparison:
         """One plain sentence."""
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
         unit = worst.name.rsplit("_", 1)[1].replace("Nm", "N m")
+        if self.noise.components is not None and self.noise.source == "assumed":
+            return (
+                f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}; "
+                "without repeats or [instrument] figures nothing says how much of it is noise."
+            )
         where = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
         floor = f"the noise floor {where[self.noise.source]}"
         if self.excess_low <= 0.0:
@@ -127,7 +132,12 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
     physical, whitened = found.physical[scored], found.whitened[scored]
     variance = np.einsum("nii->ni", found.covariance[scored])
     groups = row_groups(table)[scored]
-    draws = _bootstrap(physical**2 - variance, whitened**2 - 1.0, groups, seed)
+    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
+    excited = np.ptp(measured[scored], axis=0) > 1e-12
+    if not excited.any():
+        excited[:] = True
+    mean = float((whitened[:, excited] ** 2).mean())
+    draws = _bootstrap(physical**2 - variance, whitened[:, excited] ** 2 - 1.0, groups, seed)
     components = tuple(
         Component(
             name=name,
@@ -140,7 +150,6 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         )
         for j, name in enumerate(model.outputs)
     )
-    mean = float((whitened**2).mean())
     cells = repeat_cells(table)[scored]
     return Comparison(
         model=model.name,

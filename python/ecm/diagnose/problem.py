@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ecm.columns import POSE, WRENCH
-from ecm.compare.estimate import estimate_noise
+from ecm.compare.estimate import estimate_noise, usable_sd
 from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.gram import Gram
 from ecm.compare.lack_of_fit import omnibus
@@ -196,8 +196,7 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     left = measured - rows.wrench
     dof = max(1, len(left) - len(base.coefficients) // len(base.outputs))
     spread = np.sqrt((left**2).sum(axis=0) / dof)
-    floor = 1e-9 * np.maximum(np.abs(measured).max(axis=0), 1e-30)
-    return Noise(source="assumed", components=tuple(float(v) for v in spread + floor))
+    return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

@@ -212,17 +212,17 @@ class Anisotropy(EffectBase):
     )
     signature = "m = 2, conservative"
 
-    def __init__(self, shear: str = "isotropic") -> None:
-        self._shear = shear
+    def __init__(self, lateral: float = 1.0) -> None:
+        self._lateral = lateral
 
     @property
     def shape(self) -> Shape:
-        """Whether the shear stiffness follows the bending stiffness."""
-        return {"shear": self._shear}
+        """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
+        return {"lateral": self._lateral}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Only the bending stiffness, or the shear stiffness with it."""
-        return (Anisotropy("isotropic"), Anisotropy("follows"))
+        """A beam; bonded ends, where shear takes more of the lateral compliance; shear as well."""
+        return (Anisotropy(1.0), Anisotropy(0.5), Anisotropy(2.0))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -231,7 +231,7 @@ class Anisotropy(EffectBase):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base."""
-        share = _bending_share(rows) if self._shear == "isotropic" else 1.0
+        share = self._lateral * _bending_share(rows)
         c, s = 0.5 * values
         matrix = np.eye(6)
         matrix[1:3, 1:3] += share * np.array([[c, s], [s, -c]])

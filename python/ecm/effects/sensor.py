@@ -105,7 +105,7 @@ class FtsDrift(LinearEffect):
 
 
 class FtsThermalDrift(LinearEffect):
-    """B b (T_sensor - T_sensor at the first row)."""
+    """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean."""
 
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows the sensor's own temperature."
@@ -113,6 +113,14 @@ class FtsThermalDrift(LinearEffect):
     signature = "body axes, follows the sensor's temperature, not h"
     side = "measurement"
     kind = "time"
+
+    def __init__(self, reference_degC: float | None = None) -> None:
+        self._reference_degC = reference_degC
+
+    @property
+    def shape(self) -> Shape:
+        """The temperature at which the sensor was zeroed."""
+        return {} if self._reference_degC is None else {"reference_degC": self._reference_degC}
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -126,14 +134,24 @@ class FtsThermalDrift(LinearEffect):
         """Needs the sensor's temperature."""
         return needs_full(table) or needs_varying(table, "sensor_temperature_degC", 0.25)
 
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Zeroed at the temperature of the first row, or at the mean."""
+        temperature = table.column("sensor_temperature_degC")
+        references = (temperature[0], temperature.mean())
+        return tuple(FtsThermalDrift(round(float(t), 3)) for t in references)
+
     def columns(self, rows: Rows) -> F:
-        """B (T - T(0))."""
+        """B (T - T0)."""
         temperature = rows.table.column("sensor_temperature_degC")
-        return np.asarray(rows.base_from_top * (temperature - temperature[0])[:, None, None])
+        zero = temperature[0] if self._reference_degC is None else self._reference_degC
+        return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 
 class FtsGain(LinearEffect):
-    """B diag(g) B' h: each sensor axis has its own gain error."""
+    """B A diag(g) A^-1 B' h: each axis of the sensor has its own gain error.
+
+    A moves a wrench from the sensor's frame to the top frame ([instrument] top_from_sensor).
+    """
 
     id = "fts_gain"
     physics = "The axes of the sensor are scaled wrongly, each by its own factor."
@@ -147,9 +165,30 @@ class FtsGain(LinearEffect):
         return {"anisotropy": "dead weights", "fts_crosstalk": "dead weights on a lever"}
 
     def columns(self, rows: Rows) -> F:
-        """B e_j e_j' B' h."""
-        own = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
-        return np.asarray(rows.base_from_top * own[:, None, :])
+        """B A e_j (A^-1 B' h)_j."""
+        top_from_sensor = _adjoint(rows.table.meta.instrument.top_from_sensor)
+        in_top = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
+        own = in_top @ np.linalg.inv(top_from_sensor).T
+        return np.asarray((rows.base_from_top @ top_from_sensor) * own[:, None, :])
+
+
+def _adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
+    """(6, 6): f' = R f, tau' = R tau + t x R f; x y z, quaternion w x y z."""
+    adjoint = np.eye(6)
+    if top_from_sensor is None:
+        return adjoint
+    t = np.asarray(top_from_sensor[:3], dtype=np.float64)
+    w, x, y, z = np.asarray(top_from_sensor[3:]) / np.linalg.norm(top_from_sensor[3:])
+    vector = np.array([x, y, z])
+    turn = (w**2 - vector @ vector) * np.eye(3) + 2.0 * np.outer(vector, vector)
+    turn += 2.0 * w * _cross(vector)
+    adjoint[:3, :3] = adjoint[3:, 3:] = turn
+    adjoint[3:, :3] = _cross(t) @ turn
+    return adjoint
+
+
+def _cross(v: F) -> F:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 EFFECTS: Sequence[Effect] = (FtsOffset(), FtsDrift(), FtsThermalDrift(), FtsGain())

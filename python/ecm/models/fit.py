@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.columns import POSE, WRENCH
+from ecm.compare.estimate import usable_sd
 from ecm.compare.folds import row_groups
 from ecm.compare.noise import Noise, declared_noise
 from ecm.errors import InputError
@@ -86,8 +87,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | None) -> Model:
     else:
         dof = max(1, len(poses) - k)
         spread = np.sqrt((residual**2).sum(axis=0) / dof)
-        floor = 1e-9 * np.maximum(np.abs(wrenches).max(axis=0), 1e-30)
-        noise = Noise(source="assumed", components=tuple(float(v) for v in spread + floor))
+        noise = Noise(source="assumed", components=usable_sd(spread, wrenches))
     covariance = None
     if pcr is None and len(poses) > k:
         regressor = _native.polynomial_regressor(poses, degree, model.lower, model.upper)

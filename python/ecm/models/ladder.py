@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 _CEILING_DEGREE = 3
+_CEILING_FOLDS = 5
 
 
 @dataclass(frozen=True)
@@ -88,13 +89,15 @@ def held_out_rms(
 def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
     """Held-out whitened rms with a free cubic of the pose fitted to the residual.
 
-    None where the table has fewer than two rows per cubic coefficient.
+    Ridge regression in whitened coordinates; the ridge is the best of a grid on the held-out rows,
+    so that few distinct poses give a ceiling no worse than the model. None where the poses are not
+    all six coordinates.
     """
     from ecm import _native
 
     rows: Rows = found.rows
     scored = is_pose(table)
-    poses, residual = rows.poses[scored], found.residual[scored]
+    poses, whitened = rows.poses[scored], found.whitened[scored]
     low, high = poses.min(axis=0), poses.max(axis=0)
     moving = high > low
     if rows.base.inputs != POSE or not moving.any():
@@ -102,17 +105,23 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
     regressor = _native.polynomial_regressor(
         np.ascontiguousarray(poses[:, moving]), _CEILING_DEGREE, low[moving], high[moving]
     )
-    if len(poses) < 2 * regressor.shape[1]:
-        return None
-    groups = row_groups(table)
-    count = int(groups.max()) + 1
-    # Dealt in turn, not clustered: a free cubic does not extrapolate, nor is that its task.
-    parts = (np.arange(count) % 10)[groups][scored]
-    left = residual.copy()
-    for part in np.unique(parts):
+    whitener = whiteners(model.noise.covariance(rows, model.base.error)[scored])
+    n, m = whitened.shape
+    design = (whitener[:, :, :, None] * regressor[:, None, None, :]).reshape(n, m, -1)
+    design /= np.sqrt((design**2).sum(axis=(0, 1)) / n) + 1e-300
+    groups = row_groups(table)[scored]
+    _, packed = np.unique(groups, return_inverse=True)
+    parts = np.arange(int(packed.max()) + 1)[packed] % _CEILING_FOLDS
+    ridges = np.geomspace(1e-2, 1e4, 13) * np.sqrt(n)
+    squares = np.zeros(len(ridges))
+    for part in range(_CEILING_FOLDS):
         train, test = parts != part, parts == part
-        weight = np.linalg.lstsq(regressor[train], residual[train], rcond=1e-8)[0]
-        left[test] -= regressor[test] @ weight
-    covariance = model.noise.covariance(rows, model.base.error)[scored]
-    whitened = np.einsum("nij,nj->ni", whiteners(covariance), left)
-    return float(np.sqrt((whitened**2).mean()))
+        flat = design[train].reshape(-1, design.shape[2])
+        values, vectors = np.linalg.eigh(flat.T @ flat)
+        along = vectors.T @ (flat.T @ whitened[train].ravel())
+        seen = design[test].reshape(-1, design.shape[2]) @ vectors
+        weights = along[:, None] / (np.maximum(values, 0.0)[:, None] + ridges)
+        left = whitened[test].ravel()[:, None] - seen @ weights
+        squares += (left**2).sum(axis=0)
+    best = min(float(squares.min()), float((whitened**2).sum()))
+    return float(np.sqrt(best / whitened.size))

@@ -37,6 +37,8 @@ class Model:
     """hash, rows, source."""
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of each pose column in the training data."""
+    base_frozen: bool = False
+    """Whether `fit` keeps the base's coefficients."""
     history: tuple[Rung, ...] = ()
     """The error ladder: one rung per fit (models/ladder.py)."""
 
@@ -139,10 +141,10 @@ class Model:
         return replace(self, effects=tuple(i for i in self.effects if i.id not in ids))
 
     def freeze(self, *ids: str) -> Model:
-        """These effects keep their values in `fit`."""
-        self._check(ids)
+        """These effects, or `base`, keep their values in `fit`."""
+        self._check([id for id in ids if id != "base"])
         kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
-        return replace(self, effects=tuple(kept))
+        return replace(self, effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
 
     def save(self, path: str | Path) -> None:
         """Write a sealed model file."""
@@ -157,7 +159,7 @@ class Model:
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
-    def fit(self, table: Table, *, noise: Noise | None = None, freeze_base: bool = False) -> Model:
+    def fit(self, table: Table, *, noise: Noise | None = None) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
         Each effect takes the shape among its variants that fits best. The history gets a rung.
@@ -165,7 +167,7 @@ class Model:
         from ecm.models.ladder import rung
         from ecm.models.training import domain_of, training_of
 
-        table = informative(table)
+        table, freeze_base = informative(table), self.base_frozen
         used = self.noise if noise is None else noise
         chosen = self
         for position, item in enumerate(self.effects):
