@@ -48,7 +48,11 @@ impl Default for Control<'_> {
 impl<'a> Control<'a> {
     /// No stop flag, no progress, no time limit.
     pub fn new() -> Self {
-        Self { cancel: None, progress: None, deadline: None }
+        Self {
+            cancel: None,
+            progress: None,
+            deadline: None,
+        }
     }
 
     /// Stops soon after `flag` becomes true.
@@ -84,6 +88,13 @@ impl<'a> Control<'a> {
         self.cancelled() || self.deadline.is_some_and(|end| Instant::now() >= end)
     }
 
+    /// The same without the time limit, for what has to be finished.
+    #[must_use]
+    pub(crate) fn without_deadline(mut self) -> Self {
+        self.deadline = None;
+        self
+    }
+
     /// A time limit is set.
     pub fn timed(&self) -> bool {
         self.deadline.is_some()
@@ -96,14 +107,20 @@ impl<'a> Control<'a> {
     }
 }
 
-/// Runs `work` on `threads` worker threads (0: as many as the machine has).
+/// Runs `work` on `threads` worker threads (0: those of the pool that is there).
 pub(crate) fn on_threads<R: Send>(
     threads: usize,
     work: impl FnOnce() -> R + Send,
 ) -> Result<R, crate::DesignError> {
+    if threads == 0 {
+        return Ok(work());
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|e| crate::DesignError::Threads { threads, reason: e.to_string() })?;
+        .map_err(|e| crate::DesignError::Threads {
+            threads,
+            reason: e.to_string(),
+        })?;
     Ok(pool.install(work))
 }

@@ -41,7 +41,10 @@ pub struct CertificateSettings {
 
 impl Default for CertificateSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-9, iterations: 60 }
+        Self {
+            tolerance: 1e-9,
+            iterations: 60,
+        }
     }
 }
 
@@ -91,7 +94,10 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
         let rows = &problem.rows[start * b * k..(start + count) * b * k];
         let t = &mut t[..count * b * k];
         product_transposed(t, (count * b, k, k), rows, &inv_lower);
-        for (value, block) in phi[start..start + count].iter_mut().zip(t.chunks_exact(b * k)) {
+        for (value, block) in phi[start..start + count]
+            .iter_mut()
+            .zip(t.chunks_exact(b * k))
+        {
             *value = dot(block, block);
         }
     }
@@ -102,13 +108,22 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
         crate::linalg::product(&mut half, (k, k, k), &inv_lower, &problem.fixed, 1.0, false);
         dot(&half, &inv_lower)
     };
-    Some(Evaluation { log_det, inv_lower, phi, fixed_trace })
+    Some(Evaluation {
+        log_det,
+        inv_lower,
+        phi,
+        fixed_trace,
+    })
 }
 
 /// max over feasible w of sum w_i phi_i, and the phi at which the filling stops.
 fn best_filling(phi: &[f64], available: &[bool], n: f64, cap: f64) -> (f64, f64) {
-    let mut sorted: Vec<f64> =
-        phi.iter().zip(available).filter(|(_, a)| **a).map(|(p, _)| *p).collect();
+    let mut sorted: Vec<f64> = phi
+        .iter()
+        .zip(available)
+        .filter(|(_, a)| **a)
+        .map(|(p, _)| *p)
+        .collect();
     sorted.sort_unstable_by(|a, b| b.total_cmp(a));
     let (mut left, mut sum, mut level) = (n, 0.0, sorted.first().copied().unwrap_or(0.0));
     for p in sorted {
@@ -145,7 +160,11 @@ fn multiplicative_step(w: &mut [f64], phi: &[f64], n: f64, cap: f64) {
     }
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if total(middle) < n { low = middle } else { high = middle }
+        if total(middle) < n {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     for (w, r) in w.iter_mut().zip(&raw) {
         *w = (high * r).min(cap);
@@ -173,11 +192,21 @@ pub fn continuous(
         let eval = evaluate(problem, &vec![0.0; problem.poses])?;
         let weights = vec![0.0; problem.poses];
         let (log_det, phi) = (eval.log_det, eval.phi);
-        return Some(Continuous { weights, phi, log_det, bound: log_det, gap: 0.0, iterations: 0 });
+        return Some(Continuous {
+            weights,
+            phi,
+            log_det,
+            bound: log_det,
+            gap: 0.0,
+            iterations: 0,
+        });
     }
     let share = n_f / count as f64;
-    let mut w: Vec<f64> =
-        problem.available.iter().map(|a| if *a { share.min(cap) } else { 0.0 }).collect();
+    let mut w: Vec<f64> = problem
+        .available
+        .iter()
+        .map(|a| if *a { share.min(cap) } else { 0.0 })
+        .collect();
     let mut eval = evaluate(problem, &w)?;
     for _ in 0..4 {
         multiplicative_step(&mut w, &eval.phi, n_f, cap);
@@ -223,7 +252,14 @@ pub fn continuous(
             break;
         }
     }
-    Some(Continuous { log_det: eval.log_det, phi: eval.phi, weights: w, bound, gap, iterations })
+    Some(Continuous {
+        log_det: eval.log_det,
+        phi: eval.phi,
+        weights: w,
+        bound,
+        gap,
+        iterations,
+    })
 }
 
 /// Keeps the weights of the `wanted` poses with the largest phi and spreads the rest on them.
@@ -235,7 +271,9 @@ fn keep_best(
     n: f64,
     cap: f64,
 ) -> Option<(Vec<f64>, Evaluation)> {
-    let mut order: Vec<usize> = (0..problem.poses).filter(|&i| problem.available[i]).collect();
+    let mut order: Vec<usize> = (0..problem.poses)
+        .filter(|&i| problem.available[i])
+        .collect();
     order.sort_unstable_by(|&a, &b| eval.phi[b].total_cmp(&eval.phi[a]).then(a.cmp(&b)));
     let mut kept = vec![0.0; problem.poses];
     for &i in &order[..wanted] {
@@ -272,7 +310,10 @@ fn newton_step(
     accuracy: f64,
 ) -> Vec<f64> {
     let (b, k, s) = (problem.block, problem.terms, set.len());
-    let rows: Vec<f64> = set.iter().flat_map(|&i| problem.pose(i).iter().copied()).collect();
+    let rows: Vec<f64> = set
+        .iter()
+        .flat_map(|&i| problem.pose(i).iter().copied())
+        .collect();
     let mut t = vec![0.0; rows.len()];
     product_transposed(&mut t, (s * b, k, k), &rows, &eval.inv_lower);
     let hessian = squared_blocks(&t, s, b, k);
@@ -310,8 +351,16 @@ fn newton_step(
         let room_down = w[set[down]] + step[down];
         let full = (best - gradient[down]) / curve;
         let amount = full.min(room_up).min(room_down);
-        step[up] = if amount == room_up { cap - w[set[up]] } else { step[up] + amount };
-        step[down] = if amount == room_down { -w[set[down]] } else { step[down] - amount };
+        step[up] = if amount == room_up {
+            cap - w[set[up]]
+        } else {
+            step[up] + amount
+        };
+        step[down] = if amount == room_down {
+            -w[set[down]]
+        } else {
+            step[down] - amount
+        };
         let other = &hessian[down * s..(down + 1) * s];
         for ((g, a), c) in gradient.iter_mut().zip(row).zip(other) {
             *g -= amount * (a - c);
@@ -342,7 +391,9 @@ fn squared_blocks(t: &[f64], s: usize, b: usize, k: usize) -> Vec<f64> {
 /// Removes the rounding of sum w = n, keeping the box.
 fn restore_sum(w: &mut [f64], n: f64, cap: f64) {
     let excess = w.iter().sum::<f64>() - n;
-    let inside: Vec<usize> = (0..w.len()).filter(|&i| w[i] > 1e-6 && w[i] < cap - 1e-6).collect();
+    let inside: Vec<usize> = (0..w.len())
+        .filter(|&i| w[i] > 1e-6 && w[i] < cap - 1e-6)
+        .collect();
     if inside.is_empty() {
         return;
     }

@@ -4,7 +4,9 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// There is nothing to choose from.
-    #[error("there are no candidates: expected at least one row with at least one column; check the candidate table")]
+    #[error(
+        "there are no candidates: expected at least one row with at least one column; check the candidate table"
+    )]
     Empty,
     /// The array's length does not fit its shape.
     #[error("{what} holds {found} numbers, expected {expected}; check its shape")]
@@ -17,7 +19,9 @@ pub enum DesignError {
         expected: usize,
     },
     /// A number is NaN or infinite.
-    #[error("{what}: row {row}, column {column} is {value}, expected a finite number; correct or leave out this row")]
+    #[error(
+        "{what}: row {row}, column {column} is {value}, expected a finite number; correct or leave out this row"
+    )]
     NotFinite {
         /// Which array.
         what: &'static str,
@@ -29,7 +33,9 @@ pub enum DesignError {
         value: f64,
     },
     /// More design points than candidates.
-    #[error("n = {n}, but only {candidates} candidates can be chosen (each at most once); lower n, give more candidates or allow replicates")]
+    #[error(
+        "n = {n}, but only {candidates} candidates can be chosen (each at most once); lower n, give more candidates or allow replicates"
+    )]
     TooMany {
         /// Design size asked for.
         n: usize,
@@ -37,7 +43,9 @@ pub enum DesignError {
         candidates: usize,
     },
     /// Fewer rows than coefficients.
-    #[error("n = {n} poses give {rows} rows for {terms} coefficients, which they cannot determine; ask for at least n = {needed} or take a smaller model")]
+    #[error(
+        "n = {n} poses give {rows} rows for {terms} coefficients, which they cannot determine; ask for at least n = {needed} or take a smaller model"
+    )]
     TooFew {
         /// Design size asked for.
         n: usize,
@@ -59,7 +67,9 @@ pub enum DesignError {
         criterion: &'static str,
     },
     /// The candidates cannot tell the coefficients apart.
-    #[error("the {candidates} candidates cannot determine the model: term {column} (counted from 0) is a combination of the terms before it, so every design is singular; vary the poses more, take a smaller model or leave out constant columns")]
+    #[error(
+        "the {candidates} candidates cannot determine the model: term {column} (counted from 0) is a combination of the terms before it, so every design is singular; vary the poses more, take a smaller model or leave out constant columns"
+    )]
     RankDeficient {
         /// Number of candidates.
         candidates: usize,

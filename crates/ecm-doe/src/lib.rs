@@ -15,8 +15,8 @@ mod error;
 mod exchange;
 mod linalg;
 mod problem;
-mod spacing;
 pub mod regressor;
+mod spacing;
 
 pub use budget::{Control, ProgressFn, Status};
 pub use criterion::d::{DSettings, Design, Method, d_optimal};

@@ -144,7 +144,12 @@ pub(crate) fn inverse(a: &[f64], k: usize) -> Result<(f64, Vec<f64>), usize> {
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut s = [0.0; 8];
     let (ac, bc) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = ac.remainder().iter().zip(bc.remainder()).map(|(x, y)| x * y).sum();
+    let tail: f64 = ac
+        .remainder()
+        .iter()
+        .zip(bc.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
     for (x, y) in ac.zip(bc) {
         for l in 0..8 {
             s[l] += x[l] * y[l];
@@ -161,9 +166,10 @@ pub(crate) fn small_inverse(a: &mut [f64], inv: &mut [f64], n: usize) -> Option<
     }
     let mut log = 0.0;
     for col in 0..n {
-        let pivot = (col..n).max_by(|&x, &y| a[x * n + col].abs().total_cmp(&a[y * n + col].abs()))?;
+        let pivot =
+            (col..n).max_by(|&x, &y| a[x * n + col].abs().total_cmp(&a[y * n + col].abs()))?;
         let value = a[pivot * n + col];
-        if !(value.abs() > 1e-300) {
+        if value.abs().is_nan() || value.abs() < 1e-300 {
             return None;
         }
         if pivot != col {

@@ -1,7 +1,9 @@
 //! The candidates as information: whitened regressor blocks and the rows that are fixed.
 
 use crate::DesignError;
-use crate::linalg::{add_transposed_product, cholesky, inverse, log_det, lower_inverse, product_transposed};
+use crate::linalg::{
+    add_transposed_product, cholesky, inverse, log_det, lower_inverse, product_transposed,
+};
 
 /// Candidates of a model-based design in coordinates in which their mean information is I.
 ///
@@ -44,16 +46,24 @@ impl Problem {
             return Err(DesignError::Empty);
         }
         let stride = block * terms;
-        if rows.len() % stride != 0 {
+        if !rows.len().is_multiple_of(stride) {
             let expected = rows.len().div_ceil(stride) * stride;
-            return Err(DesignError::Shape { what: "the regressor", found: rows.len(), expected });
+            return Err(DesignError::Shape {
+                what: "the regressor",
+                found: rows.len(),
+                expected,
+            });
         }
         check_finite("the regressor", rows, terms)?;
         let poses = rows.len() / stride;
         let k = terms;
         let mut gram = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
         if gram.len() != k * k {
-            return Err(DesignError::Shape { what: "the prior", found: gram.len(), expected: k * k });
+            return Err(DesignError::Shape {
+                what: "the prior",
+                found: gram.len(),
+                expected: k * k,
+            });
         }
         check_finite("the prior", &gram, k)?;
         add_transposed_product(&mut gram, (k, poses * block, k), rows, rows);
@@ -113,22 +123,32 @@ impl Problem {
     pub(crate) fn information(&self, design: &[usize]) -> Vec<f64> {
         let (b, k) = (self.block, self.terms);
         let mut m = self.fixed.clone();
-        let rows: Vec<f64> = design.iter().flat_map(|&i| self.pose(i).iter().copied()).collect();
+        let rows: Vec<f64> = design
+            .iter()
+            .flat_map(|&i| self.pose(i).iter().copied())
+            .collect();
         add_transposed_product(&mut m, (k, design.len() * b, k), &rows, &rows);
         m
     }
 
     /// log det of F + the information of `design` in the given (not whitened) coordinates.
     pub fn log_det(&self, design: &[usize]) -> Option<f64> {
-        inverse(&self.information(design), self.terms).ok().map(|(v, _)| v + self.shift)
+        inverse(&self.information(design), self.terms)
+            .ok()
+            .map(|(v, _)| v + self.shift)
     }
 }
 
 /// R^-T (lower triangular) with R'R = gram / poses, and log det R'R.
 fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), DesignError> {
-    let scale: Vec<f64> = (0..k).map(|j| (gram[j * k + j] / poses as f64).sqrt()).collect();
+    let scale: Vec<f64> = (0..k)
+        .map(|j| (gram[j * k + j] / poses as f64).sqrt())
+        .collect();
     if let Some(column) = scale.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
-        return Err(DesignError::RankDeficient { candidates: poses, column });
+        return Err(DesignError::RankDeficient {
+            candidates: poses,
+            column,
+        });
     }
     let mut l = vec![0.0; k * k];
     for i in 0..k {
@@ -137,8 +157,10 @@ fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), De
         }
     }
     // Dependent columns leave a pivot of the size of rounding, about k eps.
-    cholesky(&mut l, k, 1e-13)
-        .map_err(|column| DesignError::RankDeficient { candidates: poses, column })?;
+    cholesky(&mut l, k, 1e-13).map_err(|column| DesignError::RankDeficient {
+        candidates: poses,
+        column,
+    })?;
     let shift = log_det(&l, k) + 2.0 * scale.iter().map(|s| s.ln()).sum::<f64>();
     let mut inv = lower_inverse(&l, k);
     for i in 0..k {
@@ -159,7 +181,11 @@ fn congruence(a: &[f64], t: &[f64], k: usize) -> Vec<f64> {
 }
 
 /// Refuses NaN and infinite numbers, naming the first.
-pub(crate) fn check_finite(what: &'static str, values: &[f64], columns: usize) -> Result<(), DesignError> {
+pub(crate) fn check_finite(
+    what: &'static str,
+    values: &[f64],
+    columns: usize,
+) -> Result<(), DesignError> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
         Some(at) => Err(DesignError::NotFinite {

@@ -1,69 +1,149 @@
-//! Polynomial regressor of normalised coordinates.
+//! Regressor rows of the models that a design can serve.
 
-use crate::DesignError;
+use ecm_poly::ModelError;
+use ecm_poly::basis;
+use ecm_poly::energy::{Symmetry, fit, terms};
+use ecm_poly::normalise::{ranges, to_unit};
 
-/// Exponents of all monomials of `inputs` variables up to `degree`: by degree, then with the
-/// first variable's power falling (the order of the paper's equation (4)).
-pub fn exponents(inputs: usize, degree: usize) -> Vec<Vec<u8>> {
-    let mut all = Vec::new();
-    for total in 0..=degree {
-        let mut term = vec![0u8; inputs];
-        fill(&mut all, &mut term, 0, total);
-    }
-    all
+/// A model whose coefficients enter linearly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Model {
+    /// All monomials of the normalised coordinates up to a degree; one row a pose.
+    Polynomial {
+        /// The degree.
+        degree: usize,
+    },
+    /// Energy in mid-frame coordinates; six rows a pose, needs all six pose coordinates.
+    Energy {
+        /// Highest degree in q.
+        degree: usize,
+        /// What the mechanism's shape leaves unchanged.
+        symmetry: Symmetry,
+    },
 }
 
-fn fill(all: &mut Vec<Vec<u8>>, term: &mut [u8], at: usize, left: usize) {
-    if at + 1 >= term.len() {
-        if at < term.len() {
-            term[at] = left as u8;
-        }
-        if at < term.len() || left == 0 {
-            all.push(term.to_vec());
-        }
-        return;
-    }
-    for power in (0..=left).rev() {
-        term[at] = power as u8;
-        fill(all, term, at + 1, left - power);
-    }
-    term[at] = 0;
+/// Regressor of some poses.
+#[derive(Debug, Clone)]
+pub struct Regressor {
+    /// (N * block) x terms, row-major.
+    pub rows: Vec<f64>,
+    /// Rows a pose.
+    pub block: usize,
+    /// Coefficients.
+    pub terms: usize,
 }
 
-/// Coordinates mapped column by column from [min, max] to [-1, 1]; constant columns become 0.
-///
-/// # Errors
-/// Numbers that are not finite and an array that does not fit its columns.
-pub fn normalise(points: &[f64], columns: usize) -> Result<Vec<f64>, DesignError> {
-    if columns == 0 || points.is_empty() {
-        return Err(DesignError::Empty);
-    }
-    if points.len() % columns != 0 {
-        let expected = points.len().div_ceil(columns) * columns;
-        return Err(DesignError::Shape { what: "the points", found: points.len(), expected });
-    }
-    crate::problem::check_finite("the points", points, columns)?;
-    let (mut low, mut high) = (vec![f64::INFINITY; columns], vec![f64::NEG_INFINITY; columns]);
-    for row in points.chunks_exact(columns) {
-        for (c, v) in row.iter().enumerate() {
-            low[c] = low[c].min(*v);
-            high[c] = high[c].max(*v);
+impl Model {
+    /// The model of a name: `cubic`, `poly:D`, `energyD`, `energyD-revolution`, `energyD-general`.
+    pub fn from_name(name: &str) -> Option<Self> {
+        let degree = match name {
+            "linear" => Some(1),
+            "quadratic" => Some(2),
+            "cubic" => Some(3),
+            _ => name
+                .strip_prefix("poly:")
+                .and_then(|d| d.parse().ok())
+                .filter(|d| *d <= 20),
+        };
+        if let Some(degree) = degree {
+            return Some(Self::Polynomial { degree });
         }
+        let (digits, symmetry) = match name.strip_prefix("energy")?.split_once('-') {
+            None => (name.strip_prefix("energy")?, Symmetry::Alike),
+            Some((digits, "revolution")) => (digits, Symmetry::Revolution),
+            Some((digits, "general")) => (digits, Symmetry::General),
+            Some(_) => return None,
+        };
+        let degree = digits.parse().ok().filter(|d| (4..=6).contains(d))?;
+        Some(Self::Energy { degree, symmetry })
     }
-    let map = |c: usize, v: f64| {
-        if high[c] > low[c] { 2.0 * ((v - low[c]) / (high[c] - low[c])) - 1.0 } else { 0.0 }
-    };
-    Ok(points.iter().enumerate().map(|(i, v)| map(i % columns, *v)).collect())
+
+    /// Regressor of a polynomial in `points` (N x columns) mapped from [lower, upper] to [-1, 1].
+    ///
+    /// # Errors
+    /// A degree with too many terms.
+    pub fn polynomial(
+        points: &[f64],
+        degree: usize,
+        lower: &[f64],
+        upper: &[f64],
+    ) -> Result<Regressor, ModelError> {
+        let columns = lower.len();
+        let exponents = basis::exponents(columns, degree)?;
+        let terms = exponents.len() / columns.max(1);
+        let mut rows = Vec::with_capacity(points.len() / columns.max(1) * terms);
+        let mut powers = vec![1.0; columns * (degree + 1)];
+        for point in points.chunks_exact(columns.max(1)) {
+            for (c, v) in point.iter().enumerate() {
+                let unit = to_unit(*v, lower[c], upper[c]);
+                for d in 1..=degree {
+                    powers[c * (degree + 1) + d] = powers[c * (degree + 1) + d - 1] * unit;
+                }
+            }
+            for term in exponents.chunks_exact(columns.max(1)) {
+                let factor = |(c, e): (usize, &u8)| powers[c * (degree + 1) + usize::from(*e)];
+                rows.push(term.iter().enumerate().map(factor).product());
+            }
+        }
+        Ok(Regressor {
+            rows,
+            block: 1,
+            terms,
+        })
+    }
+
+    /// Regressor of an energy model at `poses` (m, rad).
+    ///
+    /// The torque rows are divided by the length, so that all six rows are forces.
+    ///
+    /// # Errors
+    /// A length that is not positive, a degree out of range, numbers that are not finite.
+    pub fn energy(
+        poses: &[[f64; 6]],
+        degree: usize,
+        symmetry: Symmetry,
+        length_m: f64,
+    ) -> Result<Regressor, ModelError> {
+        let exponents = terms::terms(symmetry, degree)?;
+        let scale = energy_scale(poses, length_m);
+        let mut rows = fit::regressor(poses, length_m, symmetry, &exponents, scale)?;
+        let terms = exponents.len();
+        for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
+            if r % 6 >= 3 {
+                for v in row {
+                    *v /= length_m;
+                }
+            }
+        }
+        Ok(Regressor {
+            rows,
+            block: 6,
+            terms,
+        })
+    }
 }
 
-/// (N x k) regressor of N points in [-1, 1]^columns.
-pub fn polynomial(points: &[f64], columns: usize, degree: usize) -> Vec<f64> {
-    let terms = exponents(columns, degree);
-    let mut rows = Vec::with_capacity(points.len() / columns.max(1) * terms.len());
-    for point in points.chunks_exact(columns) {
-        for term in &terms {
-            rows.push(point.iter().zip(term).map(|(v, e)| v.powi(i32::from(*e))).product());
-        }
-    }
-    rows
+/// Length and angle that make the coordinates of about size one; any positive pair serves,
+/// because a determinant does not depend on the scale of the columns.
+fn energy_scale(poses: &[[f64; 6]], length_m: f64) -> [f64; 2] {
+    let angle = poses
+        .iter()
+        .flat_map(|p| &p[3..])
+        .fold(0.0f64, |a, v| a.max(v.abs()));
+    [0.3 * length_m, if angle > 1e-6 { angle } else { 1.0 }]
+}
+
+/// Smallest and largest of each of the `columns` columns.
+pub fn column_ranges(points: &[f64], columns: usize) -> (Vec<f64>, Vec<f64>) {
+    ranges(points, columns)
+}
+
+/// Points mapped column by column from [lower, upper] to [-1, 1]; without width to 0.
+pub fn normalise(points: &[f64], lower: &[f64], upper: &[f64]) -> Vec<f64> {
+    let columns = lower.len().max(1);
+    points
+        .iter()
+        .enumerate()
+        .map(|(i, v)| to_unit(*v, lower[i % columns], upper[i % columns]))
+        .collect()
 }

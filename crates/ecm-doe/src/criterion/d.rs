@@ -75,8 +75,9 @@ impl Default for DSettings {
 /// Chains of the iterated local search; a constant, so that threads do not change the result.
 pub const CHAINS: usize = 4;
 
-/// Disturbances per chain by default.
-pub const DEFAULT_ITERATIONS: usize = 3000;
+/// Work of the default budget, in multiplications: some 5000 disturbances in each chain for
+/// 200 of 1700 poses and 84 terms, a few seconds on two threads.
+const DEFAULT_WORK: f64 = 5e10;
 
 /// A design and how good it is.
 #[derive(Debug, Clone)]
@@ -114,7 +115,9 @@ pub fn d_optimal(
 ) -> Result<Design, DesignError> {
     let mut problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
     let measured = fix_known(&mut problem, settings)?;
-    on_threads(settings.threads, || search(&problem, settings, measured, control))?
+    on_threads(settings.threads, || {
+        search(&problem, settings, measured, control)
+    })?
 }
 
 /// Applies the lists and the measured rows; the number of rows measured before.
@@ -127,20 +130,39 @@ fn fix_known(problem: &mut Problem, settings: &DSettings) -> Result<usize, Desig
             expected: "at least 1",
         });
     }
-    if settings.measured.len() % k != 0 {
+    if !settings.measured.len().is_multiple_of(k) {
         let expected = settings.measured.len().div_ceil(k) * k;
         let found = settings.measured.len();
-        return Err(DesignError::Shape { what: "the measured rows", found, expected });
+        return Err(DesignError::Shape {
+            what: "the measured rows",
+            found,
+            expected,
+        });
     }
     crate::problem::check_finite("the measured rows", &settings.measured, k)?;
-    apply_lists(&mut problem.available, n, &settings.include, &settings.exclude, settings.replicates)?;
+    apply_lists(
+        &mut problem.available,
+        n,
+        &settings.include,
+        &settings.exclude,
+        settings.replicates,
+    )?;
     let measured = settings.measured.len() / k;
     if n == 0 {
-        return Err(DesignError::Small { n, least: 1, criterion: "D-optimality" });
+        return Err(DesignError::Small {
+            n,
+            least: 1,
+            criterion: "D-optimality",
+        });
     }
     if settings.prior.is_none() && n * b + measured < k {
         let needed = (k - measured).div_ceil(b);
-        return Err(DesignError::TooFew { n, rows: n * b + measured, terms: k, needed });
+        return Err(DesignError::TooFew {
+            n,
+            rows: n * b + measured,
+            terms: k,
+            needed,
+        });
     }
     problem.fix_rows(&settings.measured);
     for &i in &settings.include {
@@ -166,18 +188,27 @@ pub(crate) fn apply_lists(
     let mut included = vec![false; available.len()];
     for &index in include {
         if included[index] && !replicates {
-            return Err(DesignError::Contradiction { index, what: "included twice" });
+            return Err(DesignError::Contradiction {
+                index,
+                what: "included twice",
+            });
         }
         included[index] = true;
     }
     for &index in exclude {
         if included[index] {
-            return Err(DesignError::Contradiction { index, what: "both included and excluded" });
+            return Err(DesignError::Contradiction {
+                index,
+                what: "both included and excluded",
+            });
         }
         available[index] = false;
     }
     if include.len() > n {
-        return Err(DesignError::IncludeTooLong { include: include.len(), n });
+        return Err(DesignError::IncludeTooLong {
+            include: include.len(),
+            n,
+        });
     }
     let candidates = available.iter().filter(|a| **a).count();
     if !replicates {
@@ -198,17 +229,33 @@ fn search(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let free = settings.n - settings.include.len();
-    let cap = if settings.replicates { f64::INFINITY } else { 1.0 };
+    let cap = if settings.replicates {
+        f64::INFINITY
+    } else {
+        1.0
+    };
     // The bound is part of the answer: it is computed even when the time is short.
-    let optimum = continuous(problem, free, cap, &CertificateSettings::default(), &Control::new())
-        .ok_or(DesignError::RankDeficient { candidates: problem.poses, column: 0 })?;
+    let optimum = continuous(
+        problem,
+        free,
+        cap,
+        &CertificateSettings::default(),
+        &control.without_deadline(),
+    )
+    .ok_or(DesignError::RankDeficient {
+        candidates: problem.poses,
+        column: 0,
+    })?;
     let found = if problem.block == 1 {
         run::<Single>(problem, settings, &optimum, free, control)
     } else {
         run::<Several>(problem, settings, &optimum, free, control)
     };
     let Some(found) = found else {
-        return Err(DesignError::RankDeficient { candidates: problem.poses, column: 0 });
+        return Err(DesignError::RankDeficient {
+            candidates: problem.poses,
+            column: 0,
+        });
     };
     let k = problem.terms as f64;
     let rows = settings.n as f64 + measured as f64 / problem.block as f64;
@@ -220,9 +267,7 @@ fn search(
     let bound = scaled(optimum.bound).max(value);
     let status = if control.cancelled() {
         Status::Interrupted
-    } else if found.complete && bound - value < 1e-9 {
-        Status::Converged
-    } else if found.complete && settings.method != Method::Search {
+    } else if found.complete && (bound - value < 1e-9 || settings.method != Method::Search) {
         Status::Converged
     } else {
         Status::Budget
@@ -247,10 +292,15 @@ struct Found {
 
 /// Candidates worth looking at: those the continuous optimum uses or nearly uses.
 fn promising(problem: &Problem, optimum: &Continuous, free: usize) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..problem.poses).filter(|&i| problem.available[i]).collect();
+    let mut order: Vec<usize> = (0..problem.poses)
+        .filter(|&i| problem.available[i])
+        .collect();
     let used = |i: usize| optimum.weights[i] > 0.0;
     order.sort_by(|&a, &b| {
-        used(b).cmp(&used(a)).then(optimum.phi[b].total_cmp(&optimum.phi[a])).then(a.cmp(&b))
+        used(b)
+            .cmp(&used(a))
+            .then(optimum.phi[b].total_cmp(&optimum.phi[a]))
+            .then(a.cmp(&b))
     });
     let support = order.iter().filter(|&&i| used(i)).count();
     order.truncate((support + support / 2).max(3 * free).max(64));
@@ -291,22 +341,36 @@ fn run<F: Family>(
     free: usize,
     control: &Control<'_>,
 ) -> Option<Found> {
-    let everyone: Vec<usize> = (0..problem.poses).filter(|&i| problem.available[i]).collect();
+    let everyone: Vec<usize> = (0..problem.poses)
+        .filter(|&i| problem.available[i])
+        .collect();
     let thorough = settings.method == Method::Search;
-    let ids = if thorough { promising(problem, optimum, free) } else { everyone.clone() };
+    let ids = if thorough {
+        promising(problem, optimum, free)
+    } else {
+        everyone.clone()
+    };
     let pool = Pool::new(problem, ids, settings.replicates);
     let weights: Vec<f64> = pool.ids.iter().map(|&i| optimum.weights[i]).collect();
     let chain_steps = match settings.iterations {
-        0 => DEFAULT_ITERATIONS,
+        // With a time limit the time is the budget.
+        0 if control.timed() => usize::MAX,
+        0 => default_iterations(&pool, free),
         given => given,
     };
-    let total = settings.starts + if thorough { CHAINS * chain_steps } else { 0 };
+    let total = if thorough {
+        chain_steps.saturating_mul(CHAINS)
+    } else {
+        0
+    };
+    let total = total.saturating_add(settings.starts);
     let done = AtomicUsize::new(0);
     let limit = match settings.iterations {
         given if given > 0 && !thorough => given,
         _ => usize::MAX,
     };
-    let value_of = |log_det: f64| log_det;
+    let k = problem.terms as f64;
+    let value_of = |log_det: f64| ((log_det - optimum.bound) / k).exp();
     let starts: Vec<Option<(F::State<'_>, usize, bool)>> = (0..settings.starts)
         .into_par_iter()
         .map(|start| {
@@ -331,23 +395,32 @@ fn run<F: Family>(
         })
         .collect();
     let mut swaps: usize = starts.iter().flatten().map(|s| s.1).sum();
-    let mut ranked: Vec<(F::State<'_>, bool)> =
-        starts.into_iter().flatten().map(|(state, _, complete)| (state, complete)).collect();
+    let mut ranked: Vec<(F::State<'_>, bool)> = starts
+        .into_iter()
+        .flatten()
+        .map(|(state, _, complete)| (state, complete))
+        .collect();
     // Stable: equal values keep the order of the starts.
     ranked.sort_by(|a, b| b.0.log_det().total_cmp(&a.0.log_det()));
     if !thorough {
         let (best, complete) = ranked.into_iter().next()?;
         let design = best.design().iter().map(|&c| pool.ids[c]).collect();
-        return Some(Found { design, log_det: best.log_det(), swaps, complete });
+        return Some(Found {
+            design,
+            log_det: best.log_det(),
+            swaps,
+            complete,
+        });
     }
     ranked.truncate(CHAINS);
     let mut chains: Vec<F::State<'_>> = ranked.into_iter().map(|(state, _)| state).collect();
     while chains.len() < CHAINS {
         chains.push(chains.first()?.clone());
     }
-    let mut generators: Vec<ChaCha8Rng> =
-        (0..CHAINS).map(|c| generator(settings.seed, u64::MAX - c as u64)).collect();
-    let round = chain_steps.div_ceil(ROUNDS).max(1);
+    let mut generators: Vec<ChaCha8Rng> = (0..CHAINS)
+        .map(|c| generator(settings.seed, u64::MAX - c as u64))
+        .collect();
+    let round = chain_steps.div_ceil(ROUNDS).clamp(1, LONGEST_ROUND);
     let mut left = chain_steps;
     while left > 0 && !control.stop() {
         let steps = round.min(left);
@@ -372,10 +445,29 @@ fn run<F: Family>(
             .sum::<usize>();
         share_best(&mut chains);
     }
-    let best = chains.into_iter().reduce(|a, b| if b.log_det() > a.log_det() { b } else { a })?;
+    let best = chains
+        .into_iter()
+        .reduce(|a, b| if b.log_det() > a.log_det() { b } else { a })?;
     let design: Vec<usize> = best.design().iter().map(|&c| pool.ids[c]).collect();
     let (design, log_det, more) = polish::<F>(problem, settings, everyone, design, best.log_det());
-    Some(Found { design, log_det, swaps: swaps + more, complete: left == 0 })
+    Some(Found {
+        design,
+        log_det,
+        swaps: swaps + more,
+        complete: left == 0,
+    })
+}
+
+/// Disturbances in each chain that take about [`DEFAULT_WORK`].
+fn default_iterations(pool: &Pool<'_>, free: usize) -> usize {
+    let (b, k) = (pool.problem.block as f64, pool.problem.terms as f64);
+    let (rows, width) = (free as f64, pool.len() as f64);
+    let one = if pool.problem.block == 1 {
+        15.0 * width * (rows + k)
+    } else {
+        2.0 * rows * width * b * b * k
+    };
+    (DEFAULT_WORK / one / CHAINS as f64).clamp(5.0, 1e5) as usize
 }
 
 /// The worst chain goes on from the best one's design.
@@ -405,16 +497,24 @@ fn polish<F: Family>(
     }
     let pool = Pool::new(problem, everyone, settings.replicates);
     let start = design.iter().map(|&i| position[i]).collect();
-    let Some(mut state) = F::start(&pool, start) else { return (design, log_det, 0) };
+    let Some(mut state) = F::start(&pool, start) else {
+        return (design, log_det, 0);
+    };
     let mut rng = generator(settings.seed, u64::MAX / 2);
     let (swaps, _) = rowwise::descend(&mut state, &mut rng, design.len() + 100, &Control::new());
-    (state.design().iter().map(|&c| pool.ids[c]).collect(), state.log_det(), swaps)
+    (
+        state.design().iter().map(|&c| pool.ids[c]).collect(),
+        state.log_det(),
+        swaps,
+    )
 }
 
 /// Disturbances between two looks at the clock by the progress report.
 const PART: usize = 50;
 /// Times at which the chains share their best design.
 const ROUNDS: usize = 10;
+/// Disturbances between two such times at most.
+const LONGEST_ROUND: usize = 500;
 
 /// Generator of one start or chain: the same whatever thread runs it.
 pub(crate) fn generator(seed: u64, stream: u64) -> ChaCha8Rng {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::d::{Design, apply_lists, generator};
 use crate::budget::on_threads;
 use crate::spacing::cover::cover_bound;
-use crate::spacing::neighbours::{Neighbours, farthest_points, squared};
+use crate::spacing::neighbours::{Neighbours, farthest_points};
 use crate::spacing::simple;
 use crate::spacing::threshold::Chain;
 use crate::{Control, DesignError, Status};
@@ -65,6 +65,8 @@ impl Default for MaximinSettings {
 pub const CHAINS: usize = 4;
 /// Thousands of swaps per chain by default.
 pub const DEFAULT_ITERATIONS: usize = 4000;
+/// Distances computed at most for thinning.
+const THINNING_WORK: usize = 2_000_000_000;
 /// More candidates than this are first thinned to a farthest-point subset.
 pub const MOST_CANDIDATES: usize = 6000;
 
@@ -85,26 +87,53 @@ pub fn maximin(
     if columns == 0 || points.is_empty() {
         return Err(DesignError::Empty);
     }
-    for (what, values) in [("the points", points), ("the measured points", &settings.measured)] {
-        if values.len() % columns != 0 {
+    for (what, values) in [
+        ("the points", points),
+        ("the measured points", &settings.measured),
+    ] {
+        if !values.len().is_multiple_of(columns) {
             let expected = values.len().div_ceil(columns) * columns;
-            return Err(DesignError::Shape { what, found: values.len(), expected });
+            return Err(DesignError::Shape {
+                what,
+                found: values.len(),
+                expected,
+            });
         }
         crate::problem::check_finite(what, values, columns)?;
     }
     if settings.starts == 0 {
         let expected = "at least 1";
-        return Err(DesignError::Setting { name: "starts", value: "0".into(), expected });
+        return Err(DesignError::Setting {
+            name: "starts",
+            value: "0".into(),
+            expected,
+        });
     }
     if settings.n < 2 && settings.measured.is_empty() {
-        return Err(DesignError::Small { n: settings.n, least: 2, criterion: "maximin" });
+        return Err(DesignError::Small {
+            n: settings.n,
+            least: 2,
+            criterion: "maximin",
+        });
     }
     if settings.n == 0 {
-        return Err(DesignError::Small { n: 0, least: 1, criterion: "maximin" });
+        return Err(DesignError::Small {
+            n: 0,
+            least: 1,
+            criterion: "maximin",
+        });
     }
     let mut available = vec![true; points.len() / columns];
-    apply_lists(&mut available, settings.n, &settings.include, &settings.exclude, false)?;
-    on_threads(settings.threads, || search(points, columns, &available, settings, control))
+    apply_lists(
+        &mut available,
+        settings.n,
+        &settings.include,
+        &settings.exclude,
+        false,
+    )?;
+    on_threads(settings.threads, || {
+        search(points, columns, &available, settings, control)
+    })
 }
 
 /// The points looked at: first those that are fixed, then candidates.
@@ -132,24 +161,18 @@ fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinS
         origin.push(i);
     }
     let mut covering = 0.0;
-    let most = MOST_CANDIDATES.max(10 * settings.n) + fixed;
+    let affordable = (THINNING_WORK / origin.len().max(1)).min(MOST_CANDIDATES);
+    let most = affordable
+        .min(30 * settings.n)
+        .max(1500)
+        .max(10 * settings.n)
+        + fixed;
     if origin.len() > most {
         let keep: Vec<usize> = (0..fixed).collect();
         let allowed = vec![true; origin.len()];
-        let (mut order, _) = farthest_points(&all, columns, most, &keep, 0, &allowed);
+        let (mut order, _, left) = farthest_points(&all, columns, most, &keep, 0, &allowed);
         order[fixed..].sort_unstable();
-        let nearest = |i: usize| {
-            let own = &all[i * columns..(i + 1) * columns];
-            order
-                .iter()
-                .map(|&j| squared(own, &all[j * columns..(j + 1) * columns]))
-                .fold(f64::INFINITY, f64::min)
-        };
-        covering = (0..origin.len())
-            .into_par_iter()
-            .map(nearest)
-            .reduce(|| 0.0, f64::max)
-            .sqrt();
+        covering = left.sqrt();
         all = order
             .iter()
             .flat_map(|&i| all[i * columns..(i + 1) * columns].iter().copied())
@@ -158,7 +181,13 @@ fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinS
     }
     let mut allowed = vec![true; origin.len()];
     allowed[..fixed].fill(false);
-    Field { points: all, origin, fixed, allowed, covering }
+    Field {
+        points: all,
+        origin,
+        fixed,
+        allowed,
+        covering,
+    }
 }
 
 fn search(
@@ -179,7 +208,7 @@ fn search(
         .map(|s| {
             let mut rng = generator(settings.seed, s as u64);
             let first = first_point(&field, s, &mut rng);
-            let (order, reached) =
+            let (order, reached, _) =
                 farthest_points(&field.points, columns, size, &fixed, first, &field.allowed);
             let radius = reached.iter().copied().fold(f64::INFINITY, f64::min);
             let found = match settings.method {
@@ -205,17 +234,34 @@ fn search(
         })
         .collect();
     // Farthest points reach at least half of what is possible (Gonzalez); squared: a quarter.
-    let gonzalez = starts.iter().map(|s| 4.0 * s.3).fold(f64::INFINITY, f64::min);
+    let gonzalez = starts
+        .iter()
+        .map(|s| 4.0 * s.3)
+        .fold(f64::INFINITY, f64::min);
     let mut exchanges: usize = starts.iter().map(|s| s.2).sum();
-    let best = starts.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let best = starts
+        .into_iter()
+        .reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (mut design, mut distance) = best.map_or((Vec::new(), 0.0), |b| (b.0, b.1));
-    let first = Neighbours::new(&field.points, columns, gonzalez.min(4.0 * distance).next_up());
+    let first = Neighbours::new(
+        &field.points,
+        columns,
+        gonzalez.min(4.0 * distance).next_up(),
+    );
     let mut rng = generator(settings.seed, u64::MAX);
     let top = if size > 1 {
         let stop = || control.cancelled();
         let high = gonzalez.next_up();
         let limits = (distance.max(1e-300), high);
-        cover_bound(&first, &vec![true; field.origin.len()], size - 1, limits, 3, &mut rng, &stop)
+        cover_bound(
+            &first,
+            &vec![true; field.origin.len()],
+            size - 1,
+            limits,
+            3,
+            &mut rng,
+            &stop,
+        )
     } else {
         gonzalez
     };
@@ -226,8 +272,11 @@ fn search(
         (design, distance, complete) = (found.0, found.1, found.3);
         exchanges += found.2;
     }
-    let mut indices: Vec<usize> =
-        design.iter().map(|&i| field.origin[i]).filter(|&i| i != usize::MAX).collect();
+    let mut indices: Vec<usize> = design
+        .iter()
+        .map(|&i| field.origin[i])
+        .filter(|&i| i != usize::MAX)
+        .collect();
     indices.sort_unstable();
     let value = distance.sqrt();
     // Leaving out candidates that are within `covering` of one kept costs at most twice that.
@@ -241,7 +290,15 @@ fn search(
         Status::Budget
     };
     let efficiency = if bound > 0.0 { value / bound } else { 1.0 };
-    Design { indices, value, bound, efficiency, exchanges, status, gap: 0.0 }
+    Design {
+        indices,
+        value,
+        bound,
+        efficiency,
+        exchanges,
+        status,
+        gap: 0.0,
+    }
 }
 
 fn first_point(field: &Field, start: usize, rng: &mut rand_chacha::ChaCha8Rng) -> usize {
@@ -262,27 +319,38 @@ fn raise_threshold(
     settings: &MaximinSettings,
     control: &Control<'_>,
 ) -> (Vec<usize>, f64, usize, bool) {
-    const ROUNDS: usize = 40;
-    let moves = 1000 * if settings.iterations == 0 { DEFAULT_ITERATIONS } else { settings.iterations };
+    let budget = match settings.iterations {
+        // With a time limit the time is the budget.
+        0 if control.timed() => usize::MAX,
+        0 => DEFAULT_ITERATIONS,
+        given => given,
+    };
+    let moves = budget.saturating_mul(1000);
     let mut chains: Vec<Chain<'_>> = (0..CHAINS)
         .map(|c| {
             let rng = generator(settings.seed, u64::MAX - 1 - c as u64);
             Chain::new(near, design.clone(), field.fixed, &field.allowed, rng)
         })
         .collect();
-    let part = moves.div_ceil(ROUNDS);
-    let total = CHAINS * ROUNDS;
+    let part = moves.div_ceil(ROUNDS).min(LONGEST_ROUND);
+    let total = moves.div_ceil(part).saturating_mul(CHAINS);
     let done = AtomicUsize::new(0);
-    let mut rounds = 0;
-    while rounds < ROUNDS && !control.stop() {
+    let patience = (moves / 16).clamp(100, PATIENCE);
+    let mut left = moves;
+    let mut used = 0;
+    while left > 0 && !control.stop() {
+        let now = part.min(left);
+        left -= now;
+        used += now * CHAINS;
         chains.par_iter_mut().for_each(|chain| {
-            chain.run(part, PATIENCE, control);
+            chain.run(now, patience, control);
             let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
             control.report(finished, total, chain.best_distance().sqrt());
         });
-        rounds += 1;
         let best = chains.iter().enumerate().max_by(|a, b| {
-            a.1.best_distance().total_cmp(&b.1.best_distance()).then(b.0.cmp(&a.0))
+            a.1.best_distance()
+                .total_cmp(&b.1.best_distance())
+                .then(b.0.cmp(&a.0))
         });
         if let Some((_, best)) = best {
             let (design, distance, raise) =
@@ -292,10 +360,15 @@ fn raise_threshold(
             }
         }
     }
-    let (best, distance) =
-        chains.first().map_or((design, 0.0), |c| (c.best().to_vec(), c.best_distance()));
-    (best, distance, rounds * part * CHAINS, rounds == ROUNDS)
+    let (best, distance) = chains
+        .first()
+        .map_or((design, 0.0), |c| (c.best().to_vec(), c.best_distance()));
+    (best, distance, used, left == 0)
 }
 
+/// Times at which the chains share their best design.
+const ROUNDS: usize = 40;
+/// Swaps between two such times at most.
+const LONGEST_ROUND: usize = 100_000;
 /// Swaps at one threshold before it is taken to be too high.
 const PATIENCE: usize = 20_000;

@@ -2,7 +2,9 @@
 
 use super::pool::Pool;
 use super::{State, Swap};
-use crate::linalg::{cholesky, inverse, log_det, lower_inverse, product, product_transposed, small_inverse};
+use crate::linalg::{
+    cholesky, inverse, log_det, lower_inverse, product, product_transposed, small_inverse,
+};
 
 /// Swaps after which M^-1 is computed anew.
 const REBUILD_AFTER: usize = 200;
@@ -53,9 +55,20 @@ impl<'a> BlockState<'a> {
     fn rebuild_variances(&mut self) {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
         let mut t = vec![0.0; self.pool.rows.len()];
-        product(&mut t, (self.pool.len() * b, k, k), &self.pool.rows, &self.inverse, 1.0, false);
+        product(
+            &mut t,
+            (self.pool.len() * b, k, k),
+            &self.pool.rows,
+            &self.inverse,
+            1.0,
+            false,
+        );
         let own = self.pool.rows.chunks_exact(b * k);
-        for ((v, t), a) in self.variances.chunks_exact_mut(b * b).zip(t.chunks_exact(b * k)).zip(own)
+        for ((v, t), a) in self
+            .variances
+            .chunks_exact_mut(b * b)
+            .zip(t.chunks_exact(b * k))
+            .zip(own)
         {
             product_transposed(v, (b, k, b), t, a);
         }
@@ -82,7 +95,14 @@ impl<'a> BlockState<'a> {
         }
         let inv = lower_inverse(&l, b);
         let mut t = vec![0.0; b * k];
-        product(&mut t, (b, k, k), self.pool.block_rows(pose), &self.inverse, 1.0, false);
+        product(
+            &mut t,
+            (b, k, k),
+            self.pool.block_rows(pose),
+            &self.inverse,
+            1.0,
+            false,
+        );
         let mut z = vec![0.0; b * k];
         product(&mut z, (b, b, k), &inv, &t, 1.0, false);
         Some((log_det(&l, b), z))
@@ -107,6 +127,8 @@ impl<'a> BlockState<'a> {
 }
 
 impl State for BlockState<'_> {
+    const SCANS_ARE_CHEAP: bool = false;
+
     fn design(&self) -> &[usize] {
         &self.design
     }
@@ -128,7 +150,11 @@ impl State for BlockState<'_> {
             }
             let gain = lost + self.addition(candidate, h, &mut scratch);
             if gain > 0.0 && best.is_none_or(|s| gain > s.gain) {
-                best = Some(Swap { row, candidate, gain });
+                best = Some(Swap {
+                    row,
+                    candidate,
+                    gain,
+                });
             }
         }
         self.cross = cross;
@@ -137,7 +163,9 @@ impl State for BlockState<'_> {
 
     fn gain(&self, row: usize, candidate: usize) -> f64 {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
-        let Some((lost, z)) = self.removal(row) else { return f64::NEG_INFINITY };
+        let Some((lost, z)) = self.removal(row) else {
+            return f64::NEG_INFINITY;
+        };
         let mut h = vec![0.0; b * b];
         product_transposed(&mut h, (b, k, b), self.pool.block_rows(candidate), &z);
         lost + self.addition(candidate, &h, &mut vec![0.0; b * b])
@@ -157,7 +185,9 @@ impl State for BlockState<'_> {
             c[r * 2 * b + r] += if r < b { 1.0 } else { -1.0 };
         }
         let mut c_inv = vec![0.0; 4 * b * b];
-        let Some(growth) = small_inverse(&mut c, &mut c_inv, 2 * b) else { return false };
+        let Some(growth) = small_inverse(&mut c, &mut c_inv, 2 * b) else {
+            return false;
+        };
         if growth < -20.0 {
             return false;
         }

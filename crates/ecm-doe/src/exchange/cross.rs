@@ -56,11 +56,19 @@ impl<'a> CrossState<'a> {
 
     fn rebuild_tables(&mut self) {
         let (k, width) = (self.pool.problem.terms, self.pool.len());
-        let inverse: Vec<f32> = self.information.inverse().iter().map(|v| *v as f32).collect();
+        let inverse: Vec<f32> = self
+            .information
+            .inverse()
+            .iter()
+            .map(|v| *v as f32)
+            .collect();
         let mut t = vec![0.0f32; width * k];
         product_transposed_f32(&mut t, (width, k, k), &self.pool.rows_f32, &inverse);
-        for ((d, t), x) in
-            self.d.iter_mut().zip(t.chunks_exact(k)).zip(self.pool.rows_f32.chunks_exact(k))
+        for ((d, t), x) in self
+            .d
+            .iter_mut()
+            .zip(t.chunks_exact(k))
+            .zip(self.pool.rows_f32.chunks_exact(k))
         {
             *d = t.iter().zip(x).map(|(a, b)| a * b).sum();
         }
@@ -91,11 +99,17 @@ impl<'a> CrossState<'a> {
     }
 
     fn proposal(&self, value: f32, row: usize, candidate: usize) -> Option<Swap> {
-        (value > 1.0).then(|| Swap { row, candidate, gain: f64::from(value).ln() })
+        (value > 1.0).then(|| Swap {
+            row,
+            candidate,
+            gain: f64::from(value).ln(),
+        })
     }
 }
 
 impl State for CrossState<'_> {
+    const SCANS_ARE_CHEAP: bool = true;
+
     fn design(&self) -> &[usize] {
         &self.design
     }
@@ -119,14 +133,20 @@ impl State for CrossState<'_> {
 
     fn gain(&self, row: usize, candidate: usize) -> f64 {
         let leaving = self.pool.block_rows(self.design[row]);
-        self.information.growth(leaving, self.pool.block_rows(candidate)).max(0.0).ln()
+        self.information
+            .growth(leaving, self.pool.block_rows(candidate))
+            .max(0.0)
+            .ln()
     }
 
     fn swap(&mut self, row: usize, candidate: usize) -> bool {
         let width = self.pool.len();
         let old = self.design[row];
         let (leaving, entering) = (self.pool.block_rows(old), self.pool.block_rows(candidate));
-        let (out, into) = (self.information.solve(leaving), self.information.solve(entering));
+        let (out, into) = (
+            self.information.solve(leaving),
+            self.information.solve(entering),
+        );
         let (g, d_in) = (dot(leaving, &into), dot(entering, &into));
         let d_out = dot(leaving, &out);
         let growth = (1.0 + d_in) * (1.0 - d_out) + g * g;
@@ -160,7 +180,14 @@ impl State for CrossState<'_> {
                 (c[0] * x + c[1] * y, c[1] * x + c[2] * y)
             })
             .collect();
-        kernel::downdate(self.arch, &mut self.g, &mut self.d, (&g_in, &g_out), &factors, c);
+        kernel::downdate(
+            self.arch,
+            &mut self.g,
+            &mut self.d,
+            (&g_in, &g_out),
+            &factors,
+            c,
+        );
         self.refresh_design_variances();
         true
     }

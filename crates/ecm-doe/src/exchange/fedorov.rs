@@ -4,10 +4,16 @@ use super::{LEAST_GAIN, State};
 use crate::Control;
 
 /// Swaps carried out and whether a local optimum was reached within `limit` swaps.
-pub(crate) fn descend<S: State>(state: &mut S, limit: usize, control: &Control<'_>) -> (usize, bool) {
+pub(crate) fn descend<S: State>(
+    state: &mut S,
+    limit: usize,
+    control: &Control<'_>,
+) -> (usize, bool) {
     let mut swaps = 0;
     while swaps < limit && !control.stop() {
-        let Some(swap) = state.best_pair() else { return (swaps, true) };
+        let Some(swap) = state.best_pair() else {
+            return (swaps, true);
+        };
         if state.gain(swap.row, swap.candidate) <= LEAST_GAIN
             || !state.swap(swap.row, swap.candidate)
         {

@@ -20,7 +20,11 @@ impl InformationMatrix {
     /// The first column at which the factorisation breaks down.
     pub fn new(matrix: &[f64], terms: usize) -> Result<Self, usize> {
         let (log_det, inverse) = inverse(matrix, terms)?;
-        Ok(Self { terms, inverse, log_det })
+        Ok(Self {
+            terms,
+            inverse,
+            log_det,
+        })
     }
 
     /// log det M.
@@ -35,7 +39,10 @@ impl InformationMatrix {
 
     /// M^-1 x.
     pub fn solve(&self, x: &[f64]) -> Vec<f64> {
-        self.inverse.chunks_exact(self.terms).map(|row| dot(row, x)).collect()
+        self.inverse
+            .chunks_exact(self.terms)
+            .map(|row| dot(row, x))
+            .collect()
     }
 
     /// The factor by which det M grows when `leaving` is swapped for `entering`.
@@ -48,7 +55,11 @@ impl InformationMatrix {
     /// Swaps the rows; the growth of det M. Nothing changes when M would become singular.
     pub fn exchange(&mut self, leaving: &[f64], entering: &[f64]) -> f64 {
         let (out, into) = (self.solve(leaving), self.solve(entering));
-        let (g, d_in, d_out) = (dot(leaving, &into), dot(entering, &into), dot(leaving, &out));
+        let (g, d_in, d_out) = (
+            dot(leaving, &into),
+            dot(entering, &into),
+            dot(leaving, &out),
+        );
         let growth = (1.0 + d_in) * (1.0 - d_out) + g * g;
         if growth > 1e-12 && growth.is_finite() {
             let c = woodbury(d_in, d_out, g);

@@ -56,10 +56,18 @@ fn row_maximum(g: &[f32], d: &[f32], free: &[f32], d_out: f32) -> f32 {
     const LANES: usize = 32;
     let rest = 1.0 - d_out;
     let mut best = [0.0f32; LANES];
-    let (gc, dc, fc) =
-        (g.chunks_exact(LANES), d.chunks_exact(LANES), free.chunks_exact(LANES));
+    let (gc, dc, fc) = (
+        g.chunks_exact(LANES),
+        d.chunks_exact(LANES),
+        free.chunks_exact(LANES),
+    );
     let mut top = 0.0f32;
-    for ((g, d), f) in gc.remainder().iter().zip(dc.remainder()).zip(fc.remainder()) {
+    for ((g, d), f) in gc
+        .remainder()
+        .iter()
+        .zip(dc.remainder())
+        .zip(fc.remainder())
+    {
         let v = ((1.0 + d) * rest + g * g) * f;
         top = if v > top { v } else { top };
     }
@@ -96,7 +104,10 @@ pub(crate) fn combine(arch: Arch, u: &[f64], x: &[f32], out: &mut [f32]) {
                 } else {
                     for (a, u) in u.iter().enumerate() {
                         let u = *u as f32;
-                        for (s, x) in sum.iter_mut().zip(&x[a * width + at..a * width + at + out.len()]) {
+                        for (s, x) in sum
+                            .iter_mut()
+                            .zip(&x[a * width + at..a * width + at + out.len()])
+                        {
                             *s += u * x;
                         }
                     }

@@ -42,6 +42,8 @@ pub(crate) trait State: Clone {
     fn is_free(&self, candidate: usize) -> bool;
     /// Copies `other` into self without allocating.
     fn copy_from(&mut self, other: &Self);
+    /// Looking at all rows costs little beside a swap.
+    const SCANS_ARE_CHEAP: bool;
     /// The best swap over all rows.
     fn best_pair(&mut self) -> Option<Swap> {
         let mut best: Option<Swap> = None;

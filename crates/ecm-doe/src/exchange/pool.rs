@@ -21,7 +21,10 @@ pub(crate) struct Pool<'a> {
 impl<'a> Pool<'a> {
     /// The available candidates among `ids`.
     pub fn new(problem: &'a Problem, ids: Vec<usize>, replicates: bool) -> Self {
-        let rows: Vec<f64> = ids.iter().flat_map(|&i| problem.pose(i).iter().copied()).collect();
+        let rows: Vec<f64> = ids
+            .iter()
+            .flat_map(|&i| problem.pose(i).iter().copied())
+            .collect();
         let (k, count) = (problem.terms, ids.len());
         let (mut rows_f32, mut columns_f32) = (Vec::new(), Vec::new());
         if problem.block == 1 {
@@ -33,7 +36,14 @@ impl<'a> Pool<'a> {
                 }
             }
         }
-        Self { problem, ids, rows, rows_f32, columns_f32, replicates }
+        Self {
+            problem,
+            ids,
+            rows,
+            rows_f32,
+            columns_f32,
+            replicates,
+        }
     }
 
     /// Number of candidates.
@@ -51,8 +61,10 @@ impl<'a> Pool<'a> {
     pub fn information(&self, design: &[usize]) -> Vec<f64> {
         let (b, k) = (self.problem.block, self.problem.terms);
         let mut m = self.problem.fixed.clone();
-        let rows: Vec<f64> =
-            design.iter().flat_map(|&c| self.block_rows(c).iter().copied()).collect();
+        let rows: Vec<f64> = design
+            .iter()
+            .flat_map(|&c| self.block_rows(c).iter().copied())
+            .collect();
         crate::linalg::add_transposed_product(&mut m, (k, design.len() * b, k), &rows, &rows);
         m
     }

@@ -24,7 +24,9 @@ pub(crate) fn descend<S: State>(
             if swaps >= limit || control.stop() {
                 return (swaps, false);
             }
-            let Some(swap) = state.best_for_row(row) else { continue };
+            let Some(swap) = state.best_for_row(row) else {
+                continue;
+            };
             if state.gain(row, swap.candidate) > LEAST_GAIN && state.swap(row, swap.candidate) {
                 swaps += 1;
             }

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::{State, fedorov};
+use super::{State, fedorov, rowwise};
 use crate::Control;
 
 /// What a search did.
@@ -15,7 +15,7 @@ pub(crate) struct Effort {
     pub steps: usize,
 }
 
-/// Up to `steps` disturbances of `best`, each repaired by Fedorov's exchange.
+/// Up to `steps` disturbances of `best`, each repaired by an exchange.
 ///
 /// `work` is scratch of the same pool and design size. Stops early when told to.
 pub(crate) fn iterate<S: State>(
@@ -44,7 +44,12 @@ pub(crate) fn iterate<S: State>(
                 effort.swaps += usize::from(work.swap(row, candidate));
             }
         }
-        effort.swaps += fedorov::descend(work, 10 * rows + 100, control).0;
+        let limit = 10 * rows + 100;
+        effort.swaps += if S::SCANS_ARE_CHEAP {
+            fedorov::descend(work, limit, control).0
+        } else {
+            rowwise::descend(work, rng, limit, control).0
+        };
         effort.steps += 1;
         if work.log_det() > best.log_det() + 1e-11 {
             best.copy_from(work);

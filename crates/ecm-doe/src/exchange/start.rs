@@ -90,8 +90,15 @@ pub(crate) fn spanning_design(pool: &Pool<'_>, n: usize, rng: &mut ChaCha8Rng) -
                 }
             }
         }
-        let size = |c: usize| dot(&rest[c * b * k..(c + 1) * b * k], &rest[c * b * k..(c + 1) * b * k]);
-        let next = (0..count).filter(|&c| !chosen[c]).max_by(|&x, &y| size(x).total_cmp(&size(y)));
+        let size = |c: usize| {
+            dot(
+                &rest[c * b * k..(c + 1) * b * k],
+                &rest[c * b * k..(c + 1) * b * k],
+            )
+        };
+        let next = (0..count)
+            .filter(|&c| !chosen[c])
+            .max_by(|&x, &y| size(x).total_cmp(&size(y)));
         let Some(next) = next else { break };
         pick = next;
     }

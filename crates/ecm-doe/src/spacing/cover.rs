@@ -28,7 +28,10 @@ pub(crate) fn greedy_cover(
     let mut degree: Vec<i32> = (0..near.len())
         .map(|i| {
             let (ids, _) = near.near(i);
-            ids[..lengths[i] as usize].iter().filter(|&&j| open[j as usize]).count() as i32
+            ids[..lengths[i] as usize]
+                .iter()
+                .filter(|&&j| open[j as usize])
+                .count() as i32
         })
         .collect();
     let mut used = 0;
@@ -37,8 +40,14 @@ pub(crate) fn greedy_cover(
     let mut mark = vec![0u32; near.len()];
     let mut stamp = 0;
     loop {
-        let seed = order.iter().copied().filter(|&i| open[i]).min_by_key(|&i| degree[i]);
-        let Some(seed) = seed else { return Some(widest) };
+        let seed = order
+            .iter()
+            .copied()
+            .filter(|&i| open[i])
+            .min_by_key(|&i| degree[i]);
+        let Some(seed) = seed else {
+            return Some(widest);
+        };
         used += 1;
         if used > sets {
             return None;

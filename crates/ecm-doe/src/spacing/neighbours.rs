@@ -47,7 +47,14 @@ impl<'a> Neighbours<'a> {
             distances.extend(list.iter().map(|p| p.0));
             starts.push(ids.len());
         }
-        Self { points, columns, reach, starts, ids, distances }
+        Self {
+            points,
+            columns,
+            reach,
+            starts,
+            ids,
+            distances,
+        }
     }
 
     /// Number of points.
@@ -58,7 +65,10 @@ impl<'a> Neighbours<'a> {
     /// Squared distance of two points.
     pub fn distance(&self, i: usize, j: usize) -> f64 {
         let c = self.columns;
-        squared(&self.points[i * c..(i + 1) * c], &self.points[j * c..(j + 1) * c])
+        squared(
+            &self.points[i * c..(i + 1) * c],
+            &self.points[j * c..(j + 1) * c],
+        )
     }
 
     /// Neighbours of i with their squared distances, nearest first.
@@ -69,7 +79,9 @@ impl<'a> Neighbours<'a> {
 
     /// Number of neighbours of each point nearer than the squared distance `t`.
     pub fn counts_below(&self, t: f64) -> Vec<u32> {
-        (0..self.len()).map(|i| self.near(i).1.partition_point(|d| *d < t) as u32).collect()
+        (0..self.len())
+            .map(|i| self.near(i).1.partition_point(|d| *d < t) as u32)
+            .collect()
     }
 
     /// Smallest squared distance within `design`.
@@ -87,7 +99,8 @@ impl<'a> Neighbours<'a> {
 /// Farthest-point order: each next point is the one farthest from those before it.
 ///
 /// `fixed` come first; without any, the first is `start`. Points that are not `allowed` are
-/// never taken. Returns the order and the squared distance of each to those before it.
+/// never taken. Returns the order, the squared distance of each to those before it, and the
+/// squared distance of the farthest point that is left.
 pub(crate) fn farthest_points(
     points: &[f64],
     columns: usize,
@@ -95,7 +108,7 @@ pub(crate) fn farthest_points(
     fixed: &[usize],
     start: usize,
     allowed: &[bool],
-) -> (Vec<usize>, Vec<f64>) {
+) -> (Vec<usize>, Vec<f64>, f64) {
     let at = |i: usize| &points[i * columns..(i + 1) * columns];
     let count = points.len() / columns;
     let mut nearest = vec![f64::INFINITY; count];
@@ -122,5 +135,6 @@ pub(crate) fn farthest_points(
             }
         };
     }
-    (order, reached)
+    let left = nearest.iter().copied().fold(0.0, f64::max);
+    (order, reached, left)
 }

@@ -58,7 +58,9 @@ pub(crate) fn exchange(
                 }
             }
         }
-        let Some((_, row, candidate)) = best else { return (design, least, swaps) };
+        let Some((_, row, candidate)) = best else {
+            return (design, least, swaps);
+        };
         inside[design[row]] = false;
         inside[candidate] = true;
         design[row] = candidate;

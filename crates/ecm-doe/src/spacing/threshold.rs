@@ -49,7 +49,10 @@ impl<'a> Chain<'a> {
         rng: ChaCha8Rng,
     ) -> Self {
         let best_distance = near.smallest(&design);
-        let position = allowed.iter().map(|a| if *a { OUT } else { BARRED }).collect();
+        let position = allowed
+            .iter()
+            .map(|a| if *a { OUT } else { BARRED })
+            .collect();
         let mut chain = Self {
             near,
             fixed,
@@ -127,7 +130,7 @@ impl<'a> Chain<'a> {
     /// Up to `moves` swaps; `patience` of them without success lower the raise.
     pub fn run(&mut self, moves: usize, patience: usize, control: &Control<'_>) {
         for step in 0..moves {
-            if step % 512 == 0 && control.stop() {
+            if step.is_multiple_of(512) && control.stop() {
                 return;
             }
             if !self.step() {
@@ -187,8 +190,10 @@ impl<'a> Chain<'a> {
             return true;
         }
         let (leaving, entering) = self.pick();
-        let base = i64::from(total.min(10));
-        let spread = (self.design.len() / 40).max(6) as i64;
+        // Small sets would be tabu as a whole.
+        let most = ((self.position.len() - self.design.len()) as i64 / 3).max(1);
+        let base = i64::from(total.min(10)).min(most);
+        let spread = ((self.design.len() / 40).max(6) as i64).min(most);
         let stay_out = base + self.rng.random_range(0..spread);
         let stay_in = (6 * base + self.rng.random_range(0..6 * spread)) / 10;
         self.tabu_until[leaving] = self.clock + stay_out as u64;

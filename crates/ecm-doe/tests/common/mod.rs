@@ -50,7 +50,10 @@ impl Pcg64 {
         let w = seed_words(seed);
         let join = |high: u64, low: u64| (u128::from(high) << 64) | u128::from(low);
         let increment = (join(w[2], w[3]) << 1) | 1;
-        let mut rng = Self { state: 0, increment };
+        let mut rng = Self {
+            state: 0,
+            increment,
+        };
         rng.step();
         rng.state = rng.state.wrapping_add(join(w[0], w[1]));
         rng.step();
@@ -58,7 +61,10 @@ impl Pcg64 {
     }
 
     fn step(&mut self) {
-        self.state = self.state.wrapping_mul(MULTIPLIER).wrapping_add(self.increment);
+        self.state = self
+            .state
+            .wrapping_mul(MULTIPLIER)
+            .wrapping_add(self.increment);
     }
 
     /// Uniform in [0, 1).
@@ -73,5 +79,7 @@ impl Pcg64 {
 /// `count` x `columns` uniform in [-1, 1].
 pub fn uniform(seed: u32, count: usize, columns: usize) -> Vec<f64> {
     let mut rng = Pcg64::new(seed);
-    (0..count * columns).map(|_| -1.0 + 2.0 * rng.next_f64()).collect()
+    (0..count * columns)
+        .map(|_| -1.0 + 2.0 * rng.next_f64())
+        .collect()
 }

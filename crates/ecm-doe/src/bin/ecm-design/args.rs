@@ -1,0 +1,106 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+
+/// What the design is to be good at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Criterion {
+    /// Largest determinant of the information of a model
+    D,
+    /// Largest smallest distance, coordinates scaled to [-1, 1]
+    Maximin,
+}
+
+/// How to search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Search {
+    /// The best found within the budget
+    Best,
+    /// The paper's exchange from random starts
+    Paper,
+}
+
+/// Chooses N of the candidate poses in a CSV table and says how close to the best that is.
+#[derive(Debug, Parser)]
+#[command(
+    name = "ecm-design",
+    version,
+    max_term_width = 110,
+    disable_help_flag = true
+)]
+#[command(
+    after_help = "Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (the best so far is written)"
+)]
+pub struct Args {
+    /// CSV table with one candidate per row; `-` reads standard input
+    #[arg(required_unless_present_any = ["man", "completions"])]
+    pub candidates: Option<PathBuf>,
+    /// Number of poses to choose (with --include: besides those)
+    #[arg(long, required_unless_present_any = ["man", "completions"])]
+    pub n: Option<usize>,
+    /// What the design is to be good at
+    #[arg(long, value_enum, default_value = "d")]
+    pub criterion: Criterion,
+    /// linear, quadratic, cubic, poly:D, energyD, energyD-revolution, energyD-general (D 4..6)
+    #[arg(long, default_value = "cubic")]
+    pub model: String,
+    /// Coordinate columns, comma-separated [default: the pose columns, or all numeric ones]
+    #[arg(long, value_delimiter = ',')]
+    pub columns: Vec<String>,
+    /// Where to write the plan [default: standard output]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Rows that must be in, e.g. `1,5-9` (the first data row is 1)
+    #[arg(long, value_name = "ROWS")]
+    pub include: Option<String>,
+    /// Rows not to choose, or a region like `x_m<0.09&y_m>0`; may be given again
+    #[arg(long, value_name = "ROWS|REGION")]
+    pub exclude: Vec<String>,
+    /// CSV table of poses already measured: they count but are not chosen again
+    #[arg(long, value_name = "FILE")]
+    pub augment: Option<PathBuf>,
+    /// A pose may be chosen more than once (criterion d)
+    #[arg(long)]
+    pub replicates: bool,
+    /// Undeformed length for energy models [default: length_m in the table's .toml]
+    #[arg(long, value_name = "METRES")]
+    pub length: Option<f64>,
+    /// How to search
+    #[arg(long, value_enum, default_value = "best")]
+    pub search: Search,
+    /// Independent starts
+    #[arg(long, default_value_t = 10)]
+    pub starts: usize,
+    /// Search budget: disturbances (d), thousands of swaps (maximin); 0 is about 10 s at paper size
+    #[arg(long, default_value_t = 0)]
+    pub iterations: usize,
+    /// Stop after so many seconds; then the result depends on the machine
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    pub time_limit: f64,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Threads, 0 for all; without influence on the result
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Leave out rows with bad cells instead of refusing the table
+    #[arg(long)]
+    pub skip_bad_rows: bool,
+    /// Write the summary as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// No progress and no summary
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print this help
+    #[arg(short, long, action = clap::ArgAction::HelpShort)]
+    pub help: Option<bool>,
+    /// Print the man page
+    #[arg(long, hide = true)]
+    pub man: bool,
+    /// Print shell completions
+    #[arg(long, hide = true, value_name = "SHELL")]
+    pub completions: Option<clap_complete::Shell>,
+}

@@ -1,0 +1,175 @@
+//! `ecm-design`: chooses the poses worth measuring from a CSV table of candidates.
+
+mod args;
+mod failure;
+mod job;
+mod plan;
+mod progress;
+mod rows;
+mod table;
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{CommandFactory, Parser};
+use ecm_doe::{Control, Design, Status};
+
+use crate::args::{Args, Criterion};
+use crate::failure::Failure;
+use crate::job::Job;
+
+fn main() -> ExitCode {
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    match run(&args) {
+        Ok(code) => ExitCode::from(code),
+        Err(failure) => {
+            let _ = writeln!(std::io::stderr(), "{}", failure.message());
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<u8, Failure> {
+    if args.man {
+        let mut page = Vec::new();
+        let done = clap_mangen::Man::new(Args::command()).render(&mut page);
+        done.map_err(|e| Failure::System(e.to_string()))?;
+        return plan::save(&page, None).map(|()| 0);
+    }
+    if let Some(shell) = args.completions {
+        let mut script = Vec::new();
+        clap_complete::generate(shell, &mut Args::command(), "ecm-design", &mut script);
+        return plan::save(&script, None).map(|()| 0);
+    }
+    let path = args.candidates.as_deref().unwrap_or(Path::new("-"));
+    if !(args.time_limit >= 0.0 && args.time_limit.is_finite()) {
+        let found = args.time_limit;
+        return Err(Failure::Input(format!(
+            "--time-limit: {found}, expected seconds, 0 for none"
+        )));
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+        .map_err(|e| Failure::System(format!("Ctrl-C cannot be caught: {e}")))?;
+    let job = Job::read(args, path, &|| stop.load(Ordering::Relaxed))?;
+    let bar = progress::Bar::new(args);
+    let report = |done: usize, total: usize, best: f64| bar.show(done, total, best);
+    let control = Control::new()
+        .with_cancel(&stop)
+        .with_time_limit(args.time_limit)
+        .with_progress(&report);
+    let design = job.run(args, path, &control);
+    bar.clear();
+    let design = design?;
+    plan::write(
+        &job.table,
+        &job.rows(&design),
+        args.seed,
+        args.out.as_deref(),
+    )?;
+    if let Some(file) = &args.json {
+        let mut text = serde_json::to_vec_pretty(&summary(args, &job, &design))
+            .map_err(|e| Failure::System(e.to_string()))?;
+        text.push(b'\n');
+        plan::save(&text, Some(file))?;
+    }
+    let mut words = Vec::new();
+    if design.status == Status::Interrupted {
+        words.push(format!(
+            "interrupted: kept the best of {} exchanges",
+            design.exchanges
+        ));
+    }
+    if !args.quiet {
+        words.extend(notes(args, &job, &design));
+    }
+    for line in words {
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
+    Ok(if design.status == Status::Interrupted {
+        130
+    } else {
+        0
+    })
+}
+
+/// What the user should know about the design.
+fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
+    let mut lines = Vec::new();
+    if job.skipped() > 0 {
+        lines.push(format!(
+            "{} rows with bad cells were left out",
+            job.skipped()
+        ));
+    }
+    if job.repeated > 0 {
+        lines.push(format!(
+            "{} rows repeat the coordinates of an earlier one and were set aside",
+            job.repeated
+        ));
+    }
+    let share = 100.0 * design.efficiency;
+    let chosen = format!(
+        "{} of {} candidates",
+        design.indices.len(),
+        job.candidates()
+    );
+    lines.push(match args.criterion {
+        Criterion::D => format!(
+            "{chosen}: {share:.2} % of what is possible (D-efficiency; log det(M/n)/k = {:.6}, certified bound {:.6} for {})",
+            design.value,
+            design.bound,
+            if args.replicates { "poses that may repeat" } else { "subsets" }
+        ),
+        Criterion::Maximin => format!(
+            "{chosen}: smallest distance {:.5}, at least {share:.1} % of what is possible (upper bound {:.5}, coordinates scaled to [-1, 1])",
+            design.value, design.bound
+        ),
+    });
+    if args.time_limit > 0.0 {
+        lines.push(
+            "with a time limit another run may give another design; --iterations is reproducible"
+                .into(),
+        );
+    }
+    lines
+}
+
+fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
+    let rows: Vec<usize> = job.rows(design).iter().map(|r| r + 1).collect();
+    serde_json::json!({
+        "schema": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "criterion": match args.criterion { Criterion::D => "d", Criterion::Maximin => "maximin" },
+        "model": match args.criterion { Criterion::D => Some(&args.model), Criterion::Maximin => None },
+        "columns": job.coordinates(),
+        "candidates": job.candidates(),
+        "skipped_rows": job.skipped(),
+        "repeated_rows": job.repeated,
+        "n": design.indices.len(),
+        "rows": rows,
+        "value": design.value,
+        "bound": design.bound,
+        "bound_kind": match (args.criterion, args.replicates) {
+            (Criterion::Maximin, _) => "clique cover",
+            (Criterion::D, true) => "free weights",
+            (Criterion::D, false) => "weights at most 1/n",
+        },
+        "kiefer_wolfowitz_gap": design.gap,
+        "efficiency": design.efficiency,
+        "exchanges": design.exchanges,
+        "status": design.status,
+        "seed": args.seed,
+        "reproducible": args.time_limit == 0.0 && design.status != Status::Interrupted,
+    })
+}
