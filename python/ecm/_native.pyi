@@ -292,8 +292,12 @@ def d_optimal(
     include: I | None = None,
     replicates: bool = False,
     progress: Progress = None,
+    method: Literal["search", "fedorov", "rowwise"] = "search",
+    exclude: I | None = None,
+    measured: F | None = None,
 ) -> DesignResult:
-    """regressor: (N * rows_per_pose, k). iterations 0: the default budget."""
+    """regressor: (N * rows_per_pose, k). iterations 0: the default budget. n counts the
+    included rows, not the measured regressor rows (any number, k)."""
 
 def maximin(
     points: F,
@@ -307,4 +311,7 @@ def maximin(
     time_limit_s: float = 0.0,
     include: I | None = None,
     progress: Progress = None,
-) -> DesignResult: ...
+    exclude: I | None = None,
+    measured: F | None = None,
+) -> DesignResult:
+    """Distances of the points as given: scale the columns to [-1, 1] beforehand."""

@@ -4,6 +4,7 @@
 //! and [`arrays`] for array conversions.
 
 mod arrays;
+mod doe;
 mod door;
 mod errors;
 mod fem;
@@ -15,6 +16,9 @@ use pyo3::prelude::*;
 /// The Rust core of `ecm`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use crate::doe::{DesignResult, d_optimal, maximin};
+
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
 

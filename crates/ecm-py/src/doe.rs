@@ -1,0 +1,236 @@
+//! Designs: D-optimal and maximin subsets of candidates.
+
+use std::sync::atomic::Ordering;
+
+use ecm_doe::{
+    Control, DSettings, Design, MaximinSettings, Method, SpacingMethod, d_optimal as search_d,
+    maximin as search_maximin,
+};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::arrays::matrix;
+use crate::door::{Work, long_work};
+use crate::errors::DesignError;
+
+fn design_error(error: ecm_doe::DesignError) -> PyErr {
+    DesignError::new_err(error.to_string())
+}
+
+/// A design and how good it is.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct DesignResult(Design);
+
+#[pymethods]
+impl DesignResult {
+    /// Rows of the candidates, sorted.
+    #[getter]
+    fn indices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        PyArray1::from_iter(py, self.0.indices.iter().map(|&i| i as i64))
+    }
+
+    /// log det(M/n)/k, or the smallest distance.
+    #[getter]
+    fn value(&self) -> f64 {
+        self.0.value
+    }
+
+    /// Certified upper bound of `value` for any design of this size.
+    #[getter]
+    fn bound(&self) -> f64 {
+        self.0.bound
+    }
+
+    /// exp(value - bound), or value / bound.
+    #[getter]
+    fn efficiency(&self) -> f64 {
+        self.0.efficiency
+    }
+
+    /// Swaps carried out.
+    #[getter]
+    fn exchanges(&self) -> usize {
+        self.0.exchanges
+    }
+
+    /// converged | budget | interrupted.
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.0.status.name()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "DesignResult(n={}, value={:.6}, bound={:.6}, efficiency={:.4}, status={:?})",
+            self.0.indices.len(),
+            self.0.value,
+            self.0.bound,
+            self.0.efficiency,
+            self.0.status.name()
+        )
+    }
+}
+
+/// Candidate rows of the argument `name`.
+fn row_list(name: &str, list: Option<PyReadonlyArray1<'_, i64>>) -> PyResult<Vec<usize>> {
+    let Some(list) = list else {
+        return Ok(Vec::new());
+    };
+    let row = |&i: &i64| {
+        usize::try_from(i).map_err(|_| {
+            DesignError::new_err(format!(
+                "{name} names row {i}, expected rows counted from 0; check the list"
+            ))
+        })
+    };
+    list.as_array().iter().map(row).collect()
+}
+
+/// Rows of what was measured before; as many columns as the candidates have.
+fn measured_rows(
+    measured: Option<PyReadonlyArray2<'_, f64>>,
+    columns: usize,
+) -> PyResult<Vec<f64>> {
+    let Some(measured) = measured else {
+        return Ok(Vec::new());
+    };
+    let (values, _, found) = matrix(&measured);
+    if found == columns {
+        return Ok(values);
+    }
+    Err(DesignError::new_err(format!(
+        "measured has {found} columns, expected {columns} as the candidates have"
+    )))
+}
+
+/// Runs a search with the GIL released, Ctrl-C seen and progress reported.
+fn search<W>(
+    py: Python<'_>,
+    threads: usize,
+    time_limit_s: f64,
+    progress: Option<Py<PyAny>>,
+    work: W,
+) -> PyResult<DesignResult>
+where
+    W: FnOnce(&Control<'_>) -> Result<Design, ecm_doe::DesignError> + Send,
+{
+    if !(time_limit_s >= 0.0 && time_limit_s.is_finite()) {
+        return Err(DesignError::new_err(format!(
+            "time_limit_s = {time_limit_s}, expected seconds, 0 for none"
+        )));
+    }
+    long_work(py, threads, progress, |state: &Work| {
+        let report = |done: usize, total: usize, _best: f64| {
+            state.done.fetch_max(done, Ordering::Relaxed);
+            state.total.store(total, Ordering::Relaxed);
+        };
+        let control = Control::new()
+            .with_cancel(&state.cancel)
+            .with_progress(&report)
+            .with_time_limit(time_limit_s);
+        work(&control)
+    })?
+    .map(DesignResult)
+    .map_err(design_error)
+}
+
+/// The subset with the largest log det(X'X); regressor (N * rows_per_pose, k).
+#[pyfunction]
+#[pyo3(signature = (
+    regressor, n, *, rows_per_pose = 1, starts = 10, iterations = 0, seed = 0, threads = 0,
+    time_limit_s = 0.0, include = None, replicates = false, progress = None, method = "search",
+    exclude = None, measured = None
+))]
+#[allow(clippy::too_many_arguments)]
+pub fn d_optimal(
+    py: Python<'_>,
+    regressor: PyReadonlyArray2<'_, f64>,
+    n: usize,
+    rows_per_pose: usize,
+    starts: usize,
+    iterations: usize,
+    seed: u64,
+    threads: usize,
+    time_limit_s: f64,
+    include: Option<PyReadonlyArray1<'_, i64>>,
+    replicates: bool,
+    progress: Option<Py<PyAny>>,
+    method: &str,
+    exclude: Option<PyReadonlyArray1<'_, i64>>,
+    measured: Option<PyReadonlyArray2<'_, f64>>,
+) -> PyResult<DesignResult> {
+    let method = match method {
+        "search" => Method::Search,
+        "fedorov" => Method::Fedorov,
+        "rowwise" => Method::RowWise,
+        other => {
+            return Err(DesignError::new_err(format!(
+                "method = {other:?}, expected \"search\", \"fedorov\" or \"rowwise\""
+            )));
+        }
+    };
+    let (rows, _, terms) = matrix(&regressor);
+    let settings = DSettings {
+        n,
+        starts,
+        iterations,
+        seed,
+        method,
+        replicates,
+        include: row_list("include", include)?,
+        exclude: row_list("exclude", exclude)?,
+        measured: measured_rows(measured, terms)?,
+        ..DSettings::default()
+    };
+    search(py, threads, time_limit_s, progress, |control| {
+        search_d(&rows, rows_per_pose, terms, &settings, control)
+    })
+}
+
+/// The subset whose closest two points are farthest apart; distances of the points as given.
+#[pyfunction]
+#[pyo3(signature = (
+    points, n, *, method = "search", starts = 10, iterations = 0, seed = 0, threads = 0,
+    time_limit_s = 0.0, include = None, progress = None, exclude = None, measured = None
+))]
+#[allow(clippy::too_many_arguments)]
+pub fn maximin(
+    py: Python<'_>,
+    points: PyReadonlyArray2<'_, f64>,
+    n: usize,
+    method: &str,
+    starts: usize,
+    iterations: usize,
+    seed: u64,
+    threads: usize,
+    time_limit_s: f64,
+    include: Option<PyReadonlyArray1<'_, i64>>,
+    progress: Option<Py<PyAny>>,
+    exclude: Option<PyReadonlyArray1<'_, i64>>,
+    measured: Option<PyReadonlyArray2<'_, f64>>,
+) -> PyResult<DesignResult> {
+    let method = match method {
+        "search" => SpacingMethod::Search,
+        "exchange" => SpacingMethod::Exchange,
+        other => {
+            return Err(DesignError::new_err(format!(
+                "method = {other:?}, expected \"search\" or \"exchange\""
+            )));
+        }
+    };
+    let (values, _, columns) = matrix(&points);
+    let settings = MaximinSettings {
+        n,
+        starts,
+        iterations,
+        seed,
+        method,
+        include: row_list("include", include)?,
+        exclude: row_list("exclude", exclude)?,
+        measured: measured_rows(measured, columns)?,
+        ..MaximinSettings::default()
+    };
+    search(py, threads, time_limit_s, progress, |control| {
+        search_maximin(&values, columns, &settings, control)
+    })
+}
