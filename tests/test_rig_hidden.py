@@ -11,7 +11,7 @@ import pytest
 
 from ecm.errors import InputError
 from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.hidden import CORE, DRAWS
+from ecm.rig.draws import CORE, DRAWS
 from ecm.rig.observe import residual
 from ecm.table import Table, read_table
 from test_rig_campaign import error_of, whitener_of

@@ -18,9 +18,13 @@ from ecm.rig.frames import (
     seen_from,
     top_from_sensor_wrench,
 )
+from ecm.rig.physics.base_frame import BaseFrame
 from ecm.rig.physics.base_plate import BasePlate
+from ecm.rig.physics.cable import Cable
 from ecm.rig.physics.hysteresis import Hysteresis
+from ecm.rig.physics.marker_motion import MarkerMotion
 from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.physics.relaxation import Relaxation
 from ecm.rig.physics.sensor_warm_up import SensorWarmUp
 from ecm.rig.physics.softening import Softening
@@ -148,6 +152,48 @@ def test_weight_pulls_along_gravity_wherever_the_platform_looks() -> None:
     centre = 0.7 * np.array(places[0]) + 0.3 * np.array(places[1])
     arm = rotate(rotation(poses[:, 3:]), np.tile(centre, (10, 1)))
     assert weight[:, 3:] == pytest.approx(np.cross(arm, weight[:, :3]))
+
+
+def test_a_taut_cable_pulls_towards_its_clamp_and_a_slack_one_does_not() -> None:
+    poses = some_poses(10)
+    taut = Cable(50.0, clamp_m=(0.1, 0.4, 0.0), free_m=0.2)
+    pull = taut.pull(poses)
+    place = poses[:, :3] + rotate(rotation(poses[:, 3:]), np.tile(taut.place_m, (10, 1)))
+    way = np.array([0.1, 0.4, 0.0]) - place
+    assert np.cross(pull[:, :3], way) == pytest.approx(np.zeros((10, 3)), abs=1e-9)
+    stretch = np.linalg.norm(way, axis=1) - 0.2
+    assert np.linalg.norm(pull[:, :3], axis=1) == pytest.approx(50.0 * stretch, rel=0.01)
+    assert pull[:, 3:] == pytest.approx(np.cross(place - poses[:, :3], pull[:, :3]))
+    assert np.abs(Cable(50.0, clamp_m=(0.1, 0.4, 0.0), free_m=1.0).pull(poses)).max() < 0.02
+
+
+def test_a_slip_changes_the_poses_after_it_and_keeps_the_work() -> None:
+    poses, time = some_poses(10), np.linspace(0.0, 100.0, 10)
+    slip = PlatformSlip(0.002, direction=(0.0, 1.0, 0.0, 0.0, 0.0, 0.5), at_s=50.0)
+    felt = slip.felt(poses, time)
+    assert felt[:5] == pytest.approx(poses[:5])
+    jump = np.array([0.0, 0.002, 0.0, 0.0, 0.0, 0.01])
+    assert seen_from(poses[5:], felt[5:]) == pytest.approx(np.tile(jump, (5, 1)), abs=1e-12)
+    h = wrench(felt)
+    moved = slip.moved(h, poses, felt)
+    # A wrench about two points does the same work on a rotation about the platform's origin.
+    spin = np.array([0.1, -0.2, 0.3])
+    velocity = np.cross(spin, felt[:, :3] - poses[:, :3])
+    power = np.sum(h[:, :3] * velocity, axis=1) + h[:, 3:] @ spin
+    assert moved[:, 3:] @ spin == pytest.approx(power)
+
+
+def test_a_marker_that_creeps_moves_everything_the_other_way() -> None:
+    poses, time = some_poses(3), np.array([0.0, 600.0, 3600.0])
+    creep = MarkerMotion(1e-3, direction=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0), time_s=600.0)
+    shift = (creep.measured(poses, time) - poses)[:, 1]
+    assert shift == pytest.approx([0.0, -1e-3 * np.log(2.0) / np.log(7.0), -1e-3])
+
+
+def test_a_base_frame_error_moves_the_base_itself() -> None:
+    error = BaseFrame(0.01, axis=(0.0, 0.0, 1.0), shift_m_rad=(0.0, 0.1, 0.0))
+    at_base = error.measured(np.zeros((1, 6)))
+    assert at_base == pytest.approx(np.array([[0.0, 1e-3, 0.0, 0.0, 0.0, 0.01]]))
 
 
 def test_relaxation_is_the_maxwell_chain_under_a_ramp() -> None:

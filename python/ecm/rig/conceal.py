@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.rig.hidden import Hidden, Scale, draw, put
+from ecm.rig.draws import Scale, draw, put
+from ecm.rig.hidden import Hidden
 from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose

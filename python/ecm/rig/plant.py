@@ -92,8 +92,10 @@ class Plant:
         if not loaded.all():
             top[~loaded] = self._free_load(course, physics, ~loaded)
         sensor = top @ self._sensor_from_top.T
+        limits = np.asarray(self._settings.instrument.fts_range)
+        if physics.sensor_crosstalk is not None:
+            sensor = physics.sensor_crosstalk.reading(sensor, limits)
         if physics.sensor_gain is not None:
-            limits = np.asarray(self._settings.instrument.fts_range)
             sensor = physics.sensor_gain.reading(sensor, limits)
         if physics.sensor_strain is not None:
             sensor = sensor + loaded[:, None] * physics.sensor_strain.reading()
@@ -103,16 +105,28 @@ class Plant:
             sensor = sensor + loaded[:, None] * physics.sensor_thermal.reading(
                 course.sensor_temperature_degC
             )
+        return Truth(self._seen(course, physics), sensor + offset)
+
+    def _seen(self, course: Course, physics: Physics) -> F:
+        """Poses as a camera without noise sees them: target, then camera, then base marker."""
         seen = course.reached
         if physics.tip_target is not None:
             seen = physics.tip_target.measured(seen)
-        return Truth(seen, sensor + offset)
+        if physics.camera_scale is not None:
+            seen = physics.camera_scale.measured(seen, self._rest, self.length_m)
+        if physics.base_frame is not None:
+            seen = physics.base_frame.measured(seen)
+        if physics.marker_motion is not None:
+            seen = physics.marker_motion.measured(seen, course.time_s)
+        return seen
 
     def _sensor_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
         """Wrench of the sensor on the platform in top axes: mechanism minus weights."""
         poses = course.reached[rows]
         world = self._mechanism(course, physics, rows)
         world = world - self._weight(course, physics, rows, poses)
+        if physics.cable is not None:
+            world = world - physics.cable.pull(poses)
         return turn_wrench(transpose(rotation(poses[:, 3:])), world)
 
     def _free_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
@@ -143,11 +157,18 @@ class Plant:
         factor = self._factor(course, physics, rows)
         held = self._held(course, physics, rows)
 
-        def mechanism(poses: F) -> F:
+        time = course.time_s[rows]
+        slip = physics.platform_slip
+
+        def mechanism(platform: F) -> F:
+            poses = platform if slip is None else slip.felt(platform, time)
+            if physics.mounting_gap is not None:
+                poses = physics.mounting_gap.felt(poses)
             h = self.elastic.wrench(anchor, poses)
             if physics.anisotropy is not None and self._gradings is not None:
                 h = h + physics.anisotropy.wrench(*self._gradings, anchor, poses - base, mount)
-            return factor[:, None] * h + held
+            h = factor[:, None] * h + held
+            return h if slip is None else slip.moved(h, platform, slip.felt(platform, time))
 
         reached = course.reached[rows]
         if physics.base_plate is None:

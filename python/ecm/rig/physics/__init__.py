@@ -7,10 +7,17 @@ from typing import Any
 
 from ecm.rig.physics.ageing import Ageing
 from ecm.rig.physics.anisotropy import Anisotropy
+from ecm.rig.physics.base_frame import BaseFrame
 from ecm.rig.physics.base_plate import BasePlate
+from ecm.rig.physics.cable import Cable
+from ecm.rig.physics.camera_scale import CameraScale
 from ecm.rig.physics.hysteresis import Hysteresis
+from ecm.rig.physics.marker_motion import MarkerMotion
+from ecm.rig.physics.mounting_gap import MountingGap
 from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.physics.relaxation import Relaxation
+from ecm.rig.physics.sensor_crosstalk import SensorCrosstalk
 from ecm.rig.physics.sensor_gain import SensorGain
 from ecm.rig.physics.sensor_strain import SensorStrain
 from ecm.rig.physics.sensor_thermal import SensorThermal
@@ -29,11 +36,18 @@ class Physics:
 
     ageing: Ageing | None = None
     anisotropy: Anisotropy | None = None
+    base_frame: BaseFrame | None = None
     base_plate: BasePlate | None = None
+    cable: Cable | None = None
+    camera_scale: CameraScale | None = None
     hysteresis: Hysteresis | None = None
     known_payload: Payload | None = None
+    marker_motion: MarkerMotion | None = None
+    mounting_gap: MountingGap | None = None
     payload: Payload | None = None
+    platform_slip: PlatformSlip | None = None
     relaxation: Relaxation | None = None
+    sensor_crosstalk: SensorCrosstalk | None = None
     sensor_gain: SensorGain | None = None
     sensor_strain: SensorStrain | None = None
     sensor_thermal: SensorThermal | None = None
