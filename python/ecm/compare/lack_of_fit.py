@@ -32,6 +32,8 @@ class FTest:
     @staticmethod
     def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
         """Explained over rest, each per degree of freedom."""
+        # What explains everything leaves rounding errors, of either sign.
+        rest = max(rest, 1e-12 * abs(explained))
         if dof <= 0 or dof_error <= 0 or rest <= 0.0:
             return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
         ratio = max(explained, 0.0) / dof / (rest / dof_error)

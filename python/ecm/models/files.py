@@ -29,6 +29,7 @@ def model_document(model: Model) -> dict[str, Any]:
         "format": _FORMAT,
         "version": _VERSION,
         **model.base.document(),
+        "length_m": model.base.length_m or model.length_m,
         "covariance": None if model.covariance is None else model.covariance.tolist(),
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
@@ -92,6 +93,7 @@ def _model_of(document: dict[str, Any]) -> Model:
         effects=tuple(_effect_of(item) for item in document["effects"]),
         covariance=None if covariance is None else np.asarray(covariance, dtype=np.float64),
         training=dict(document["training"]),
+        length_m=document["length_m"],
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
         history=tuple(Rung(**step) for step in document.get("history", ())),
     )

@@ -152,6 +152,7 @@ def _model(base: StiffnessMap, noise: Noise, covariance: F | None, table: Table)
         covariance=covariance,
         training=training_of(table),
         domain=domain_of(table, base.inputs),
+        length_m=base.length_m or table.meta.length_m,
     )
 
 

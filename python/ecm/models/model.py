@@ -37,6 +37,8 @@ class Model:
     """hash, rows, source."""
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of each pose column in the training data."""
+    length_m: float | None = None
+    """Of the mechanism, for effects that need it where the base does not hold it."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[Rung, ...] = ()
@@ -118,7 +120,8 @@ class Model:
             from ecm.table import Table
 
             columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-            rows = Rows(Table(columns=columns, meta=Meta(), source="poses", warnings=()), self.base)
+            known = {} if self.length_m is None else {"length_m": self.length_m}
+            rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
             wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
         return np.asarray(wrench)
 
@@ -180,6 +183,7 @@ class Model:
             base=found.base,
             effects=found.effects,
             noise=used,
+            length_m=table.meta.length_m or self.length_m,
             covariance=self.covariance if freeze_base else found.covariance[:k, :k],
             training=training_of(table),
             domain=domain_of(table, self.inputs),

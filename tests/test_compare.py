@@ -1,0 +1,185 @@
+"""Compare: certified lack of fit, noise from repeats, folds, the numbers of a comparison."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.columns import WRENCH
+from ecm.compare import Noise, compare, declared_noise, lack_of_fit, omnibus
+from ecm.compare.estimate import estimate_noise, repeat_cells
+from ecm.compare.folds import folds, informative, is_pose, row_groups
+from ecm.compare.gram import Gram
+from ecm.effects import Rows
+from ecm.errors import InputError
+from ecm.meta import Meta
+from ecm.models import Model, fit_model
+from ecm.refit import joint_fit
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics
+
+
+def load_cell(shared_data: Path) -> tuple[np.ndarray, np.ndarray]:
+    data = np.loadtxt(shared_data / "nist_load_cell" / "load_cell.csv", delimiter=",", skiprows=1)
+    return data[:, 0], data[:, 1]
+
+
+def test_lack_of_fit_of_the_nist_load_cell(shared_data: Path) -> None:
+    """NIST/SEMATECH e-Handbook 4.6.1: F = 214.747 with 18 and 20 degrees of freedom."""
+    load, deflection = load_cell(shared_data)
+    design = np.stack([np.ones_like(load), load], axis=1)
+    residual = deflection - design @ np.linalg.lstsq(design, deflection, rcond=None)[0]
+    assert np.sqrt((residual**2).sum() / 38) == pytest.approx(0.0021712726, rel=1e-7)
+    _, cells = np.unique(load, return_inverse=True)
+    found = lack_of_fit(residual[:, None], cells, 2)
+    assert found is not None
+    assert pytest.approx(214.747, abs=5e-4) == found.F
+    assert (found.dof, found.dof_error) == (18, 20)
+    assert found.p < 1e-12
+
+
+def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
+    """A straight line fails, the quadratic has the certified residual standard deviation."""
+    load, deflection = load_cell(shared_data)
+    _, cells = np.unique(load, return_inverse=True)
+    # Deflection in inches as a displacement and load in pounds as a force: units do not matter.
+    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
+    table = Table(columns, Meta(), "load cell")
+    line = compare(fit_model(table, "linear"), table)
+    assert line.noise.source == "repeats"
+    assert line.excess_low > 0.0
+    assert line.lack_of_fit is not None
+    assert line.lack_of_fit.F > 100.0
+    quadratic = fit_model(table, "quadratic")
+    found = compare(quadratic, table)
+    residual = deflection - quadratic.predict(table)[:, 0]
+    assert np.sqrt((residual**2).sum() / 37) == pytest.approx(0.000205177424076185, rel=1e-9)
+    assert found.excess_low == 0.0
+    assert found.whitened_rms < 1.1
+
+
+def test_noise_from_repeats_is_the_noise_that_was_put_in() -> None:
+    table = campaign(seed=2)
+    noise = estimate_noise(Rows(table, physics()), physics().predict(table.poses))
+    truth = declared_noise(table)
+    assert noise.source == "repeats"
+    assert truth.source == "declared"
+    assert np.all(np.abs(noise.parameters() / truth.parameters() - 1.0) < 0.25)
+
+
+@pytest.mark.parametrize("hidden", ["fts_drift", "temperature_modulus", "hysteresis"])
+def test_an_effect_of_time_does_not_hide_in_its_own_floor(hidden: str) -> None:
+    """At three times the noise the repeats spread threefold; the floor must not."""
+    table = campaign(hidden, 3.0, 1)
+    noise = estimate_noise(Rows(table, physics()), physics().predict(table.poses))
+    truth = declared_noise(table).parameters()
+    assert np.all(noise.parameters() < 1.6 * truth)
+
+
+def test_pose_noise_acts_through_the_stiffness() -> None:
+    table = campaign(seed=2)
+    rows = Rows(table, physics())
+    covariance = Noise(1e-5, 0.0, 1e-9, 1e-9).covariance(rows)
+    i = int(np.flatnonzero(is_pose(table))[3])
+    random = np.random.default_rng(0)
+    near = np.tile(rows.poses[i], (4000, 1))
+    near[:, :3] += 1e-5 * random.standard_normal((4000, 3))
+    sampled = np.cov(physics().predict(near).T)
+    np.testing.assert_allclose(covariance[i], sampled, atol=0.1 * np.abs(sampled).max())
+    off_axis = abs(covariance[i][0, 1]) / np.sqrt(covariance[i][0, 0] * covariance[i][1, 1])
+    assert off_axis > 0.05, "components are correlated: a diagonal floor would be wrong"
+
+
+def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
+    clean = compare(model(), campaign(seed=3))
+    assert clean.whitened_rms == pytest.approx(1.0, abs=0.05)
+    assert clean.excess_low == 0.0
+    assert "as good as the measurements can show" in clean.sentence()
+    assert clean.lack_of_fit is not None
+    assert clean.lack_of_fit.p > 0.01
+    table = campaign("payload", 1.0, 0)
+    wrong = compare(model(), table)
+    assert wrong.excess == pytest.approx(1.0, abs=0.1)
+    assert wrong.excess_low > 0.8
+    assert "is not noise" in wrong.sentence()
+    fx = wrong.components[0]
+    assert fx.name == "fx_N"
+    assert fx.rmse**2 == pytest.approx(fx.floor**2 + fx.excess**2, rel=1e-6)
+    assert fx.bias == pytest.approx(
+        float((table.wrenches - physics().predict(table.poses))[is_pose(table), 0].mean())
+    )
+    document = wrong.to_dict()
+    assert set(document["rmse"]) == set(WRENCH)
+    assert len(document["where"]["worst_rows"]) == 10
+
+
+def test_compare_needs_the_columns_of_the_model() -> None:
+    with pytest.raises(InputError, match="no column fx_N"):
+        compare(model(), campaign(seed=3).drop("fx_N"))
+
+
+def test_repeats_stay_together_in_every_fold() -> None:
+    table = campaign(seed=3)
+    groups = row_groups(table)
+    for by in ("time", "pose"):
+        parts = folds(table, table.poses, groups, by)
+        assert len(np.unique(parts)) == 5
+        for group in np.unique(groups):
+            assert len(np.unique(parts[groups == group])) == 1
+    ids = table.column("pose_id")[is_pose(table)]
+    assert len(np.unique(groups[is_pose(table)])) == len(np.unique(ids))
+    assert len(np.unique(repeat_cells(table)[is_pose(table)])) == len(np.unique(ids))
+
+
+def test_unloaded_rows_that_gave_the_zero_are_left_out() -> None:
+    table = campaign(seed=3)
+    unloaded = table.text("kind") == "unloaded"
+    assert np.all(table.wrenches[unloaded] == 0.0)
+    assert len(informative(table)) == len(table) - unloaded.sum()
+    read = table.with_columns({"fx_N": table.column("fx_N") + 0.1})
+    assert len(informative(read)) == len(table)
+
+
+def test_omnibus_is_level_under_nothing_and_sees_structure() -> None:
+    random = np.random.default_rng(0)
+    design = random.standard_normal((200, 3, 20))
+    fitted = random.standard_normal((200, 3, 2))
+    p = [omnibus(random.standard_normal((200, 3)), design, fitted).p for _ in range(200)]
+    assert 0.02 < np.mean(np.array(p) < 0.1) < 0.2
+    structured = random.standard_normal((200, 3)) + 0.5 * design[:, :, 0]
+    assert omnibus(structured, design, fitted).p < 1e-6
+
+
+def test_held_out_squares_are_those_of_a_refit_without_the_fold() -> None:
+    random = np.random.default_rng(1)
+    design, response = random.standard_normal((60, 2, 3)), random.standard_normal((60, 2))
+    groups = np.arange(60) // 3
+    gram = Gram.of(design, response, groups)
+    fold_of_group = np.arange(20) % 4
+    found = gram.held_out([0, 2], fold_of_group, np.ones(20))
+    expected = np.zeros(20)
+    for fold in range(4):
+        train = fold_of_group[groups] != fold
+        a = design[train][:, :, [0, 2]].reshape(-1, 2)
+        theta = np.linalg.lstsq(a, response[train].ravel(), rcond=None)[0]
+        left = (response - design[:, :, [0, 2]] @ theta) ** 2
+        for group in np.flatnonzero(fold_of_group == fold):
+            expected[group] = left[groups == group].sum()
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_joint_fit_of_the_factor_is_generalised_least_squares() -> None:
+    table = campaign(seed=3)
+    noise = declared_noise(table)
+    found = joint_fit(physics(), (), table, noise)
+    rows = Rows(table, physics())
+    inverse = np.linalg.inv(noise.covariance(rows, physics().error))
+    h = rows.wrench
+    top = np.einsum("ni,nij,nj->", h, inverse, table.wrenches)
+    bottom = np.einsum("ni,nij,nj->", h, inverse, h)
+    assert found.converged
+    assert found.base.coefficients[0] == pytest.approx(top / bottom, rel=1e-9)
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(bottom**-0.5, rel=1e-9)
+    assert Model(base=found.base).base.coefficients[0] == pytest.approx(1.0, abs=0.01)

@@ -1,0 +1,228 @@
+"""Diagnosis on the simulated rig: one seed of each effect, nothing hidden, and the traps.
+
+The plant is a closed form, the effects are the plant's own physics: no formula of the library.
+The benchmark with FEM and ten seeds is benches/diagnose.py.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from ecm.columns import POSE, WRENCH
+from ecm.diagnose import Diagnosis, diagnose
+from ecm.effects import Rows, get_effect
+from ecm.errors import InputError
+from ecm.models import fit_model
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics
+
+EIGHT = (
+    "fts_offset",
+    "fts_drift",
+    "payload",
+    "base_compliance",
+    "tip_frame_misalignment",
+    "hysteresis",
+    "temperature_modulus",
+    "anisotropy",
+)
+
+
+def found_in(diagnosis: Diagnosis, id: str) -> bool:
+    answer = diagnosis.answer
+    return len(answer) == 1 and id in answer[0] and len(answer[0]) <= 3
+
+
+@pytest.mark.parametrize("hidden", EIGHT)
+def test_each_effect_at_the_size_of_the_noise_is_named(hidden: str) -> None:
+    diagnosis = diagnose(model(), campaign(hidden, 1.0, 4))
+    assert found_in(diagnosis, hidden), diagnosis.sentence()
+    assert diagnosis.verdict in ("named", "ambiguous")
+    assert diagnosis.held_out["before"] > 1.2
+    assert diagnosis.held_out["after"] < 1.10
+    assert diagnosis.ranking[0]["id"] in diagnosis.answer[0]
+    if len(diagnosis.answer[0]) > 1:
+        assert diagnosis.verdict == "ambiguous"
+
+
+@pytest.mark.parametrize("hidden", ["payload", "hysteresis", "temperature_modulus"])
+def test_a_strong_effect_does_not_bring_a_second_name(hidden: str) -> None:
+    """At three times the noise the leftover of an imperfect form is itself above the noise."""
+    diagnosis = diagnose(model(), campaign(hidden, 3.0, 4))
+    assert found_in(diagnosis, hidden), diagnosis.sentence()
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_nothing_hidden_is_none(seed: int) -> None:
+    diagnosis = diagnose(model(), campaign("", 1.0, seed))
+    assert diagnosis.verdict == "none"
+    assert diagnosis.answer == ()
+    assert diagnosis.effects == ()
+    assert diagnosis.gate["p"] > 0.001
+    assert diagnosis.upper_bound < 0.3
+    limits = diagnosis.detection_limits
+    # Sizes of the catalogue's prototype at 0.3 of the noise, give or take the other protocol.
+    assert 0.002 < limits["temperature_modulus"]["size"] * 1.5 < 0.05
+    assert limits["payload"]["unit"] in ("kg", "kg m")
+
+
+def test_a_stiffer_material_is_no_effect() -> None:
+    """An effect exactly along E belongs to the base."""
+    table = campaign("", 1.0, 4)
+    stiffer = table.with_columns({name: 1.05 * table.column(name) for name in WRENCH})
+    assert diagnose(model(), stiffer).verdict == "none"
+
+
+def test_two_effects_are_both_named() -> None:
+    table = campaign("payload", 1.0, 4)
+    change = get_effect("temperature_modulus").correction(Rows(table, physics()), np.array([0.02]))
+    both = table.with_columns(
+        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    )
+    diagnosis = diagnose(model(), both)
+    named = list(diagnosis.answer)
+    assert len(named) == 2, diagnosis.sentence()
+    assert any("payload" in members for members in named)
+    assert any("temperature_modulus" in members for members in named)
+    assert diagnosis.held_out["after"] < 1.1
+
+
+def test_structure_without_a_name_is_unknown() -> None:
+    """A force that follows the product of two coordinates is nothing in the library."""
+    table = campaign("", 1.0, 4)
+    y, z = table.column("y_m"), table.column("z_m")
+    strange = 2.0 * y * z / (y.std() * z.std())
+    diagnosis = diagnose(model(), table.with_columns({"fy_N": table.column("fy_N") + strange}))
+    assert diagnosis.verdict == "unknown", diagnosis.sentence()
+    assert diagnosis.answer == ()
+    assert diagnosis.unknown is not None
+    assert {"y_m", "z_m"} <= set(diagnosis.unknown["variables"])
+    assert diagnosis.unknown["nearest"]["share"] < 0.6
+
+
+def test_an_effect_taken_out_of_the_library_is_not_replaced_by_a_wrong_name() -> None:
+    others = [id for id in EIGHT if id != "hysteresis"]
+    diagnosis = diagnose(model(), campaign("hysteresis", 1.0, 4), effects=others)
+    assert diagnosis.verdict != "named", diagnosis.sentence()
+
+
+def test_the_papers_protocol_cannot_test_hysteresis_and_relaxation() -> None:
+    """One approach, one dwell: said so, with what to record."""
+    table = campaign("", 1.0, 4).measured()
+    keep = table.text("approach") == "initial"
+    dwell = np.full(int(keep.sum()), 2.0)
+    single = table.select(np.flatnonzero(keep)).with_columns({"dwell_s": dwell})
+    listed = {item["id"]: item for item in diagnose(model(), single).not_testable}
+    assert listed["hysteresis"]["reason"] == "one approach direction"
+    assert "approach" in listed["hysteresis"]["record"]
+    assert "dwell_s" in listed["stress_relaxation"]["record"]
+
+
+def test_without_time_no_effect_of_time_is_named() -> None:
+    table = campaign("fts_drift", 1.0, 4).drop("time_s")
+    diagnosis = diagnose(model(), table)
+    assert "fts_drift" in {item["id"] for item in diagnosis.not_testable}
+    assert all("fts_drift" not in members for members in diagnosis.answer)
+
+
+def test_outliers_do_not_become_an_effect() -> None:
+    table = campaign("", 1.0, 5)
+    random = np.random.default_rng(0)
+    rows = random.choice(np.flatnonzero(table.text("kind") == "pose"), 4, replace=False)
+    wrenches = table.wrenches.copy()
+    wrenches[rows] += random.choice([-1.0, 1.0], (4, 6)) * [12.0, 5.0, 5.0, 0.2, 0.2, 0.2]
+    bad = table.with_columns({name: wrenches[:, j] for j, name in enumerate(WRENCH)})
+    diagnosis = diagnose(model(), bad)
+    assert diagnosis.verdict == "none", diagnosis.sentence()
+    kept = np.flatnonzero(table.text("kind") != "unloaded")
+    assert set(kept[list(diagnosis.outliers)]) >= set(rows)
+
+
+def test_the_symmetric_energy_names_what_it_cannot_swallow() -> None:
+    """Without a body the base is the energy model: it absorbs the length, not the drift."""
+    table = campaign("fts_drift", 1.0, 4)
+    diagnosis = diagnose(fit_model(table, "cubic"), table)
+    assert diagnosis.base["kind"] == "energy"
+    assert found_in(diagnosis, "fts_drift"), diagnosis.sentence()
+    absorbed = {item["id"]: item["reason"] for item in diagnosis.not_testable}
+    assert "the base absorbs it" in absorbed["length_error"]
+
+
+def test_the_refitted_model_is_complete() -> None:
+    table = campaign("payload", 1.0, 4)
+    better = model().add("payload").fit(table)
+    assert diagnose(better, table).verdict == "none"
+
+
+def test_the_report_is_that_of_the_interface() -> None:
+    diagnosis = diagnose(model(), campaign("payload", 1.0, 4), seed=7)
+    report = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
+    assert report["schema"] == 1
+    assert report["seed"] == 7
+    assert report["base"]["kind"] == "physics"
+    assert report["noise"]["source"] == "repeats"
+    assert report["gate"]["p"] < 1e-6
+    assert report["answer"] == [["payload"]]
+    effect = report["effects"][0]
+    assert effect["id"] == "payload"
+    assert effect["parameters"]["mass"]["unit"] == "kg"
+    assert effect["parameters"]["mass"]["sd"] > 0.0
+    row = report["ranking"][0]
+    assert {"id", "p", "delta_bic", "size", "sd", "unit", "expected_fall"} <= set(row)
+    assert set(report["rmse"]["before"]) == set(WRENCH)
+    assert report["rmse"]["after"]["fx_N"] < report["rmse"]["before"]["fx_N"]
+    assert set(report["rmse"]) == {"before", "after", "floor", "ceiling"}
+    assert set(report["held_out"]) == {"before", "after"}
+    assert report["signature"]["constant_in_base"] > 0.3
+
+
+def test_the_same_seed_gives_the_same_report_and_another_the_same_verdict() -> None:
+    table = campaign("base_compliance", 1.0, 4)
+    first = diagnose(model(), table, seed=1)
+    assert first.to_dict() == diagnose(model(), table, seed=1).to_dict()
+    for seed in (2, 3):
+        other = diagnose(model(), table, seed=seed)
+        assert (other.verdict, other.answer) == (first.verdict, first.answer)
+
+
+def test_row_order_does_not_matter() -> None:
+    table = campaign("payload", 1.0, 4)
+    order = np.random.default_rng(0).permutation(len(table))
+    first, second = diagnose(model(), table), diagnose(model(), table.select(order))
+    assert first.answer == second.answer
+    assert second.held_out["before"] == pytest.approx(first.held_out["before"], rel=5e-3)
+
+
+def test_a_verdict_takes_seconds() -> None:
+    table = campaign("tip_frame_misalignment", 1.0, 4)
+    began = time.process_time()
+    diagnose(model(), table)
+    assert time.process_time() - began < 20.0
+
+
+def test_too_few_rows_are_refused() -> None:
+    table = campaign("", 1.0, 4).measured().select(np.arange(5))
+    with pytest.raises(InputError, match="at least 8"):
+        diagnose(model(), table)
+
+
+def test_a_table_of_other_columns_is_diagnosed_as_far_as_it_goes() -> None:
+    """One displacement, one force, temperature: the proportional effects can still be tested."""
+    random = np.random.default_rng(3)
+    x = random.uniform(-1e-3, 1e-3, 200)
+    temperature = 20.0 + 8.0 * random.uniform(-1.0, 1.0, 200)
+    force = 1e4 * x * (1.0 - 0.01 * (temperature - 20.0)) + 0.05 * random.standard_normal(200)
+    columns = {"x_m": x, "fx_N": force, "temperature_degC": temperature}
+    meta = campaign("", 1.0, 4).meta
+    table = Table(columns, type(meta)(), "spring")
+    diagnosis = diagnose(fit_model(table, "linear"), table)
+    assert diagnosis.base["kind"] == "polynomial"
+    assert found_in(diagnosis, "temperature_modulus"), diagnosis.sentence()
+    beta = diagnosis.effects[0].values[0]
+    assert beta == pytest.approx(0.01, rel=0.05)
+    assert "payload" in {item["id"] for item in diagnosis.not_testable}
+    assert POSE[0] == "x_m"

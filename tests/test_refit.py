@@ -1,0 +1,119 @@
+"""Add and refit: values, errors, freezing, bounds, shapes and the error ladder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.columns import WRENCH
+from ecm.compare import compare, declared_noise
+from ecm.effects import Rows, get_effect
+from ecm.errors import InputError
+from ecm.refit import FittedEffect, joint_fit
+from stand_in_campaign import campaign, model, physics
+
+
+def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
+    """The campaign with nothing hidden, plus an effect in the library's own form."""
+    table = campaign(seed=seed)
+    change = get_effect(id).correction(Rows(table, physics()), values)
+    return table.with_columns(
+        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    )
+
+
+@pytest.mark.parametrize(
+    ("id", "values"),
+    [
+        ("fts_offset", [2.0, -1.0, 1.0, 0.05, -0.03, 0.02]),
+        ("payload", [0.3, 0.004, -0.002, 0.001]),
+        ("base_compliance", [4e-3, 4e-6, 1e-6]),
+        ("tip_frame_misalignment", [3e-4, -2e-4, 1e-4, 4e-3, -3e-3, 5e-3]),
+        ("anisotropy", [0.03, -0.02]),
+        ("length_error", [3e-4]),
+    ],
+)
+def test_values_come_back_within_their_errors(id: str, values: list[float]) -> None:
+    truth = np.asarray(values)
+    table = with_effect(id, truth)
+    found = joint_fit(physics(), (get_effect(id),), table, declared_noise(table))
+    assert found.converged
+    item = found.effects[0]
+    z = (item.values - truth) / item.sd
+    assert np.abs(z).max() < 4.0, dict(zip(item.values, item.sd, strict=True))
+    assert np.all(item.sd < 0.5 * np.abs(truth).max())
+
+
+def test_a_bound_is_kept() -> None:
+    """A clamp cannot push: data that ask for a negative compliance give zero."""
+    table = with_effect("base_compliance", np.array([-3e-3, 0.0, 0.0]))
+    found = joint_fit(physics(), (get_effect("base_compliance"),), table, declared_noise(table))
+    values = found.effects[0].values
+    assert np.all(values >= -1e-12)
+    assert values[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_frozen_values_stay_and_the_rest_moves() -> None:
+    table = campaign("payload", 1.0, 0)
+    payload = get_effect("payload")
+    kept = FittedEffect(payload, np.array([0.1, 0.0, 0.0, 0.0]), np.zeros(4), frozen=True)
+    found = joint_fit(physics(), (kept, get_effect("fts_offset")), table, declared_noise(table))
+    np.testing.assert_array_equal(found.effects[0].values, kept.values)
+    assert np.abs(found.effects[1].values).max() > 0.1
+    assert found.design.shape[2] == 1 + 6
+    frozen = model().add("payload").freeze("base").fit(table)
+    assert frozen.base.coefficients[0] == 1.0
+    loose = model().add("payload").fit(table)
+    assert loose.base.coefficients[0] != 1.0
+
+
+def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:
+    table = campaign("fts_drift", 1.0, 1)
+    better = model().add("fts_drift").fit(table)
+    before, after = better.history
+    assert before.name == "physics"
+    assert after.name == "physics+fts_drift"
+    assert before.held_out > 1.25
+    assert after.held_out < 1.10
+    assert after.train <= after.held_out
+    assert before.ceiling is not None
+    assert before.ceiling <= before.held_out
+    assert compare(better, table).whitened_rms < 1.1
+    back = better.remove("fts_drift").fit(table)
+    assert back.name == "physics"
+    assert back.history[-1].held_out == pytest.approx(before.held_out, rel=1e-3)
+
+
+def test_an_effect_that_is_not_there_costs_held_out_error() -> None:
+    table = campaign(seed=3)
+    ladder = model().add("fts_gain").fit(table).history
+    assert ladder[1].train <= ladder[0].train
+    assert ladder[1].held_out > ladder[0].held_out - 0.003
+
+
+def test_the_best_shape_is_taken_and_kept() -> None:
+    """A drift that settles early is fitted with a settling shape, a steady one without."""
+    early = campaign(seed=3)
+    time = early.column("time_s")
+    span = float(np.ptp(time))
+    shape = 1.0 - np.exp(-(time - time.min()) / (0.3 * span))
+    rows = Rows(early, physics())
+    body = rows.base_from_top @ np.array([3.0, 1.0, -2.0, 0.1, 0.05, 0.1])
+    settled = early.with_columns(
+        {n: early.column(n) + shape * body[:, j] for j, n in enumerate(WRENCH)}
+    )
+    assert "tau_s" in model().add("fts_drift").fit(settled).effects[0].effect.shape
+    steady = with_effect("fts_drift", 1e-3 * np.array([1.0, 0.5, -0.5, 0.01, 0.02, 0.01]))
+    assert model().add("fts_drift").fit(steady).effects[0].effect.shape == {}
+
+
+def test_what_cannot_be_fitted_is_refused() -> None:
+    table = campaign(seed=3).drop("time_s")
+    with pytest.raises(InputError, match="fts_drift cannot be fitted, no column time_s"):
+        model().add("fts_drift").fit(table)
+    with pytest.raises(InputError, match="in the model already"):
+        model().add("payload").add("payload")
+    with pytest.raises(InputError, match="no effect payload"):
+        model().remove("payload")
+    with pytest.raises(InputError, match="no effect payload"):
+        model().freeze("payload")
