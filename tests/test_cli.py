@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -223,7 +225,7 @@ def test_nobody_sees_a_traceback(  # noqa: PLR0917
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("ecm.check.check", fail)
+    monkeypatch.setattr(importlib.import_module("ecm.check"), "check", fail)
     done = ecm_command("check", neck_csv)
     assert done.code == code
     assert says in done.err
@@ -245,21 +247,20 @@ def test_errors_of_the_computation_and_of_the_input_differ(
         def fail(*_: object, error: Exception = error, **__: object) -> None:
             raise error
 
-        monkeypatch.setattr("ecm.check.check", fail)
+        monkeypatch.setattr(importlib.import_module("ecm.check"), "check", fail)
         done = ecm_command("check", neck_csv)
         assert done.code == code
         assert done.err.startswith(f"error: {error}")
 
 
 INTERRUPTED = """
-import sys, time
-import ecm.simulate
+import importlib, time
 from ecm.cli import main
 def endless(*args, progress=None, **more):
     print("begun", flush=True)
     while True:
         time.sleep(0.01)
-ecm.simulate.simulate = endless
+importlib.import_module("ecm.simulate").simulate = endless
 main()
 """
 
@@ -272,9 +273,12 @@ def test_a_signal_ends_with_130_and_says_what_is_kept(number: int, tmp_path: Pat
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
+    timer = threading.Timer(30.0, process.kill)  # a test that waits for ever tells nothing
+    timer.start()
     assert process.stdout.readline() == "begun\n"
     process.send_signal(number)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate()
+    timer.cancel()
     assert process.returncode == 130
     assert "interrupted" in err
     assert "s.parts" in err
@@ -321,12 +325,19 @@ def test_progress_off_a_terminal_is_plain_lines(
     for done in range(0, 101, 25):
         now[0] = 0.4 * done
         show(done, 100, "solving")
+    show(100, 100, "solved")  # told once
+    for done in (0, 5, 10):
+        now[0] += 12.0
+        show(done, 10, "measuring")
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
-        "FEM poses: 25 of 100, 30 s left",
-        "FEM poses: 50 of 100, 20 s left",
-        "FEM poses: 75 of 100, 10 s left",
-        "FEM poses: 100 of 100",
+        "FEM poses, solving: 25 of 100, 30 s left",
+        "FEM poses, solving: 50 of 100, 20 s left",
+        "FEM poses, solving: 75 of 100, 10 s left",
+        "FEM poses, solving: 100 of 100",
+        "FEM poses, measuring: 0 of 10",
+        "FEM poses, measuring: 5 of 10, 12 s left",
+        "FEM poses, measuring: 10 of 10",
     ]
     assert Console(quiet=True).bar("FEM poses") is None

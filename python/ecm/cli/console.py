@@ -83,30 +83,61 @@ class Console:
         progress.start()
         self._progress = progress
         task = progress.add_task(title, total=None)
+        phase = _Phase()
 
-        def show(done: int, total: int, *_: Any) -> None:
-            progress.update(task, completed=done, total=total or None)
-            if total and done >= total and self._progress is progress:
-                self.close()
+        def show(done: int, total: int, *words: Any) -> None:
+            if phase.begins(done, total):
+                progress.reset(task, total=total or None)
+            progress.update(
+                task,
+                completed=done,
+                total=total or None,
+                description=", ".join([title, *map(str, words)]),
+            )
 
         return show
 
 
-def _lines(title: str) -> Callable[..., None]:
-    start = time.monotonic()
-    last = start
+class _Phase:
+    """Work may have phases, each with a count of its own."""
 
-    def show(done: int, total: int, *_: Any) -> None:
-        nonlocal last
+    def __init__(self) -> None:
+        self.first = self._done = self._total = 0
+        self.start = time.monotonic()
+
+    def begins(self, done: int, total: int) -> bool:
+        """Whether the count begins anew with this call."""
+        new = total != self._total or done < self._done
+        if new:
+            self.first, self.start = done, time.monotonic()
+        self._done, self._total = done, total
+        return new
+
+    def left(self, now: float) -> str:
+        """', 12 s left' at the pace so far."""
+        gained = self._done - self.first
+        if not (self._total and gained > 0 and self._done < self._total):
+            return ""
+        return f", {_duration((now - self.start) * (self._total - self._done) / gained)} left"
+
+
+def _lines(title: str) -> Callable[..., None]:
+    phase = _Phase()
+    last = phase.start
+    told = False
+
+    def show(done: int, total: int, *words: Any) -> None:
+        nonlocal last, told
         now = time.monotonic()
+        if phase.begins(done, total):
+            told = False
         finished = bool(total) and done >= total
-        if now - last < _LINE_EVERY_S and not (finished and now - start >= _LINE_EVERY_S):
+        slow = now - phase.start > _LINE_EVERY_S
+        if told or (now - last < _LINE_EVERY_S and not (finished and slow)):
             return
-        last = now
-        left = ""
-        if total and 0 < done < total:
-            left = f", {_duration((now - start) * (total - done) / done)} left"
-        sys.stderr.write(f"{title}: {done}{f' of {total}' if total else ''}{left}\n")
+        last, told = now, finished
+        what = ", ".join([title, *map(str, words)])
+        sys.stderr.write(f"{what}: {done}{f' of {total}' if total else ''}{phase.left(now)}\n")
         sys.stderr.flush()
 
     return show

@@ -62,9 +62,9 @@ def identify(
 
 def _shown(console: Console) -> JobConsole:
     """The command's lines and bars, as the job wants them."""
-    from ecm import identify as job
+    from ecm.identify import Console as Base
 
-    class Shown(job.Console):
+    class Shown(Base):
         """Draws."""
 
         def say(self, text: str = "") -> None:

@@ -54,7 +54,7 @@ def fit_named(
         return open_model(name).fit(table.measured())
     if name == "physics":
         console.say("FEM poses for the physics model (kept for the next time) ...")
-    return fit_model(table, name, pcr=pcr)
+    return fit_model(table, name, pcr=pcr, threads=threads)
 
 
 def fit_summary(
