@@ -84,6 +84,19 @@ impl<R: Real> Cubic<R> {
         })
     }
 
+    /// From tables that [`Cubic::tables`] gave, as an export writes them.
+    pub const fn from_tables(coefficients: [Lanes<R>; TERMS], centre: Vec6<R>) -> Self {
+        Self {
+            coefficients,
+            centre,
+        }
+    }
+
+    /// Coefficient vectors in the order of one pass, and the centre of the inputs.
+    pub fn tables(&self) -> (&[Lanes<R>; TERMS], &Vec6<R>) {
+        (&self.coefficients, &self.centre)
+    }
+
     /// h(p); lanes 6 and 7 are 0.
     #[inline(always)]
     pub fn value<A: Arithmetic<R>>(&self, point: &Vec6<R>) -> Lanes<R> {

@@ -1,0 +1,223 @@
+//! A model as C: `NAME.h`, `NAME.c`, golden vectors in `NAME_golden.h`, and `NAME_check.c`.
+
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use serde_json::{Map, Value};
+
+use crate::energy::invariants::Symmetry;
+use crate::energy::model::EnergyModel;
+use crate::error::ModelError;
+use crate::export::golden::Golden;
+use crate::export::model::{Model, identifier};
+use crate::export::{Precision, SourceFile, filled};
+use crate::normalise::unit_slope;
+use crate::polynomial_model::PolynomialModel;
+
+/// The files of an opened model; `name` begins every public name.
+pub fn export(
+    document: &Map<String, Value>,
+    name: &str,
+    precision: Precision,
+) -> Result<Vec<SourceFile>, ModelError> {
+    let name = identifier(name)?;
+    let model = Model::from_document(document)?;
+    let (n, m) = model.shape();
+    let text = |key: &str| {
+        document
+            .get(key)
+            .and_then(Value::as_str)
+            .unwrap_or("")
+            .to_string()
+    };
+    let columns = |key: &str| -> String {
+        let list = document.get(key).and_then(Value::as_array);
+        let names = list.into_iter().flatten().filter_map(Value::as_str);
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let real = match precision {
+        Precision::Single => "float",
+        Precision::Double => "double",
+    };
+    let guard = format!("{}_H", name.to_uppercase());
+    let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
+    let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
+    let (sum, inputs, outputs) = (text("sha256"), columns("inputs"), columns("outputs"));
+    let common = [
+        ("NAME", name.as_str()),
+        ("GUARD", &guard),
+        ("TITLE", &title),
+        ("REAL", real),
+        ("SUM", &sum),
+        ("INPUTS", &inputs),
+        ("OUTPUTS", &outputs),
+        ("N", &sizes[0]),
+        ("M", &sizes[1]),
+        ("NM", &sizes[2]),
+    ];
+    let (header, source) = match &model {
+        Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
+        Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
+    };
+    let golden = golden_header(&Golden::new(&model, precision)?, &name, n, m);
+    let file = |suffix: &str, text: String| SourceFile {
+        path: format!("{name}{suffix}"),
+        text,
+    };
+    Ok(std::vec![
+        file(".h", filled(header, &common)),
+        file(".c", filled(&source, &common)),
+        file("_golden.h", golden),
+        file(
+            "_check.c",
+            filled(include_str!("templates/check.c"), &common)
+        ),
+    ])
+}
+
+fn energy(model: &EnergyModel, precision: Precision) -> String {
+    let plan = model.tables().plan();
+    let count = match precision {
+        Precision::Single => 7,
+        Precision::Double => 13,
+    };
+    let series = |k: u32| {
+        list((0..count).map(|j| {
+            let factorial: f64 = (1..=2 * j + k).map(f64::from).product();
+            real(1.0 / factorial)
+        }))
+    };
+    let symmetry = match model.symmetry() {
+        Symmetry::General => include_str!("templates/symmetry_general.c"),
+        _ => include_str!("templates/symmetry_revolution.c"),
+    };
+    filled(
+        include_str!("templates/energy.c"),
+        &[
+            ("MONOMIALS", &plan.products.len().to_string()),
+            ("SERIES", &count.to_string()),
+            ("ENTRIES", &plan.columns.len().to_string()),
+            ("LENGTH", &format!("{:e}", plan.length_m)),
+            (
+                "PARENTS",
+                &list(plan.products.iter().map(|p| p.0.to_string())),
+            ),
+            (
+                "VARIABLES",
+                &list(plan.products.iter().map(|p| p.1.to_string())),
+            ),
+            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
+            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
+            ("WEIGHTS", &list(plan.weights.iter().map(|&w| real(w)))),
+            ("SERIES6", &series(6)),
+            ("SERIES7", &series(7)),
+            ("SYMMETRY", symmetry),
+        ],
+    )
+}
+
+fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
+    let n = model.inputs();
+    let rows: Vec<&[u8]> = model.exponents().chunks_exact(n).collect();
+    if rows.len() > usize::from(u16::MAX) || n > 255 {
+        return Err(ModelError::Setting {
+            name: "model",
+            found: format!("{} terms", rows.len()),
+            expected: "at most 65535 terms: take a lower degree",
+        });
+    }
+    let lowered = |t: usize, i: usize| {
+        let mut lower = rows[t].to_vec();
+        lower[i] -= 1;
+        rows.iter().position(|row| *row == lower).unwrap_or(0)
+    };
+    // Term 0 is the constant; its entries are never read.
+    let last = |t: usize| rows[t].iter().rposition(|&e| e > 0);
+    let parents: Vec<(usize, usize)> = (0..rows.len())
+        .map(|t| last(t).map_or((0, 0), |i| (lowered(t, i), i)))
+        .collect();
+    let slope = |i: usize| unit_slope(model.lower()[i], model.upper()[i]);
+    let slopes: Vec<(usize, usize, usize, f64)> = (0..rows.len())
+        .flat_map(|t| (0..n).map(move |i| (t, i)))
+        .filter(|&(t, i)| rows[t][i] > 0)
+        .map(|(t, i)| (t, i, lowered(t, i), f64::from(rows[t][i]) * slope(i)))
+        .collect();
+    let centre = (0..n).map(|i| real(0.5 * (model.lower()[i] + model.upper()[i])));
+    let coefficients = model
+        .coefficients()
+        .chunks_exact(model.outputs())
+        .map(|row| format!("{{{}}}", list(row.iter().map(|&c| real(c)))));
+    // C has no arrays of length 0: a constant has one slope of factor 0.
+    let slopes = if slopes.is_empty() {
+        std::vec![(0, 0, 0, 0.0)]
+    } else {
+        slopes
+    };
+    Ok(filled(
+        include_str!("templates/polynomial.c"),
+        &[
+            ("TERMS", &rows.len().to_string()),
+            ("SLOPES", &slopes.len().to_string()),
+            ("LOWER", &list(model.lower().iter().map(|&x| real(x)))),
+            ("UPPER", &list(model.upper().iter().map(|&x| real(x)))),
+            ("CENTRE", &list(centre)),
+            ("SCALE", &list((0..n).map(|i| real(slope(i))))),
+            ("PARENTS", &list(parents.iter().map(|p| p.0.to_string()))),
+            ("VARIABLES", &list(parents.iter().map(|p| p.1.to_string()))),
+            ("COEFFICIENTS", &list(coefficients)),
+            ("SLOPETERMS", &list(slopes.iter().map(|s| s.0.to_string()))),
+            ("SLOPEINPUTS", &list(slopes.iter().map(|s| s.1.to_string()))),
+            ("SLOPELOWERS", &list(slopes.iter().map(|s| s.2.to_string()))),
+            ("SLOPEFACTORS", &list(slopes.iter().map(|s| real(s.3)))),
+        ],
+    ))
+}
+
+fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
+    let table = |rows: &[Vec<f64>]| {
+        let lines = rows
+            .iter()
+            .map(|row| format!("{{{}}}", list(row.iter().map(|&x| cast(x, name)))));
+        list(lines)
+    };
+    let guard = format!("{}_GOLDEN_H", name.to_uppercase());
+    let [h, k] = golden.tolerance.map(|t| cast(t, name));
+    format!(
+        "/* What the model says at {count} poses. */\n#ifndef {guard}\n#define {guard}\n\n\
+         #include \"{name}.h\"\n\nenum {{ {name}_golden_count = {count} }};\n\n\
+         static const {name}_real {name}_golden_h_tolerance = {h};\n\
+         static const {name}_real {name}_golden_k_tolerance = {k};\n\
+         static const {name}_real {name}_golden_p[{count}][{n}] = {{{points}}};\n\
+         static const {name}_real {name}_golden_h[{count}][{m}] = {{{values}}};\n\
+         static const {name}_real {name}_golden_k[{count}][{size}] = {{{jacobians}}};\n\n#endif\n",
+        count = golden.points.len(),
+        size = n * m,
+        points = table(&golden.points),
+        values = table(&golden.values),
+        jacobians = table(&golden.jacobians),
+    )
+}
+
+/// A constant of the code's own type.
+fn real(x: f64) -> String {
+    format!("R({x:e})")
+}
+
+fn cast(x: f64, name: &str) -> String {
+    format!("({name}_real)({x:e})")
+}
+
+/// Items with commas, six on a line.
+fn list(items: impl Iterator<Item = String>) -> String {
+    let mut text = String::new();
+    for (i, item) in items.enumerate() {
+        text.push_str(match i {
+            0 => "\n    ",
+            i if i % 6 == 0 => ",\n    ",
+            _ => ", ",
+        });
+        text.push_str(&item);
+    }
+    text
+}

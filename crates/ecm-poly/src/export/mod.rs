@@ -1,0 +1,37 @@
+//! Models as source code for a controller: C with golden vectors, a const Rust crate.
+//!
+//! The code needs no heap and no libm, and costs the same at every pose.
+
+pub mod c;
+mod golden;
+pub mod model;
+pub mod rust;
+
+use std::string::String;
+
+/// The floating-point type of the exported code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// f32, float.
+    Single,
+    /// f64, double.
+    Double,
+}
+
+/// One file of an export.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// Path below the export's directory, with `/`.
+    pub path: String,
+    /// Content.
+    pub text: String,
+}
+
+/// A text with every `@KEY@` replaced by its value.
+pub(crate) fn filled(template: &str, values: &[(&str, &str)]) -> String {
+    let mut text = String::from(template);
+    for (key, value) in values {
+        text = text.replace(&std::format!("@{key}@"), value);
+    }
+    text
+}

@@ -1,0 +1,152 @@
+//! A model as a `no_std` Rust crate of constants: `Cargo.toml`, `src/lib.rs`, `tests/golden.rs`.
+//!
+//! The constants are tables for the evaluation of this crate, which the exported one depends
+//! on without its default features: no std, no allocation, no libm.
+
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use ecm_se3::Real;
+use serde_json::{Map, Value};
+
+use crate::cubic::Cubic;
+use crate::energy::invariants::Symmetry;
+use crate::energy::model::EnergyModel;
+use crate::energy::tables::EnergyTables;
+use crate::error::ModelError;
+use crate::export::golden::Golden;
+use crate::export::model::{Model, identifier};
+use crate::export::{Precision, SourceFile, filled};
+use crate::polynomial_model::PolynomialModel;
+
+/// The files of an opened model; `name` is the crate's name.
+///
+/// Polynomials of another shape than the paper's cubic map are exported to C only.
+pub fn export(
+    document: &Map<String, Value>,
+    name: &str,
+    precision: Precision,
+) -> Result<Vec<SourceFile>, ModelError> {
+    let name = identifier(name)?;
+    let model = Model::from_document(document)?;
+    let real = match precision {
+        Precision::Single => "f32",
+        Precision::Double => "f64",
+    };
+    let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
+    let body = match (&model, precision) {
+        (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
+        (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
+        (Model::Energy(model), Precision::Double) => energy::<f64>(model),
+        (Model::Energy(model), Precision::Single) => energy::<f32>(model),
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let common = [
+        ("NAME", name.as_str()),
+        ("REAL", real),
+        ("SUM", sum),
+        ("VERSION", version),
+    ];
+    let golden = Golden::new(&model, precision)?;
+    let file = |path: &str, text: String| SourceFile {
+        path: path.to_string(),
+        text,
+    };
+    Ok(std::vec![
+        file(
+            "Cargo.toml",
+            filled(include_str!("templates/crate.toml"), &common)
+        ),
+        file("src/lib.rs", filled(&body, &common)),
+        file("tests/golden.rs", filled(&golden_test(&golden), &common)),
+    ])
+}
+
+fn energy<R: Real>(model: &EnergyModel) -> String {
+    let tables = EnergyTables::<R>::new(
+        model.symmetry(),
+        model.exponents(),
+        model.coefficients(),
+        model.scale(),
+        model.length_m(),
+    );
+    let plan = tables.plan();
+    let symmetry = match model.symmetry() {
+        Symmetry::Alike => "Alike",
+        Symmetry::Revolution => "Revolution",
+        Symmetry::General => "General",
+    };
+    let memory = (plan.products.len() + 1).next_power_of_two();
+    filled(
+        include_str!("templates/energy.rs.txt"),
+        &[
+            ("MEMORY", &memory.to_string()),
+            ("SYMMETRY", symmetry),
+            ("LENGTH", &number(plan.length_m)),
+            (
+                "PRODUCTS",
+                &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
+            ),
+            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
+            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
+            ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
+        ],
+    )
+}
+
+fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
+    let shape = (model.inputs(), model.outputs(), model.degree());
+    if shape != (6, 6, 3) {
+        return Err(ModelError::Setting {
+            name: "model",
+            found: format!("degree {} from {} to {} columns", shape.2, shape.0, shape.1),
+            expected: "a cubic from six to six columns, or an energy; any polynomial goes to C",
+        });
+    }
+    let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
+    let cubic = Cubic::new(
+        &narrow(model.lower()),
+        &narrow(model.upper()),
+        &narrow(model.coefficients()),
+    )?;
+    let (coefficients, centre) = cubic.tables();
+    let rows = coefficients
+        .iter()
+        .map(|row| format!("[{}]", list(row.iter().map(|&c| number(c)))));
+    Ok(filled(
+        include_str!("templates/cubic.rs.txt"),
+        &[
+            ("COEFFICIENTS", &list(rows)),
+            ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
+        ],
+    ))
+}
+
+fn golden_test(golden: &Golden) -> String {
+    let table = |rows: &[Vec<f64>]| {
+        list(
+            rows.iter()
+                .map(|row| format!("[{}]", list(row.iter().map(|&x| number(x))))),
+        )
+    };
+    filled(
+        include_str!("templates/golden.rs.txt"),
+        &[
+            ("COUNT", &golden.points.len().to_string()),
+            ("POINTS", &table(&golden.points)),
+            ("VALUES", &table(&golden.values)),
+            ("JACOBIANS", &table(&golden.jacobians)),
+            ("TOLERANCE_H", &number(golden.tolerance[0])),
+            ("TOLERANCE_K", &number(golden.tolerance[1])),
+        ],
+    )
+}
+
+fn number<R: Real>(x: R) -> String {
+    format!("{:e}", x.to_f64())
+}
+
+fn list(items: impl Iterator<Item = String>) -> String {
+    items.collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,66 @@
+/* @TITLE@
+ *
+ * Polynomial of inputs mapped from their ranges to [-1, 1]. No heap, no libm, no branch on
+ * the inputs: every call costs the same.
+ */
+#include "@NAME@.h"
+
+typedef @NAME@_real real;
+#define R(x) ((real)(x))
+
+enum { INPUTS = @N@, OUTPUTS = @M@, TERMS = @TERMS@, SLOPES = @SLOPES@ };
+
+static const real lower[INPUTS] = {@LOWER@};
+static const real upper[INPUTS] = {@UPPER@};
+static const real centre[INPUTS] = {@CENTRE@};
+static const real scale[INPUTS] = {@SCALE@};
+/* Term t > 0 is term parent_of[t] times input variable_of[t]. */
+static const unsigned short parent_of[TERMS] = {@PARENTS@};
+static const unsigned char variable_of[TERMS] = {@VARIABLES@};
+static const real coefficient[TERMS][OUTPUTS] = {@COEFFICIENTS@};
+/* d(term)/d(input) = factor times a lower term */
+static const unsigned short slope_term[SLOPES] = {@SLOPETERMS@};
+static const unsigned char slope_input[SLOPES] = {@SLOPEINPUTS@};
+static const unsigned short slope_lower[SLOPES] = {@SLOPELOWERS@};
+static const real slope_factor[SLOPES] = {@SLOPEFACTORS@};
+
+static void terms_at(const real *p, real *m)
+{
+    real u[INPUTS];
+    for (int i = 0; i < INPUTS; i++) u[i] = (p[i] - centre[i]) * scale[i];
+    m[0] = R(1);
+    for (int t = 1; t < TERMS; t++) m[t] = m[parent_of[t]] * u[variable_of[t]];
+}
+
+static void value_of(const real *m, real *h)
+{
+    for (int j = 0; j < OUTPUTS; j++) h[j] = R(0);
+    for (int t = 0; t < TERMS; t++)
+        for (int j = 0; j < OUTPUTS; j++) h[j] += coefficient[t][j] * m[t];
+}
+
+void @NAME@_value(const real p[INPUTS], real h[OUTPUTS])
+{
+    real m[TERMS];
+    terms_at(p, m);
+    value_of(m, h);
+}
+
+void @NAME@_value_and_stiffness(const real p[INPUTS], real h[OUTPUTS], real k[INPUTS * OUTPUTS])
+{
+    real m[TERMS];
+    terms_at(p, m);
+    value_of(m, h);
+    for (int e = 0; e < INPUTS * OUTPUTS; e++) k[e] = R(0);
+    for (int e = 0; e < SLOPES; e++) {
+        const real slope = slope_factor[e] * m[slope_lower[e]];
+        for (int j = 0; j < OUTPUTS; j++) k[INPUTS * j + slope_input[e]] += slope * coefficient[slope_term[e]][j];
+    }
+}
+
+int @NAME@_inside(const real p[INPUTS])
+{
+    int inside = 1;
+    for (int i = 0; i < INPUTS; i++) inside &= (p[i] >= lower[i]) & (p[i] <= upper[i]);
+    return inside;
+}
