@@ -355,7 +355,7 @@ def _identify(
     step["equation_11"] = validation.against_equation_11(stiffness)
     job.figures["symmetric_share"] = share
 
-    step["models"], step["floor"], best = _model_table(job, tables, cubic, physics)
+    step["models"], step["floor"], step["best"], best = _model_table(job, tables, cubic, physics)
     best.save(job.out / "model.json")
     cubic.save(job.out / "model-cubic.json")
     job.console.say(
@@ -367,7 +367,7 @@ def _identify(
 
 def _model_table(
     job: Job, tables: dict[str, Table], cubic: Model, physics: PhysicsMap
-) -> tuple[list[dict[str, Any]], list[float], Model]:
+) -> tuple[list[dict[str, Any]], list[float], int, Model]:
     """Models trained on the D-optimal design, on the poses of the other one."""
     train, test = tables["d"].measured(), tables["maximin"].measured()
     few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
@@ -395,7 +395,7 @@ def _model_table(
     # The physics model stands for one body; what a user takes along is fitted to the data.
     fitted = [i for i, (name, _, _) in enumerate(candidates) if not name.startswith("physics")]
     best = min(fitted, key=lambda i: rows[i]["whitened_rms"])
-    return rows, floor, candidates[best][1]
+    return rows, floor, best, candidates[best][1]
 
 
 def _loop(

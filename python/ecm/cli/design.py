@@ -80,7 +80,7 @@ def design(
             progress=console.bar("design"),
         )
         if preset is Preset.diagnosable:
-            plan = diagnosable_plan(table, chosen, n, seed=seed)
+            plan = diagnosable_plan(table, chosen, seed=seed)
         elif preset is Preset.paper:
             plan = paper_plan(table, chosen, seed=seed)
         else:

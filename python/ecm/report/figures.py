@@ -26,7 +26,7 @@ def _layout(**own: Any) -> dict[str, Any]:
         "plot_bgcolor": "white",
         "margin": {"l": 64, "r": 16, "t": 36, "b": 48},
         "height": 420,
-        "legend": {"orientation": "h", "y": 1.14, "x": 0},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     }
     layout.update(own)
     return layout
@@ -48,7 +48,7 @@ def _axis(title: str = "", **own: Any) -> dict[str, Any]:
 def _grid(n: int, columns: int = 3) -> list[tuple[str, dict[str, Any], dict[str, Any], str]]:
     """Axis suffix and domains of n panels: (suffix, x domain, y domain)."""
     rows = -(-n // columns)
-    gap_x, gap_y = 0.075, 0.2 / rows
+    gap_x, gap_y = 0.075, 0.26 / rows
     width = (1.0 - gap_x * (columns - 1)) / columns
     height = (1.0 - gap_y * (rows - 1)) / rows
     panels = []
@@ -81,7 +81,9 @@ def histograms(
     centres = 0.5 * (edges[1:] + edges[:-1])
     data: list[dict[str, Any]] = []
     columns = 3 if len(labels) > 2 else len(labels)
-    layout = _layout(height=190 * -(-len(labels) // columns) + 140, barmode="overlay", bargap=0.05)
+    rows = -(-len(labels) // columns)
+    layout = _layout(height=200 * rows + 130, barmode="overlay", bargap=0.05)
+    layout["legend"] |= {"y": 1.06}
     layout["annotations"] = []
     for i, (suffix, x, y, _) in enumerate(_grid(len(labels), columns)):
         for k, (name, values) in enumerate(series.items()):
@@ -100,7 +102,7 @@ def histograms(
                     "marker": {"color": COLOURS[k], "pattern": {"shape": PATTERNS[k]}},
                 }
             )
-        layout[f"xaxis{suffix}"] = _axis(x_title, **x)
+        layout[f"xaxis{suffix}"] = _axis(x_title if i >= len(labels) - columns else "", **x)
         layout[f"yaxis{suffix}"] = _axis("pairs" if i % columns == 0 else "", **y)
         layout["annotations"].append(_panel_title(labels[i], x, y))
     return {"data": data, "layout": layout}
@@ -317,7 +319,8 @@ def pose_cloud(poses: F) -> dict[str, Any]:
 def residuals_over(x: F, series: dict[str, F], *, x_title: str) -> dict[str, Any]:
     """Whitened residuals of six components against a covariate, one panel each."""
     data: list[dict[str, Any]] = []
-    layout = _layout(height=520)
+    layout = _layout(height=540)
+    layout["legend"] |= {"y": 1.06}
     layout["annotations"] = []
     for i, (suffix, x_axis, y_axis, _) in enumerate(_grid(6)):
         for k, (name, values) in enumerate(series.items()):

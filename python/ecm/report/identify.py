@@ -48,14 +48,14 @@ def _beside(
         cells.append([text, *(number(v) for v in row["rmse"]), number(row["kappa"], 4)])
         if "paper_rmse" in row:
             cells.append(
-                ["  the paper", *(f"{v:g}" for v in row["paper_rmse"]), f"{row['paper_kappa']:g}"]
+                ["↳ the paper", *(f"{v:g}" for v in row["paper_rmse"]), f"{row['paper_kappa']:g}"]
             )
     return cells
 
 
 def _result(summary: Mapping[str, Any], times: Mapping[str, Any]) -> Section:
     models = summary["identify"]["models"]
-    best = min(models, key=lambda row: row["whitened_rms"])
+    best = models[summary["identify"]["best"]]
     blocks: list[Any] = [
         TextBlock(
             f"The identified model is {best['model']}: {best['coefficients']} coefficients from "
@@ -128,10 +128,9 @@ def _selection(step: Mapping[str, Any], figures: Figures) -> Section:
     table = step["table_two"]
     raw = table["degrees"][-1]["kappa_raw"]
     outside = ", ".join(
-        f"{row['component'].split('_')[0]}{'' if row['component'][0] == 'f' else row['component'][4]} "
-        f"{100.0 * row['share']:.1f} % (|h| up to {number(row['largest_observed'], 2)}, "
+        f"{label.split(' [')[0]} {100.0 * row['share']:.1f} % (|h| up to {number(row['largest_observed'], 2)}, "
         f"error up to {number(row['largest_error'], 2)})"
-        for row in step["outside"]
+        for label, row in zip(draw.COMPONENT_LABELS, step["outside"], strict=True)
     )
     curves = {}
     for model in dict.fromkeys(row["model"] for row in step["energy"]):

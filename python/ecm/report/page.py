@@ -149,8 +149,8 @@ th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--li
 th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
 figure { margin: 18px 0; }
-figcaption, caption { color: var(--soft); font-size: 14px; text-align: left; max-width: 90ch;
-  caption-side: top; padding: 4px 0; }
+figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px 0; }
+figure.table { margin: 22px 0; }
 @media print { nav { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 </style>
 <script>{{ plotly|safe }}</script>
@@ -169,8 +169,8 @@ figcaption, caption { color: var(--soft); font-size: 14px; text-align: left; max
 {% if e.kind == "TextBlock" %}
 <p{% if e.block.strong %} class="strong"{% endif %}>{{ e.block.text }}</p>
 {% elif e.kind == "TableBlock" %}
+<figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
 <div class="scroll"><table>
-<caption>{{ e.block.caption }}</caption>
 <thead><tr>{% for h in e.block.header %}<th scope="col">{{ h }}</th>{% endfor %}</tr></thead>
 <tbody>{% for row in e.block.rows %}
 <tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}

@@ -48,7 +48,7 @@ class Procedure:
     handling_s: float = setting(600.0, low=0.0, high=1e6)
     """Time of a remount, of a payload taken off, of a dead weight."""
     rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
-    stretch_limit: float = setting(0.6, low=0.0, high=10.0)
+    stretch_limit: float = setting(0.8, low=0.0, high=10.0)
     """Limit of |r - r0| over the length of the mechanism; poses outside are skipped."""
 
 
@@ -59,6 +59,8 @@ class Instruments:
     force_noise_N: float = setting(3.0, low=0.0, high=1e4)
     torque_noise_Nm: float = setting(0.1, low=0.0, high=1e3)
     """White, each axis of the sensor's own frame."""
+    force_noise_per_load: float = setting(0.0, low=0.0, high=1.0)
+    """Noise that grows with the load: a share of each axis's reading, added in squares."""
     fts_rate_Hz: float = setting(500.0, low=1.0, high=1e6)
     fts_range: tuple[float, ...] = setting((400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9)
     """A reading beyond is clipped, axis by axis of the sensor."""
@@ -78,6 +80,10 @@ class Instruments:
     camera_jitter_m: float = setting(2e-5, low=0.0, high=0.1)
     camera_jitter_rad: float = setting(1e-4, low=0.0, high=0.5)
     """White from image to image."""
+    outlier_share: float = setting(0.0, low=0.0, high=0.5)
+    """Share of windows in which an LED is mistaken."""
+    outlier_scale: float = setting(8.0, low=1.0, high=1e3)
+    """Such a window's localisation error over the usual one."""
     thermometer_noise_degC: float = setting(0.05, low=0.0, high=100.0)
     thermometer_lag_s: float = setting(60.0, low=0.0, high=1e5)
     """Of the probe behind the mechanism's mean temperature."""
