@@ -53,6 +53,10 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
         ({"simulate": {"n": 1.5}}, "[simulate]: n = 1.5: expected a whole number"),
         ({"simulate": {"n": 100, "n_test": 100}}, "n_test = 100: expected above 0 and below n"),
         ({"simulate": {"n": 100, "n_test": 50}}, "[design] n = 200: expected at most the 50"),
+        (
+            {"simulate": {"n": 70, "n_test": 20}, "design": {"n": 50}},
+            "[simulate] n - n_test = 50: expected at least 84, the coefficients of [select] degrees 3",
+        ),
         ({"design": {"n": 0}}, "[design]: n = 0: expected at least 1"),
         ({"design": {"n": True}}, "expected a whole number"),
         ({"design": {"preset": "papr"}}, "expected one of 'paper', 'diagnosable'"),

@@ -6,6 +6,7 @@ real size. The rig's four tables belong to `ecm.rig.settings`, the workspace to 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,6 +108,13 @@ class Config:
                 f"[design] n = {self.design.n}: expected at most the "
                 f"{self.simulate.n - self.simulate.n_test} training pairs of [simulate] "
                 "(n - n_test)"
+            )
+        degree = max(self.select.degrees)
+        needed = math.comb(degree + 6, 6)
+        if self.simulate.n - self.simulate.n_test < needed:
+            raise InputError(
+                f"[simulate] n - n_test = {self.simulate.n - self.simulate.n_test}: expected at "
+                f"least {needed}, the coefficients of [select] degrees {degree}"
             )
 
 
