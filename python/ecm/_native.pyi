@@ -258,6 +258,15 @@ def seal_model(document: str) -> str:
 def open_model(text: str) -> dict[str, Any]:
     """The document of a model file; ModelError when its sum, version, kind or a range is wrong."""
 
+def export_model(
+    text: str,
+    name: str,
+    *,
+    target: Literal["c", "rust"],
+    precision: Literal["double", "single"] = "double",
+) -> dict[str, str]:
+    """Source files by path: C with golden vectors, or a const Rust crate; effects stay out."""
+
 # --- doe ---------------------------------------------------------------
 @final
 class DesignResult:

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use ecm_poly::basis::exponents;
 use ecm_poly::energy::fit::regressor;
 use ecm_poly::energy::terms::terms;
+use ecm_poly::export::Precision;
 use ecm_poly::{EnergyFit, Method, Symmetry};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -92,6 +93,9 @@ fn check_columns(name: &str, found: usize, expected: usize) -> PyResult<()> {
     )))
 }
 
+/// Singular values (r,) and errors (r, m).
+type Curves<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// n inputs to m outputs; the paper's map has n = m = 6.
 #[pyclass(frozen, module = "ecm._native")]
 pub struct PolynomialModel(ecm_poly::PolynomialModel);
@@ -174,7 +178,7 @@ impl PolynomialModel {
         inputs: PyReadonlyArray2<'py, f64>,
         outputs: PyReadonlyArray2<'py, f64>,
         degree: usize,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<Curves<'py>> {
         let (points, _, columns) = numbers(&inputs);
         let (values, _, outputs) = numbers(&outputs);
         let curves = py
@@ -491,4 +495,40 @@ pub fn open_model<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDic
     // Python's own reader makes its own objects of what has just been checked.
     let document = py.import("json")?.call_method1("loads", (text,))?;
     Ok(document.cast_into::<PyDict>()?)
+}
+
+/// Source files, by path, of a model file's map: C with golden vectors, or a const Rust crate.
+#[pyfunction]
+#[pyo3(signature = (text, name, *, target, precision = "double"))]
+pub fn export_model<'py>(
+    py: Python<'py>,
+    text: &str,
+    name: &str,
+    target: &str,
+    precision: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let precision = match precision {
+        "double" => Precision::Double,
+        "single" => Precision::Single,
+        _ => {
+            return Err(ModelError::new_err(format!(
+                "precision is {precision:?}, expected double or single"
+            )));
+        }
+    };
+    let document = ecm_poly::open_model(text).map_err(error)?;
+    let files = match target {
+        "c" => ecm_poly::export::c::export(&document, name, precision),
+        "rust" => ecm_poly::export::rust::export(&document, name, precision),
+        _ => {
+            return Err(ModelError::new_err(format!(
+                "target is {target:?}, expected c or rust"
+            )));
+        }
+    };
+    let paths = PyDict::new(py);
+    for file in files.map_err(error)? {
+        paths.set_item(file.path, file.text)?;
+    }
+    Ok(paths)
 }
