@@ -12,11 +12,12 @@ import pytest
 from ecm.errors import InputError
 from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.draws import CORE, DRAWS
-from ecm.rig.observe import residual
+from ecm.rig.frames import rotate, rotation
+from ecm.rig.observe import residual, wrench_in_base
 from ecm.table import Table, read_table
 from test_rig_campaign import error_of, whitener_of
 from test_rig_plan import plan_of
-from test_rig_stand_in import StandIn, some_poses
+from test_rig_stand_in import F, StandIn, some_poses, wrench
 
 ZERO = np.zeros(6)
 
@@ -181,3 +182,80 @@ def test_an_answer_that_is_no_report_is_refused(tmp_path: Path, text: str) -> No
     answer.write_text(text)
     with pytest.raises(InputError, match=r"answer\.json"):
         reveal(out, answer)
+
+
+STILL: dict[str, Any] = {
+    "rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0},
+    "plant": {"drift_N": 0.0},
+}
+
+
+def noise_free(campaign: Campaign, kind: str) -> tuple[F, F]:
+    """Wrenches in base axes and poses that readings without noise give, rows of one kind."""
+    truth = campaign.plant.truth(campaign.course, campaign.physics, ZERO)
+    wrenches = wrench_in_base(
+        campaign.plant,
+        campaign.course,
+        campaign.physics,
+        sensor=truth.sensor,
+        poses=truth.pose_seen,
+        law="linear",
+    )
+    rows = [v.kind == kind for v in campaign.course.visits]
+    return wrenches[rows], truth.pose_seen[rows]
+
+
+def test_a_sensor_zeroed_with_its_payload_feels_only_how_it_turns() -> None:
+    plan = plan_of(some_poses(12), action=["home", *["measure"] * 11])
+    left = {}
+    for zeroed in (False, True):
+        settings = RigSettings.from_dict({**STILL, "instrument": {"zeroed_with_payload": zeroed}})
+        campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("payload", 2.0)])
+        mass = campaign.secrets[0].size
+        weight = np.array([mass * 9.81, 0.0, 0.0])
+        home = noise_free(campaign, "home")[0][0, :3]
+        assert home == pytest.approx(np.zeros(3) if zeroed else weight, abs=1e-9)
+        h, poses = noise_free(campaign, "pose")
+        left[zeroed] = (h - wrench(poses))[:, :3] / mass
+        if zeroed:  # (1 - R) g, zeroed at R = 1
+            g = np.array([-9.81, 0.0, 0.0])
+            turned = rotate(rotation(poses[:, 3:]), np.tile(g, (len(poses), 1)))
+            assert left[True] == pytest.approx(turned - g, abs=1e-8)
+    assert left[False] == pytest.approx(np.tile([9.81, 0.0, 0.0], (11, 1)), abs=1e-8)
+
+
+def test_the_known_payload_is_declared_and_in_the_wrench() -> None:
+    settings = RigSettings.from_dict({**STILL, "plant": {"drift_N": 0.0, "payload_mass_kg": 0.3}})
+    campaign = Campaign(plan_of(some_poses(5)), settings, StandIn())
+    assert campaign.run().meta.scene.payload_mass_kg == 0.3
+    h, poses = noise_free(campaign, "pose")
+    force = (h - wrench(poses))[:, :3]
+    assert force == pytest.approx(np.tile([0.3 * 9.81, 0.0, 0.0], (5, 1)), abs=1e-9)
+
+
+def test_a_hidden_drift_shows_in_the_unloaded_readings_of_the_plan() -> None:
+    plan = plan_of(some_poses(41), action=["measure"] * 40 + ["unload"])
+    settings = RigSettings.from_dict(STILL)
+    campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("fts_drift", 2.0)])
+    free = noise_free(campaign, "unloaded")[0][0]
+    h, poses = noise_free(campaign, "pose")
+    assert np.abs(free[:3]).max() > 0.3
+    # The same drift, seen in the axes of a turned platform.
+    last = (h - wrench(poses))[-1]
+    assert np.linalg.norm(last[:3]) == pytest.approx(np.linalg.norm(free[:3]), rel=0.2)
+
+
+def test_a_rig_without_noise_has_no_scale_of_strength() -> None:
+    quiet = {"force_noise_N": 0.0, "fts_resolution": [0.0] * 6, "camera_error_m": 0.0}
+    quiet |= {"torque_noise_Nm": 0.0, "camera_error_rad": 0.0}
+    settings = RigSettings.from_dict({"instrument": quiet | {"camera_jitter_m": 0.0}})
+    with pytest.raises(InputError, match="force_noise_N"):
+        Campaign(both_sides(), settings, StandIn(), hide=[Hidden("payload", 1.0)])
+
+
+def test_poses_beyond_the_range_are_skipped_and_not_clipped() -> None:
+    narrow = {"instrument": {"fts_range": [60.0, 60.0, 60.0, 20.0, 20.0, 20.0]}}
+    campaign = Campaign(plan_of(some_poses(60)), RigSettings.from_dict(narrow), StandIn())
+    assert campaign.skipped
+    assert all("fts_range" in s.reason for s in campaign.skipped)
+    assert np.abs(campaign.run().wrenches[:, 0]).max() < 60.0

@@ -54,6 +54,22 @@ def test_the_common_error_of_the_leds_does_not_average_out() -> None:
     assert spread[:3] == pytest.approx(np.full(3, 2e-5), rel=0.1)
 
 
+def test_some_windows_mistake_an_led() -> None:
+    camera = Camera(instruments(outlier_share=0.1, outlier_scale=20.0))
+    true = np.array([0.1, 0.01, 0.0, 0.3, -0.4, 0.2])
+    random = np.random.default_rng(0)
+    means = np.stack([camera.read(true, 0.2, random).mean for _ in range(500)])
+    far = np.linalg.norm(means[:, :3] - true[:3], axis=1) > 5.0 * 37e-6
+    assert 0.07 < far.mean() < 0.13
+
+
+def test_noise_may_grow_with_the_load() -> None:
+    sensor = ForceTorqueSensor(instruments(force_noise_per_load=0.05, fts_resolution=[0.0] * 6))
+    samples = sensor.read(np.array([100.0, 0, 0, 0, 0, 0]), 2.0, np.random.default_rng(0))
+    assert samples[:, 0].std() == pytest.approx(np.hypot(3.0, 5.0), rel=0.08)
+    assert samples[:, 1].std() == pytest.approx(3.0, rel=0.08)
+
+
 def test_a_noiseless_rig_reads_the_truth() -> None:
     settings = instruments(
         force_noise_N=0.0,

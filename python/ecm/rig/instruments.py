@@ -37,7 +37,8 @@ class ForceTorqueSensor:
     def read(self, true: F, window_s: float, random: np.random.Generator) -> F:
         """Samples (n, 6) of a wrench (6,) that rests, in sensor axes."""
         count = self.samples(window_s)
-        samples = true + self._noise * random.standard_normal((count, 6))
+        noise = np.hypot(self._noise, self._settings.force_noise_per_load * true)
+        samples = true + noise * random.standard_normal((count, 6))
         step = np.where(self._step > 0.0, self._step, 1.0)
         counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
         clipped: F = np.clip(counted, -self._range, self._range)
@@ -70,6 +71,8 @@ class Camera:
         common = random.standard_normal(6) * np.repeat(
             [settings.camera_error_m, settings.camera_error_rad], 3
         )
+        if random.random() < settings.outlier_share:
+            common = common * settings.outlier_scale
         count = self.images(window_s)
         jitter = random.standard_normal((count, 6)) * np.repeat(
             [settings.camera_jitter_m, settings.camera_jitter_rad], 3

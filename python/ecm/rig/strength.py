@@ -25,7 +25,13 @@ class Whitener:
 
     def __init__(self, covariance: F, base: F) -> None:
         """covariance: (N, 6, 6); base: columns (N, 6, k) of wrench per base parameter."""
-        lower = np.linalg.cholesky(covariance).astype(np.float64)
+        try:
+            lower = np.linalg.cholesky(covariance).astype(np.float64)
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "a strength is measured in noise, and this rig has none on some axis: give "
+                "[instrument] force_noise_N and torque_noise_Nm above 0 to hide an effect"
+            ) from None
         self._inverse = _inverse_lower(lower)
         self._base: list[F] = []
         for column in np.einsum("nij,njk->kni", self._inverse, base):
