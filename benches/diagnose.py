@@ -100,9 +100,7 @@ def score(report: dict[str, Any]) -> Score:
 def print_table(scores: list[Score]) -> bool:
     """The table, and whether all goals are met."""
     met = True
-    print(
-        f"{'hidden':24s} {'right':>7s} {'named':>7s} {'held-out before -> after':>26s} {'worst':>6s}"
-    )
+    print("hidden                     right   named   held-out before -> after   worst")
     for hidden in (*EFFECTS, NOTHING):
         own = [s for s in scores if s.hidden == hidden]
         if not own:

@@ -34,7 +34,7 @@ from test_rig_stand_in import L, wrench
 def noise_free(count: int = 250, seed: int = 5) -> Table:
     poses = workspace_poses(count, seed)
     columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    columns |= {name: values for name, values in zip(WRENCH, wrench(poses).T, strict=True)}
+    columns |= dict(zip(WRENCH, wrench(poses).T, strict=True))
     return Table(columns, Meta(mechanism={"length_m": L}), "exact")
 
 
@@ -108,7 +108,7 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
     poses, bent = workspace_poses(200, 1), workspace_poses(60, 2)
 
     def odd(p: np.ndarray) -> np.ndarray:
-        return wrench(p) + 50.0 * p[:, 1:2] * np.array([[1.0, 0, 0, 0, 0, 0]])
+        return np.asarray(wrench(p) + 50.0 * p[:, 1:2] * np.array([[1.0, 0, 0, 0, 0, 0]]))
 
     wrong = surrogate_of(poses, odd(poses), L, test_poses=bent, test_wrenches=odd(bent))
     left = wrong.predict(bent) - odd(bent)
@@ -173,10 +173,10 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     document = json.loads(path.read_text(encoding="utf-8"))
     document["coefficients"][0] *= 1.001
     path.write_text(json.dumps(document), encoding="utf-8")
-    with pytest.raises(InputError, match="model.json"):
+    with pytest.raises(InputError, match=r"model\.json"):
         load_model(path)
     path.write_text("{", encoding="utf-8")
-    with pytest.raises(InputError, match="model.json"):
+    with pytest.raises(InputError, match=r"model\.json"):
         load_model(path)
     with pytest.raises(InputError, match="absent"):
         load_model(tmp_path / "absent.json")

@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
-_LEFT_SHARE = 0.2
-"""Unknown only where more than this share of the structure stays (in squares)."""
+_LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
+"""Unknown where more than this share of the structure stays, in squares, after 0, 1, 2 or more
+effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
 _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
 _MOST_IN_CLASS = 3
@@ -200,7 +201,7 @@ def _left_over(
     left = problem.response - fitted @ theta
     after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
-    share = after > _LEFT_SHARE * before if accepted else True
+    share = not accepted or after > _LEFT_SHARE[min(len(accepted), 3)] * before
     return left, bool(test.p < LEVEL and strong and share)
 
 

@@ -46,6 +46,18 @@ def sides(table: Table, length_m: float | None = None) -> F:
     return np.where(np.isfinite(product), np.sign(product), 0.0)
 
 
+def largest_so_far(table: Table, values: F) -> F:
+    """(N,) largest value of the rows up to each row, in order of time, anew in each run."""
+    time = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
+    run = table.column("run") if table.has("run") else np.zeros(len(table))
+    found = np.empty(len(table))
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        found[rows] = np.maximum.accumulate(values[rows])
+    return found
+
+
 def _mean_poses(table: Table) -> dict[str, F]:
     if not table.has("pose_id"):
         return {}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import pose_before, sides
+from ecm.effects.history import largest_so_far, pose_before, sides
 from ecm.effects.mid_frame import stretched
 from ecm.effects.protocol import (
     Effect,
@@ -135,6 +135,38 @@ class StressRelaxation(LinearEffect):
         return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
 
 
+class MullinsSoftening(LinearEffect):
+    """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
+
+    W = h (p - p0) / 2, that of a linear body: only its ratio counts.
+    """
+
+    id = "mullins_softening"
+    physics = "A filled rubber is softer below the largest deformation that it has had."
+    parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
+    signature = "first visit above later ones, only below the past maximum"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "ageing": "5 conditioning cycles, then repeat the first 10 poses",
+            "stress_relaxation": "hold 60 s",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs time, so that the order of visits is known."""
+        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+
+    def columns(self, rows: Rows) -> F:
+        """-(1 - W / W_max) h."""
+        energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
+        largest = largest_so_far(rows.table, energy)
+        below = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
+        return np.asarray(-(below[:, None] * rows.wrench)[:, :, None])
+
+
 class Hysteresis(LinearEffect):
     """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material."""
 
@@ -257,6 +289,7 @@ def _bending_share(rows: Rows) -> float:
 EFFECTS: Sequence[Effect] = (
     StressRelaxation(),
     Hysteresis(),
+    MullinsSoftening(),
     TemperatureModulus(),
     Ageing(),
     Anisotropy(),
