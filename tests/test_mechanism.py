@@ -54,7 +54,9 @@ def test_sections_of_the_neck_are_those_of_a_circle() -> None:
     assert sections["axial_stiffness_N"] == pytest.approx(modulus * math.pi * radius**2)
     assert sections["bending_stiffness_Nm2"] == pytest.approx(modulus * math.pi * radius**4 / 4)
     shear_modulus = modulus / (2 * (1 + nu))
-    assert sections["torsion_stiffness_Nm2"] == pytest.approx(shear_modulus * math.pi * radius**4 / 2)
+    assert sections["torsion_stiffness_Nm2"] == pytest.approx(
+        shear_modulus * math.pi * radius**4 / 2
+    )
     # Cowper 1966, circle: 6 (1 + nu) / (7 + 6 nu).
     correction = 6 * (1 + nu) / (7 + 6 * nu)
     assert sections["shear_stiffness_N"] == pytest.approx(

@@ -1,10 +1,10 @@
 """Every code block of README.md but the two commands runs, in order, in one folder.
 
-    ```python            executed; a ```text block right after it is its exact output
-    ```sh                executed line by line with the package's commands
-    ```toml NAME         written to NAME
-    ```csv NAME          written to NAME
-    ```text              only right after a block that prints, or it is refused
+```python            executed; a ```text block right after it is its exact output
+```sh                executed line by line with the package's commands
+```toml NAME         written to NAME
+```csv NAME          written to NAME
+```text              only right after a block that prints, or it is refused
 """
 
 from __future__ import annotations

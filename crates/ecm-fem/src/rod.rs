@@ -54,6 +54,24 @@ impl Rod {
         Ok(self)
     }
 
+    /// The rod of `length_m` with the stiffness K at rest of a body (the mean over y and z):
+    /// EI/L = K_θθ − |K_yθ| L/2, 1 + Φ = 6 EI / (L² |K_yθ|), GA = 12 EI / (Φ L²).
+    pub(crate) fn like(stiffness: &[[f64; 6]; 6], length_m: f64) -> Self {
+        let k = stiffness;
+        let tilt = 0.5 * (k[4][4] + k[5][5]);
+        let mixed = 0.5 * (k[1][5].abs() + k[2][4].abs());
+        // A body whose ends differ much may leave the beam's range: then a slender rod.
+        let bending = (length_m * (tilt - 0.5 * mixed * length_m)).max(0.05 * length_m * tilt);
+        let phi = (6.0 * bending / (length_m * length_m * mixed) - 1.0).max(1e-3);
+        Self {
+            length_m,
+            axial_stiffness_N: k[0][0] * length_m,
+            shear_stiffness_N: 12.0 * bending / (phi * length_m * length_m),
+            bending_stiffness_Nm2: bending,
+            torsion_stiffness_Nm2: k[3][3] * length_m,
+        }
+    }
+
     /// Pose (x, y, z, θx, θy, θz) of the tip under the dead wrench, and whether the
     /// shooting converged; if not, the last iterate.
     pub fn pose(&self, wrench: &[f64; 6]) -> ([f64; 6], bool) {
@@ -207,6 +225,30 @@ mod tests {
         assert!((pose[0] - t.sin() / t).abs() < 1e-6);
         assert!((pose[1] - (1.0 - t.cos()) / t).abs() < 1e-6);
         assert!((pose[5] - t).abs() < 1e-6);
+    }
+
+    /// A rod made from a Timoshenko beam's stiffness has that beam's tip compliance.
+    #[test]
+    fn takes_its_sections_from_the_stiffness_at_rest() {
+        let (l, ea, ga, ei, gj): (f64, f64, f64, f64, f64) = (0.3, 900.0, 300.0, 2.0, 1.5);
+        let phi = 12.0 * ei / (ga * l * l);
+        let mut k = [[0.0; 6]; 6];
+        (k[0][0], k[3][3]) = (ea / l, gj / l);
+        let (transverse, tilt) = (
+            12.0 * ei / (l.powi(3) * (1.0 + phi)),
+            (4.0 + phi) / (1.0 + phi) * ei / l,
+        );
+        (k[1][1], k[2][2], k[4][4], k[5][5]) = (transverse, transverse, tilt, tilt);
+        (k[1][5], k[2][4]) = (-transverse * l / 2.0, transverse * l / 2.0);
+        let rod = Rod::like(&k, l);
+        for (found, exact) in [
+            (rod.axial_stiffness_N, ea),
+            (rod.shear_stiffness_N, ga),
+            (rod.bending_stiffness_Nm2, ei),
+            (rod.torsion_stiffness_Nm2, gj),
+        ] {
+            assert!((found / exact - 1.0).abs() < 1e-9, "{found} {exact}");
+        }
     }
 
     /// Doubling the load direction's rotation about x rotates the answer.

@@ -333,18 +333,19 @@ fn raise_threshold(
         })
         .collect();
     let part = moves.div_ceil(ROUNDS).min(LONGEST_ROUND);
-    let total = moves.div_ceil(part).saturating_mul(CHAINS);
+    let total = moves.saturating_mul(CHAINS);
     let done = AtomicUsize::new(0);
     let patience = (moves / 16).clamp(100, PATIENCE);
     let mut left = moves;
-    let mut used = 0;
+    let (mut used, mut round) = (0, 0);
     while left > 0 && !control.stop() {
-        let now = part.min(left);
+        let now = (FIRST_ROUND << round.min(8)).min(part).min(left);
+        round += 1;
         left -= now;
         used += now * CHAINS;
         chains.par_iter_mut().for_each(|chain| {
             chain.run(now, patience, control);
-            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+            let finished = done.fetch_add(now, Ordering::Relaxed) + now;
             control.report(finished, total, chain.best_distance().sqrt());
         });
         let best = chains.iter().enumerate().max_by(|a, b| {
@@ -368,6 +369,8 @@ fn raise_threshold(
 
 /// Times at which the chains share their best design.
 const ROUNDS: usize = 40;
+/// Swaps before the first such time; then twice as many each time.
+const FIRST_ROUND: usize = 4000;
 /// Swaps between two such times at most.
 const LONGEST_ROUND: usize = 100_000;
 /// Swaps at one threshold before it is taken to be too high.

@@ -36,6 +36,8 @@ pub(crate) struct Chain<'a> {
     ties_out: Vec<usize>,
 }
 
+/// Swaps at one threshold, times its raise: large raises are given up sooner.
+const PATIENCE_PER_RAISE: f64 = 40.0;
 const OUT: u32 = u32::MAX;
 const BARRED: u32 = u32::MAX - 1;
 
@@ -144,7 +146,7 @@ impl<'a> Chain<'a> {
                 }
                 self.raise = (self.raise * 1.5).min(0.05);
                 self.aim();
-            } else if self.moves_here > patience {
+            } else if self.moves_here > patience.min((PATIENCE_PER_RAISE / self.raise) as usize) {
                 // Too high: come nearer to what is known to be possible.
                 self.raise = (self.raise * 0.5).max(1e-9);
                 self.aim();

@@ -1,4 +1,4 @@
-//! Many load cases, each from its nearest solved neighbour.
+//! Many load cases, each from a guess by the solved ones, or its nearest neighbour.
 //!
 //! The cases are sorted so that every case is far from all before it (farthest point
 //! first, beginning next to rest), and solved in waves: all cases of a wave start from
@@ -6,12 +6,14 @@
 //! changes nothing, not even the last bit.
 
 use super::newton::Workspace;
+use super::predict::{Predictor, degree_for};
 use super::{Fem, Load, State, Watch};
 use crate::FemError;
 use crate::assembly::Field;
 use crate::platform::Platform;
 use crate::result::{CaseResult, Status};
-use nalgebra::{Matrix6, Vector6};
+use crate::rod::Rod;
+use ecm_se3::Pose;
 use rayon::prelude::*;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
@@ -20,7 +22,7 @@ use std::sync::atomic::Ordering;
 const WAVE: usize = 64;
 
 /// A solved state; single precision is ample for a start.
-struct Solved {
+pub(super) struct Solved {
     displacement: Vec<f32>,
     pressure: Vec<f32>,
     platform: Platform,
@@ -38,6 +40,15 @@ impl Solved {
         }
     }
 
+    /// Pose, displacements and pressures one after the other.
+    pub(super) fn components(&self) -> impl Iterator<Item = f64> + '_ {
+        let field = self.displacement.iter().chain(&self.pressure);
+        self.platform
+            .pose()
+            .into_iter()
+            .chain(field.map(|&x| f64::from(x)))
+    }
+
     fn state(&self) -> State {
         let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
         State {
@@ -48,6 +59,13 @@ impl Solved {
             platform: self.platform,
         }
     }
+}
+
+/// Where a case may start from, best first.
+struct Starts<'a> {
+    guess: Option<State>,
+    neighbour: Option<&'a Solved>,
+    rest: (&'a State, &'a CaseResult),
 }
 
 impl Fem {
@@ -70,23 +88,32 @@ impl Fem {
         let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
         let mut solved: Vec<Option<Solved>> = loads.iter().map(|_| None).collect();
         let mut results: Vec<Option<CaseResult>> = vec![None; loads.len()];
+        let mut predictor: Option<Predictor> = None;
         let mut done = 0;
         while done < order.len() {
             let wave = &order[done..order.len().min(done + (done / 4).clamp(1, WAVE))];
+            let known: Vec<_> = order[..done]
+                .iter()
+                .filter_map(|&i| solved[i].as_ref().map(|state| (&points[i], state)))
+                .collect();
+            // A new fit when the degree can rise or half as many cases again are known.
+            let used = predictor.as_ref().map_or(0, |p| p.cases);
+            if degree_for(known.len()) > degree_for(used) || 2 * known.len() > 3 * used {
+                predictor = Predictor::fit(&known).or(predictor);
+            }
             let outcome: Vec<(CaseResult, Option<Solved>)> = wave
                 .par_iter()
                 .map(|&case| {
                     let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
                     let start =
                         self.nearest_solved(case, &order[..done], &points, &solved, &nearest);
-                    let outcome = self.solve_case(
-                        &mut work,
-                        &loads[case],
-                        start,
-                        &rest_state,
-                        &rest_result,
-                        watch,
-                    );
+                    let guess = predictor.as_ref().map(|p| p.state(&points[case], self));
+                    let starts = Starts {
+                        guess,
+                        neighbour: start,
+                        rest: (&rest_state, &rest_result),
+                    };
+                    let outcome = self.solve_case(&mut work, &loads[case], starts, watch);
                     give(&spare, work);
                     if let Some(counter) = watch.done {
                         counter.fetch_add(1, Ordering::Relaxed);
@@ -103,24 +130,21 @@ impl Fem {
         Ok(results.into_iter().flatten().collect())
     }
 
-    /// Loads as points whose distance is roughly that of the poses: (r / L, θ), a
-    /// wrench through the compliance at rest.
+    /// Mid-frame coordinates (c / L, θ) of each load's pose; for a wrench, of the pose that
+    /// the rod with this body's stiffness at rest takes. Over them states are nearly
+    /// linear, over wrenches they are not.
     fn points(&self, loads: &[Load], rest: &CaseResult) -> Vec<[f64; 6]> {
         let length = self.body.mesh.length_m();
-        let stiffness = Matrix6::from_fn(|i, j| rest.stiffness[i][j]);
-        let compliance = stiffness.try_inverse().unwrap_or_else(Matrix6::identity);
+        let rod = Rod::like(&rest.stiffness, length);
         loads
-            .iter()
+            .par_iter()
             .map(|load| {
-                let p: [f64; 6] = match load {
-                    Load::Wrench(h) => (compliance * Vector6::from_column_slice(h)).into(),
-                    Load::Pose(p) => {
-                        let mut from_rest = *p;
-                        from_rest[0] -= length;
-                        from_rest
-                    }
+                let pose = match load {
+                    Load::Wrench(h) => rod.pose(h).0,
+                    Load::Pose(p) => *p,
                 };
-                std::array::from_fn(|k| if k < 3 { p[k] / length } else { p[k] })
+                let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(&pose), length);
+                std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
             })
             .collect()
     }
@@ -149,11 +173,10 @@ impl Fem {
         &self,
         work: &mut Workspace,
         load: &Load,
-        start: Option<&Solved>,
-        rest_state: &State,
-        rest_result: &CaseResult,
+        starts: Starts,
         watch: Watch,
     ) -> (CaseResult, Option<Solved>) {
+        let (rest_state, rest_result) = starts.rest;
         if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             let result = CaseResult {
                 status: Status::Cancelled,
@@ -162,14 +185,21 @@ impl Fem {
             return (result, None);
         }
         let mut spent = 0;
-        if let Some(solved) = start {
+        if let Some(guess) = starts.guess {
+            let (result, state) = self.jump(work, guess, load, watch);
+            match result {
+                Ok(result) => return (result, Some(Solved::new(&state, *load))),
+                Err(iterations) => spent += iterations,
+            }
+        }
+        if let Some(solved) = starts.neighbour {
             let (mut result, state) = self.follow(work, solved.state(), &solved.load, load, watch);
             if matches!(result.status, Status::Solved | Status::Cancelled) {
-                result.load_steps = result.load_steps.max(1);
+                result.iterations += spent;
                 let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
                 return (result, keep);
             }
-            spent = result.iterations;
+            spent += result.iterations;
         }
         // What is lost on the way from a neighbour is told from rest, along proportional load.
         let from = match load {

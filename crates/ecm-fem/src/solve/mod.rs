@@ -4,6 +4,7 @@ mod batch;
 mod condense;
 mod newton;
 mod path;
+mod predict;
 #[cfg(test)]
 mod tests;
 

@@ -78,7 +78,8 @@ impl Workspace {
 }
 
 impl Fem {
-    /// Takes `state` to equilibrium under `load`; returns the number of iterations.
+    /// Takes `state` to equilibrium under `load` in at most `most` iterations; returns
+    /// their number.
     ///
     /// On success tangent, factor and `balance` belong to the final state.
     pub(super) fn newton(
@@ -86,6 +87,7 @@ impl Fem {
         work: &mut Workspace,
         state: &mut State,
         load: &Load,
+        most: usize,
         watch: Watch,
     ) -> Result<usize, (Failure, usize)> {
         let n = self.pattern.unknowns;
@@ -114,7 +116,7 @@ impl Fem {
             if work.balance.residual <= self.settings.tolerance {
                 return Ok(iteration);
             }
-            if iteration == self.settings.iterations {
+            if iteration == most {
                 work.ready = false;
                 return Err((Failure::Diverged, iteration));
             }

@@ -10,6 +10,9 @@ use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
 use nalgebra::Matrix3;
 
+/// Newton iterations granted to a guess before the way from a neighbour is taken.
+const JUMP: usize = 10;
+
 impl Fem {
     /// Follows the load from rest; also returns the final state.
     pub(super) fn follow_from_rest(
@@ -36,6 +39,7 @@ impl Fem {
     ) -> (CaseResult, State) {
         work.ready = false;
         let (mut reached, mut step) = (0.0, 1.0f64);
+        let most = self.settings.iterations;
         let (mut iterations, mut load_steps) = (0, 0);
         let mut last_good = state.clone();
         let mut last_result: Option<CaseResult> = None;
@@ -45,14 +49,12 @@ impl Fem {
             } else {
                 reached + step
             };
-            let outcome = self.newton(work, &mut state, &between(start, load, next), watch);
+            let outcome = self.newton(work, &mut state, &between(start, load, next), most, watch);
             let failure = match outcome {
                 Ok(n) => {
                     iterations += n;
                     let result = self.report(work, &state);
-                    let stable = result.inner_instabilities == 0
-                        && (matches!(load, Load::Pose(_)) || result.smallest_eigenvalue > 0.0);
-                    if stable {
+                    if self.is_stable(load, &result) {
                         load_steps += 1;
                         reached = next;
                         step = (2.0 * step).min(1.0 - reached);
@@ -91,11 +93,51 @@ impl Fem {
         (result, last_good)
     }
 
+    /// Newton at the load itself from a guessed state; on failure, or where it ends
+    /// unstable, the number of iterations lost.
+    pub(super) fn jump(
+        &self,
+        work: &mut Workspace,
+        mut state: State,
+        load: &Load,
+        watch: Watch,
+    ) -> (Result<CaseResult, usize>, State) {
+        work.ready = false;
+        let outcome = match self.newton(work, &mut state, load, JUMP, watch) {
+            Ok(iterations) => {
+                let result = self.report(work, &state);
+                if self.is_stable(load, &result) {
+                    Ok(CaseResult {
+                        iterations,
+                        load_steps: 1,
+                        ..result
+                    })
+                } else {
+                    Err(iterations)
+                }
+            }
+            Err((_, iterations)) => Err(iterations),
+        };
+        (outcome, state)
+    }
+
+    /// Stable inside, and at a given wrench also as a whole.
+    fn is_stable(&self, load: &Load, result: &CaseResult) -> bool {
+        result.inner_instabilities == 0
+            && (matches!(load, Load::Pose(_)) || result.smallest_eigenvalue > 0.0)
+    }
+
     /// Result of the equilibrium a path began with, when no step succeeded.
     fn start_result(&self, work: &mut Workspace, state: &mut State, start: &Load) -> CaseResult {
         work.ready = false;
         // The start is an equilibrium: this only assembles and factorises there.
-        let _ = self.newton(work, state, start, Watch::default());
+        let _ = self.newton(
+            work,
+            state,
+            start,
+            self.settings.iterations,
+            Watch::default(),
+        );
         self.report(work, state)
     }
 
