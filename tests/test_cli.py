@@ -200,6 +200,93 @@ def test_new_writes_a_file_once(
     assert written == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
 
+def test_from_candidates_to_a_refit_and_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    """design, campaign, fit, compare, refit and reveal pass their files on to each other."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))
+    poses, _ = neck_rows(40)
+    candidates = {"pose_id": np.arange(40.0) + 100, **dict(zip(POSE, poses.T, strict=True))}
+    Path("c.csv").write_text(csv_text(candidates), encoding="utf-8")
+    Path("c.toml").write_text(
+        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
+        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n",
+        encoding="utf-8",
+    )
+    Path("rig.toml").write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+
+    def done(*arguments: object) -> Done:
+        found = ecm_command(*arguments)
+        assert found.code == 0, found.err
+        return found
+
+    said = done("design", "c.csv", "--n", "14", "--model", "linear", "--out", "plan.csv",
+                "--json", "design.json")  # fmt: skip
+    assert "14 poses" in said.out
+    plan = read_table("plan.csv")
+    rows = read(Path("design.json"))["rows"]
+    assert len(set(rows)) == 14
+    np.testing.assert_array_equal(plan.column("pose_id"), np.asarray(rows) + 100.0)
+    np.testing.assert_array_equal(plan.poses, poses[rows])
+    assert plan.meta.mechanism["radius_m"] == 0.033
+
+    done("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv", "--hide",
+         "fts_offset=5", "--seed", "3")  # fmt: skip
+    data = read_table("data.csv")
+    assert len(data) == 14
+    assert data.column("dwell_s").tolist() == [5.0] * 14
+    assert data.meta.instrument.force_sd_N == pytest.approx(0.3, rel=0.05)
+    assert "fts_offset" not in Path("data.csv").read_text(encoding="utf-8")
+    assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
+
+    done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
+    done("compare", "m.json", "data.csv", "--json", "before.json")
+    done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",
+         "refit.json")  # fmt: skip
+    done("compare", "n.json", "data.csv", "--json", "after.json")
+    before, after = read(Path("before.json")), read(Path("after.json"))
+    assert after["whitened_rms"] < 0.5 * before["whitened_rms"]
+    assert [effect["id"] for effect in read(Path("refit.json"))["effects"]] == ["fts_offset"]
+
+    Path("answer.json").write_text(
+        json.dumps({"schema": 1, "verdict": "named", "answer": [["fts_offset"]]}), encoding="utf-8"
+    )
+    told = done("reveal", "data.csv", "--answer", "answer.json", "--json", "truth.json")
+    assert "fts_offset" in told.out
+    assert "the answer is right" in told.out
+    assert read(Path("truth.json"))["effects"][0]["s"] == 5.0
+
+
+def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:
+    """An offset of the sensor in its own axes, against the energy model (only L is known)."""
+    from ecm._native import rotation_matrices
+
+    columns = neck_columns(80)
+    rotations = rotation_matrices(np.column_stack([columns[name] for name in POSE[3:]]))
+    for j, name in enumerate(WRENCH[:3]):
+        columns[name] = columns[name] + 3.0 * rotations[:, j, 1]
+    (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
+    (tmp_path / "d.toml").write_text(
+        "[mechanism]\nlength_m = 0.1034\n[instrument]\nforce_sd_N = 0.3\ntorque_sd_Nm = 0.01\n"
+        "pose_position_sd_m = 1e-7\npose_rotation_sd_rad = 1e-6\n",
+        encoding="utf-8",
+    )
+    data = tmp_path / "d.csv"
+    assert ecm_command("fit", data, "--model", "energy4", "--out", tmp_path / "m.json").code == 0
+    done = ecm_command(
+        "diagnose", tmp_path / "m.json", data, "--json", tmp_path / "d.json", "--report",
+        tmp_path / "d.html", "--seed", "7",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    document = read(tmp_path / "d.json")
+    assert document["seed"] == 7
+    assert document["verdict"] in ("none", "named", "ambiguous", "unknown")
+    assert document["sentence"] in done.out
+    assert document["not_testable"][0]["id"] in done.out
+    assert "verdict" in (tmp_path / "d.html").read_text(encoding="utf-8")
+
+
 # --- how it ends ------------------------------------------------------------
 
 

@@ -57,7 +57,7 @@ def write_diagnosis(path: Path, document: Mapping[str, Any]) -> None:
     from ecm.report.page import number
 
     errors = document["rmse"]
-    steps = [step for step in ("before", "after", "floor", "ceiling") if errors.get(step)]
+    steps = [step for step in ("before", "after", "floor") if errors.get(step)]
     rows = [[name, *(number(errors[step][name]) for step in steps)] for name in errors["before"]]
     sections = [
         Section(
