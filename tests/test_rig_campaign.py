@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.errors import InputError
-from ecm.rig import Campaign, RigSettings, run_campaign
+from ecm.errors import ComputationError, InputError
+from ecm.rig import Campaign, RigSettings, campaign_minutes, run_campaign
 from ecm.rig.observe import residual, row_covariance
 from ecm.rig.strength import Whitener
 from ecm.table import Table, read_table
@@ -180,6 +180,30 @@ def test_a_damaged_cache_is_solved_again(tmp_path: Path) -> None:
     source = StandIn()
     Campaign(plan, RigSettings(), source, folder=tmp_path)
     assert source.solved == 6
+
+
+def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(ComputationError, match="ECM_CACHE"):
+        Campaign(plan_of(some_poses(5)), RigSettings(), StandIn(), folder=file / "cache")
+
+
+def test_new_data_without_secrets_take_the_old_truth_away(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(plan_of(some_poses(20)), RigSettings(), out, hide="payload=1", **kept)
+    assert (tmp_path / "data.truth.json").exists()
+    run_campaign(plan_of(some_poses(20)), RigSettings(), out, **kept)
+    assert not (tmp_path / "data.truth.json").exists()
+
+
+def test_the_time_of_a_plan_is_known_before_anything_is_solved() -> None:
+    plan = plan_of(some_poses(20))
+    plan = plan.with_meta(replace(plan.meta, mechanism={"length_m": StandIn().length_m}))
+    minutes = campaign_minutes(plan, RigSettings())
+    assert minutes == pytest.approx(Campaign(plan, RigSettings(), StandIn()).minutes)
+    assert 5.0 < minutes < 30.0
 
 
 def test_a_plan_without_mechanism_says_what_to_add(tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.errors import ComputationError
+
 
 def directory() -> Path:
     """ECM_CACHE, else XDG_CACHE_HOME/ecm, else ~/.cache/ecm."""
@@ -38,15 +40,27 @@ def load(path: Path) -> dict[str, NDArray[np.float64]] | None:
 
 
 def save(path: Path, arrays: dict[str, Any]) -> None:
-    """Atomic: temporary file, fsync, rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    """Atomic: temporary file, fsync, rename.
+
+    Raises
+    ------
+    ComputationError
+        Where the folder cannot be written.
+    """
     try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, **arrays)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                np.savez(stream, **arrays)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise ComputationError(
+            f"{path.parent}: solved poses cannot be kept there: {error.strerror}. Name a folder "
+            "that can be written in the environment variable ECM_CACHE"
+        ) from None

@@ -88,6 +88,9 @@ def run_campaign(
     text = campaign.truth_text()
     if text is not None:
         write_atomically(truth.truth_path(out), text)
+    else:
+        # A truth that stands there belongs to data that are overwritten now.
+        truth.truth_path(out).unlink(missing_ok=True)
     table.write(out)
     journal.remove()
     return table
