@@ -7,24 +7,29 @@
 //! log det M* <= log det M + k log(S / k),   S = tr(M^-1 F) + max_w sum w_i phi_i,
 //!
 //! the Kiefer-Wolfowitz inequality; the maximum fills the largest phi up to the cap. It
-//! holds for every M, so the bound is certified however far the optimisation came.
+//! holds for every M, so the bound is certified however far the optimisation came. For
+//! Phi = tr(M^-1 B) (I- and A-optimality) Cauchy-Schwarz gives the same with
+//! psi_i = tr(A_i M^-1 B M^-1 A_i') and k replaced by Phi: Phi* >= Phi^2 / S. Both are written
+//! with the merit log det M or -k log Phi, whose gap is k log(S / T), T = k or Phi.
 
 use crate::budget::Control;
-use crate::linalg::{cholesky, dot, log_det, lower_inverse, product_transposed};
-use crate::problem::Problem;
+use crate::linalg::{
+    add_transposed_product, cholesky, dot, log_det, lower_inverse, product, product_transposed,
+};
+use crate::problem::{Objective, Problem};
 
 /// The continuous optimum: weights, log det M and how far it can be from the best.
 #[derive(Debug, Clone)]
 pub struct Continuous {
     /// w_i, summing to n.
     pub weights: Vec<f64>,
-    /// phi_i = tr(A_i M^-1 A_i') at the optimum.
+    /// phi_i (or psi_i) at the optimum.
     pub phi: Vec<f64>,
-    /// log det M(w) in whitened coordinates.
-    pub log_det: f64,
-    /// log det M* of any feasible design is at most this (whitened coordinates).
+    /// log det M(w), or -k log tr(M^-1 B), in whitened coordinates.
+    pub merit: f64,
+    /// The merit of any feasible design is at most this (whitened coordinates).
     pub bound: f64,
-    /// k log(S/k), the Kiefer-Wolfowitz gap left.
+    /// k log(S/T), the Kiefer-Wolfowitz gap left.
     pub gap: f64,
     /// Newton steps taken.
     pub iterations: usize,
@@ -48,13 +53,20 @@ impl Default for CertificateSettings {
     }
 }
 
-/// phi of every pose and log det M at the weights `w`; `None` when M is singular.
+/// The objective and its gradient at some weights.
 struct Evaluation {
-    log_det: f64,
+    /// log det M or -Phi: concave in the weights, with gradient `phi`.
+    value: f64,
+    /// log det M or -k log Phi.
+    merit: f64,
+    /// T of the gap: k or Phi.
+    level: f64,
     inv_lower: Vec<f64>,
+    /// L^-1 H of the trace criterion.
+    weighted: Option<Vec<f64>>,
     phi: Vec<f64>,
-    /// tr(M^-1 F)
-    fixed_trace: f64,
+    /// The part of S that comes from F.
+    fixed: f64,
 }
 
 fn weighted_information(problem: &Problem, w: &[f64]) -> Vec<f64> {
@@ -69,15 +81,30 @@ fn weighted_information(problem: &Problem, w: &[f64]) -> Vec<f64> {
             let root = w[i].sqrt();
             left.extend(problem.pose(i).iter().map(|v| v * root));
         }
-        crate::linalg::add_transposed_product(&mut m, (k, part.len() * b, k), &left, &left);
+        add_transposed_product(&mut m, (k, part.len() * b, k), &left, &left);
     }
     m
 }
 
-fn information_log_det(problem: &Problem, w: &[f64]) -> Option<f64> {
-    let mut m = weighted_information(problem, w);
-    cholesky(&mut m, problem.terms, 1e-14).ok()?;
-    Some(log_det(&m, problem.terms))
+/// The concave objective alone; `None` when M is singular.
+fn objective(problem: &Problem, w: &[f64]) -> Option<f64> {
+    let k = problem.terms;
+    let mut l = weighted_information(problem, w);
+    cholesky(&mut l, k, 1e-14).ok()?;
+    Some(match &problem.objective {
+        Objective::Determinant => log_det(&l, k),
+        Objective::Trace(half) => {
+            let weighted = square_product(&lower_inverse(&l, k), half, k);
+            -dot(&weighted, &weighted)
+        }
+    })
+}
+
+/// A B of k x k matrices.
+fn square_product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
+    let mut c = vec![0.0; k * k];
+    product(&mut c, (k, k, k), a, b, 1.0, false);
+    c
 }
 
 fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
@@ -85,34 +112,59 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
     let (b, k) = (problem.block, problem.terms);
     let mut l = weighted_information(problem, w);
     cholesky(&mut l, k, 1e-14).ok()?;
-    let log_det = log_det(&l, k);
     let inv_lower = lower_inverse(&l, k);
+    let weighted = match &problem.objective {
+        Objective::Determinant => None,
+        Objective::Trace(half) => Some(square_product(&inv_lower, half, k)),
+    };
     let mut phi = vec![0.0; problem.poses];
     let mut t = vec![0.0; CHUNK.min(problem.poses) * b * k];
+    let mut v = vec![0.0; if weighted.is_some() { t.len() } else { 0 }];
     for start in (0..problem.poses).step_by(CHUNK) {
         let count = CHUNK.min(problem.poses - start);
         let rows = &problem.rows[start * b * k..(start + count) * b * k];
-        let t = &mut t[..count * b * k];
-        product_transposed(t, (count * b, k, k), rows, &inv_lower);
+        let mut part = &mut t[..count * b * k];
+        product_transposed(part, (count * b, k, k), rows, &inv_lower);
+        if let Some(weighted) = &weighted {
+            let out = &mut v[..count * b * k];
+            product(out, (count * b, k, k), part, weighted, 1.0, false);
+            part = out;
+        }
         for (value, block) in phi[start..start + count]
             .iter_mut()
-            .zip(t.chunks_exact(b * k))
+            .zip(part.chunks_exact(b * k))
         {
             *value = dot(block, block);
         }
     }
-    let fixed_trace = if problem.fixed.iter().all(|v| *v == 0.0) {
-        0.0
-    } else {
-        let mut half = vec![0.0; k * k];
-        crate::linalg::product(&mut half, (k, k, k), &inv_lower, &problem.fixed, 1.0, false);
-        dot(&half, &inv_lower)
+    // S takes tr(M^-1 F), or tr(Y' F Y) with Y = M^-1 H, from what is fixed.
+    let left = match &weighted {
+        None => inv_lower.clone(),
+        Some(weighted) => {
+            let mut y = vec![0.0; k * k];
+            add_transposed_product(&mut y, (k, k, k), weighted, &inv_lower);
+            y
+        }
+    };
+    let fixed = dot(&square_product(&left, &problem.fixed, k), &left);
+    let (value, merit, level) = match &weighted {
+        None => {
+            let value = log_det(&l, k);
+            (value, value, k as f64)
+        }
+        Some(weighted) => {
+            let trace = dot(weighted, weighted);
+            (-trace, -(k as f64) * trace.ln(), trace)
+        }
     };
     Some(Evaluation {
-        log_det,
+        value,
+        merit,
+        level,
         inv_lower,
+        weighted,
         phi,
-        fixed_trace,
+        fixed,
     })
 }
 
@@ -142,7 +194,7 @@ fn best_filling(phi: &[f64], available: &[bool], n: f64, cap: f64) -> (f64, f64)
 fn bound_at(problem: &Problem, eval: &Evaluation, n: f64, cap: f64) -> (f64, f64) {
     let k = problem.terms as f64;
     let (sum, level) = best_filling(&eval.phi, &problem.available, n, cap);
-    let gap = (k * ((sum + eval.fixed_trace) / k).ln()).max(0.0);
+    let gap = (k * ((sum + eval.fixed) / eval.level).ln()).max(0.0);
     (gap, level)
 }
 
@@ -191,12 +243,12 @@ pub fn continuous(
     if n == 0 || count == 0 {
         let eval = evaluate(problem, &vec![0.0; problem.poses])?;
         let weights = vec![0.0; problem.poses];
-        let (log_det, phi) = (eval.log_det, eval.phi);
+        let (merit, phi) = (eval.merit, eval.phi);
         return Some(Continuous {
             weights,
             phi,
-            log_det,
-            bound: log_det,
+            merit,
+            bound: merit,
             gap: 0.0,
             iterations: 0,
         });
@@ -209,7 +261,7 @@ pub fn continuous(
         .collect();
     let mut eval = evaluate(problem, &w)?;
     for _ in 0..4 {
-        multiplicative_step(&mut w, &eval.phi, n_f, cap);
+        multiplicative_step(&mut w, &pull(problem, &eval.phi), n_f, cap);
         eval = evaluate(problem, &w)?;
     }
     let wanted = 2 * (n.min(4 * problem.terms) + problem.terms);
@@ -217,12 +269,12 @@ pub fn continuous(
         (w, eval) = keep_best(problem, w, eval, wanted, n_f, cap)?;
     }
     let (mut gap, mut level) = bound_at(problem, &eval, n_f, cap);
-    let mut bound = eval.log_det + gap;
+    let mut bound = eval.merit + gap;
     let mut iterations = 0;
     while iterations < settings.iterations && gap > settings.tolerance * k && !control.stop() {
         let set = working_set(problem, &w, &eval.phi, level, wanted);
-        let step = newton_step(problem, &set, &w, &eval, cap, 0.05 * gap);
-        let before = (gap, eval.log_det);
+        let step = newton_step(problem, &set, &w, &eval, cap, 0.05 * gap * eval.level / k);
+        let before = (gap, eval.value);
         let mut size = 1.0;
         let mut moved = false;
         for _ in 0..30 {
@@ -233,7 +285,7 @@ pub fn continuous(
                     trial[i] = 0.0;
                 }
             }
-            if information_log_det(problem, &trial).is_some_and(|v| v > eval.log_det) {
+            if objective(problem, &trial).is_some_and(|v| v > eval.value) {
                 w = trial;
                 moved = true;
                 break;
@@ -246,14 +298,14 @@ pub fn continuous(
         restore_sum(&mut w, n_f, cap);
         eval = evaluate(problem, &w)?;
         (gap, level) = bound_at(problem, &eval, n_f, cap);
-        bound = bound.min(eval.log_det + gap);
+        bound = bound.min(eval.merit + gap);
         iterations += 1;
-        if (before.0 - gap).abs() < 1e-15 && eval.log_det <= before.1 {
+        if (before.0 - gap).abs() < 1e-15 && eval.value <= before.1 {
             break;
         }
     }
     Some(Continuous {
-        log_det: eval.log_det,
+        merit: eval.merit,
         phi: eval.phi,
         weights: w,
         bound,
@@ -316,7 +368,14 @@ fn newton_step(
         .collect();
     let mut t = vec![0.0; rows.len()];
     product_transposed(&mut t, (s * b, k, k), &rows, &eval.inv_lower);
-    let hessian = squared_blocks(&t, s, b, k);
+    let hessian = match &eval.weighted {
+        None => block_products(&t, &t, 1.0, s, b, k),
+        Some(weighted) => {
+            let mut v = vec![0.0; t.len()];
+            product(&mut v, (s * b, k, k), &t, weighted, 1.0, false);
+            block_products(&t, &v, 2.0, s, b, k)
+        }
+    };
     let mut step = vec![0.0; s];
     let mut gradient: Vec<f64> = set.iter().map(|&i| eval.phi[i]).collect();
     let n: f64 = set.iter().map(|&i| w[i]).sum();
@@ -369,20 +428,33 @@ fn newton_step(
     step
 }
 
-/// H_ij = |T_i T_j'|_F^2 for s blocks of b rows.
-fn squared_blocks(t: &[f64], s: usize, b: usize, k: usize) -> Vec<f64> {
+/// Factor of the multiplicative step: phi for the determinant, its root for the trace.
+fn pull(problem: &Problem, phi: &[f64]) -> Vec<f64> {
+    match problem.objective {
+        Objective::Determinant => phi.to_vec(),
+        Objective::Trace(_) => phi.iter().map(|p| p.sqrt()).collect(),
+    }
+}
+
+/// H_ij = factor * sum of the entries of (T_i T_j') o (V_i V_j') for s blocks of b rows.
+fn block_products(t: &[f64], v: &[f64], factor: f64, s: usize, b: usize, k: usize) -> Vec<f64> {
     let mut hessian = vec![0.0; s * s];
-    let mut cross = vec![0.0; b * s * b];
+    let (mut cross_t, mut cross_v) = (vec![0.0; b * s * b], vec![0.0; b * s * b]);
+    let same = std::ptr::eq(t, v);
     for i in 0..s {
-        let own = &t[i * b * k..(i + 1) * b * k];
-        product_transposed(&mut cross, (b, k, s * b), own, t);
+        let own = i * b * k..(i + 1) * b * k;
+        product_transposed(&mut cross_t, (b, k, s * b), &t[own.clone()], t);
+        if !same {
+            product_transposed(&mut cross_v, (b, k, s * b), &v[own], v);
+        }
+        let other = if same { &cross_t } else { &cross_v };
         for j in 0..s {
             let mut sum = 0.0;
             for r in 0..b {
-                let part = &cross[r * s * b + j * b..r * s * b + (j + 1) * b];
-                sum += part.iter().map(|v| v * v).sum::<f64>();
+                let part = r * s * b + j * b..r * s * b + (j + 1) * b;
+                sum += dot(&cross_t[part.clone()], &other[part]);
             }
-            hessian[i * s + j] = sum;
+            hessian[i * s + j] = factor * sum;
         }
     }
     hessian

@@ -3,6 +3,8 @@
 //! - [`d_optimal`]: the subset with the largest log det of the information matrix, by
 //!   Fedorov's exchange (the paper's), by the row-wise exchange, or by a search that starts
 //!   from the continuous optimum; with the certified bound of [`certificate`].
+//! - [`i_optimal`], [`a_optimal`]: the smallest average variance of the prediction over the
+//!   candidates, or of the coefficients, with a certified lower bound.
 //! - [`maximin`]: the subset with the largest smallest distance, by the paper's exchange or by
 //!   a threshold search; with an upper bound from clique covers.
 //!
@@ -20,6 +22,7 @@ mod spacing;
 
 pub use budget::{Control, ProgressFn, Status};
 pub use criterion::d::{DSettings, Design, Method, d_optimal};
+pub use criterion::linear::{a_optimal, i_optimal};
 pub use criterion::maximin::{MaximinSettings, SpacingMethod, maximin};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;

@@ -5,6 +5,15 @@ use crate::linalg::{
     add_transposed_product, cholesky, inverse, log_det, lower_inverse, product_transposed,
 };
 
+/// What a design is to make large or small.
+#[derive(Debug, Clone)]
+pub(crate) enum Objective {
+    /// log det M, to be large.
+    Determinant,
+    /// tr(M^-1 B) with B = H H', to be small; holds H (k x k) in whitened coordinates.
+    Trace(Vec<f64>),
+}
+
 /// Candidates of a model-based design in coordinates in which their mean information is I.
 ///
 /// Each pose i has a block A_i of `block` rows; a design w has M(w) = F + sum w_i A_i' A_i
@@ -28,6 +37,7 @@ pub struct Problem {
     pub(crate) available: Vec<bool>,
     /// R^-1 transposed, k x k: whitens a column vector x as `back * x`.
     pub(crate) back: Vec<f64>,
+    pub(crate) objective: Objective,
 }
 
 impl Problem {
@@ -89,6 +99,7 @@ impl Problem {
             shift: shift_1 + shift_2,
             available: vec![true; poses],
             back,
+            objective: Objective::Determinant,
         })
     }
 

@@ -98,7 +98,7 @@ fn other_columns_and_lists() {
     }
     std::fs::write(&path, table).unwrap();
     let p = path.to_str().unwrap();
-    for criterion in ["d", "maximin"] {
+    for criterion in ["d", "i", "a", "maximin"] {
         let result = design(&[
             p,
             "--n",
@@ -292,6 +292,12 @@ fn broken_input_exits_with_2_and_says_where() {
             &format!("a,b\n{good}"),
             &["--starts", "0", "--model", "linear"],
             &["starts", "at least 1"],
+        ),
+        (
+            "ridge",
+            &format!("a,b\n{good}"),
+            &["--ridge=-1", "--model", "linear"],
+            &["--ridge", "positive"],
         ),
         (
             "time",

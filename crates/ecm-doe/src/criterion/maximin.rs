@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::d::{Design, apply_lists, generator};
+use super::d::{Design, apply_lists};
+use super::model_based::generator;
 use crate::budget::on_threads;
 use crate::spacing::cover::cover_bound;
 use crate::spacing::neighbours::{Neighbours, farthest_points};

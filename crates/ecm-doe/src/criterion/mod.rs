@@ -1,4 +1,6 @@
 //! What a design is good for.
 
 pub mod d;
+pub mod linear;
 pub mod maximin;
+pub(crate) mod model_based;

@@ -133,7 +133,7 @@ impl State for BlockState<'_> {
         &self.design
     }
 
-    fn log_det(&self) -> f64 {
+    fn merit(&self) -> f64 {
         self.log_det
     }
 

@@ -114,7 +114,7 @@ impl State for CrossState<'_> {
         &self.design
     }
 
-    fn log_det(&self) -> f64 {
+    fn merit(&self) -> f64 {
         self.information.log_det()
     }
 

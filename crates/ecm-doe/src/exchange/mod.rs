@@ -9,13 +9,15 @@ pub(crate) mod pool;
 pub(crate) mod rowwise;
 pub(crate) mod search;
 mod start;
+mod trace;
 
 pub(crate) use block::BlockState;
 pub(crate) use cross::CrossState;
 pub use information::InformationMatrix;
 pub(crate) use start::{random_design, rounded_design, spanning_design};
+pub(crate) use trace::TraceState;
 
-/// A swap of design row `row` for pool candidate `candidate` and its growth of log det.
+/// A swap of design row `row` for pool candidate `candidate` and its growth of the merit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Swap {
     pub row: usize,
@@ -23,15 +25,15 @@ pub(crate) struct Swap {
     pub gain: f64,
 }
 
-/// Growth of log det below which a design counts as a local optimum.
+/// Growth of the merit below which a design counts as a local optimum.
 pub(crate) const LEAST_GAIN: f64 = 1e-9;
 
 /// A design on which exchanges are tried; `candidate` counts within the pool.
 pub(crate) trait State: Clone {
     /// Candidates of the design rows that may be exchanged.
     fn design(&self) -> &[usize];
-    /// log det M in whitened coordinates.
-    fn log_det(&self) -> f64;
+    /// What is maximised: log det M, or -k log tr(M^-1 B); whitened coordinates.
+    fn merit(&self) -> f64;
     /// The best candidate for one row; its gain may be approximate.
     fn best_for_row(&mut self, row: usize) -> Option<Swap>;
     /// The exact gain of one swap.

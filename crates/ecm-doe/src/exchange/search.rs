@@ -51,7 +51,7 @@ pub(crate) fn iterate<S: State>(
             rowwise::descend(work, rng, limit, control).0
         };
         effort.steps += 1;
-        if work.log_det() > best.log_det() + 1e-11 {
+        if work.merit() > best.merit() + 1e-11 {
             best.copy_from(work);
         }
     }

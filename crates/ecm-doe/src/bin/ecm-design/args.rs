@@ -7,8 +7,12 @@ use clap::{Parser, ValueEnum};
 /// What the design is to be good at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Criterion {
-    /// Largest determinant of the information of a model
+    /// Largest determinant of the information
     D,
+    /// Smallest average variance of the prediction over the candidates
+    I,
+    /// Smallest summed variance of the coefficients
+    A,
     /// Largest smallest distance, coordinates scaled to [-1, 1]
     Maximin,
 }
@@ -40,7 +44,7 @@ pub struct Args {
     /// Number of poses to choose (with --include: besides those)
     #[arg(long, required_unless_present_any = ["man", "completions"])]
     pub n: Option<usize>,
-    /// What the design is to be good at
+    /// Determinant, average variance of predictions or coefficients, smallest distance
     #[arg(long, value_enum, default_value = "d")]
     pub criterion: Criterion,
     /// linear, quadratic, cubic, poly:D, energyD, energyD-revolution, energyD-general (D 4..6)
@@ -61,7 +65,7 @@ pub struct Args {
     /// CSV table of poses already measured: they count but are not chosen again
     #[arg(long, value_name = "FILE")]
     pub augment: Option<PathBuf>,
-    /// A pose may be chosen more than once (criterion d)
+    /// A pose may be chosen more than once (not for maximin)
     #[arg(long)]
     pub replicates: bool,
     /// Undeformed length for energy models [default: length_m in the table's .toml]
@@ -85,6 +89,9 @@ pub struct Args {
     /// Threads, 0 for all; without influence on the result
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
+    /// Prior information on every coefficient but the constant, in noise variances (Bayesian D, I, A)
+    #[arg(long, value_name = "LAMBDA", default_value_t = 0.0)]
+    pub ridge: f64,
     /// Leave out rows with bad cells instead of refusing the table
     #[arg(long)]
     pub skip_bad_rows: bool,

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise};
 use ecm_doe::{
-    Control, DSettings, Design, DesignError, MaximinSettings, Method, SpacingMethod, d_optimal,
-    maximin,
+    Control, DSettings, Design, DesignError, MaximinSettings, Method, SpacingMethod, a_optimal,
+    d_optimal, i_optimal, maximin,
 };
 
 use crate::args::{Args, Criterion, Search};
@@ -121,7 +121,7 @@ impl Job {
         let n = args.n.unwrap_or(0) + self.include.len();
         match args.criterion {
             Criterion::Maximin => self.run_maximin(args, n, control),
-            Criterion::D => self.run_d(args, path, n, control),
+            _ => self.run_model(args, path, n, control),
         }
     }
 
@@ -151,7 +151,7 @@ impl Job {
         Ok(maximin(&points, width, &settings, control)?)
     }
 
-    fn run_d(
+    fn run_model(
         &self,
         args: &Args,
         path: &Path,
@@ -188,9 +188,14 @@ impl Job {
             include: self.include.clone(),
             exclude: self.exclude.clone(),
             measured,
-            prior: None,
+            prior: prior(args, model, terms)?,
         };
-        d_optimal(&rows, block, terms, &settings, control).map_err(|e| self.explain(e, args))
+        match args.criterion {
+            Criterion::I => i_optimal(&rows, block, terms, None, &settings, control),
+            Criterion::A => a_optimal(&rows, block, terms, &settings, control),
+            _ => d_optimal(&rows, block, terms, &settings, control),
+        }
+        .map_err(|e| self.explain(e, args))
     }
 
     fn regressor(
@@ -255,6 +260,25 @@ impl Job {
             other => other.into(),
         }
     }
+}
+
+/// lambda I; a polynomial's constant, the first term, stays free.
+fn prior(args: &Args, model: Model, terms: usize) -> Result<Option<Vec<f64>>, Failure> {
+    if args.ridge == 0.0 {
+        return Ok(None);
+    }
+    if !(args.ridge > 0.0 && args.ridge.is_finite()) {
+        let found = args.ridge;
+        return Err(Failure::Input(format!(
+            "--ridge: {found}, expected a positive number, 0 for none"
+        )));
+    }
+    let first = usize::from(matches!(model, Model::Polynomial { .. }));
+    let mut prior = vec![0.0; terms * terms];
+    for i in first..terms {
+        prior[i * terms + i] = args.ridge;
+    }
+    Ok(Some(prior))
 }
 
 /// Excludes rows whose coordinates occurred before, preferring included ones; their number.

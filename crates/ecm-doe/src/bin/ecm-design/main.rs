@@ -131,6 +131,12 @@ fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
             design.bound,
             if args.replicates { "poses that may repeat" } else { "subsets" }
         ),
+        Criterion::I | Criterion::A => format!(
+            "{chosen}: {share:.2} % of what is possible ({} {:.6} noise variances, certified lower bound {:.6})",
+            if args.criterion == Criterion::I { "average prediction variance" } else { "summed coefficient variance" },
+            design.value,
+            design.bound
+        ),
         Criterion::Maximin => format!(
             "{chosen}: smallest distance {:.5}, at least {share:.1} % of what is possible (upper bound {:.5}, coordinates scaled to [-1, 1])",
             design.value, design.bound
@@ -150,8 +156,8 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
     serde_json::json!({
         "schema": 1,
         "version": env!("CARGO_PKG_VERSION"),
-        "criterion": match args.criterion { Criterion::D => "d", Criterion::Maximin => "maximin" },
-        "model": match args.criterion { Criterion::D => Some(&args.model), Criterion::Maximin => None },
+        "criterion": criterion_name(args.criterion),
+        "model": (args.criterion != Criterion::Maximin).then_some(&args.model),
         "columns": job.coordinates(),
         "candidates": job.candidates(),
         "skipped_rows": job.skipped(),
@@ -162,8 +168,8 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
         "bound": design.bound,
         "bound_kind": match (args.criterion, args.replicates) {
             (Criterion::Maximin, _) => "clique cover",
-            (Criterion::D, true) => "free weights",
-            (Criterion::D, false) => "weights at most 1/n",
+            (_, true) => "free weights",
+            (_, false) => "weights at most 1/n",
         },
         "kiefer_wolfowitz_gap": design.gap,
         "efficiency": design.efficiency,
@@ -172,4 +178,13 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
         "seed": args.seed,
         "reproducible": args.time_limit == 0.0 && design.status != Status::Interrupted,
     })
+}
+
+fn criterion_name(criterion: Criterion) -> &'static str {
+    match criterion {
+        Criterion::D => "d",
+        Criterion::I => "i",
+        Criterion::A => "a",
+        Criterion::Maximin => "maximin",
+    }
 }

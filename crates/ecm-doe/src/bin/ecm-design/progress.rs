@@ -35,8 +35,8 @@ impl Bar {
         }
         bar.enable_steady_tick(Duration::from_millis(200));
         let unit = match args.criterion {
-            Criterion::D => "efficiency",
             Criterion::Maximin => "distance",
+            _ => "efficiency",
         };
         Self {
             bar,
