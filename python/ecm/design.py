@@ -49,7 +49,9 @@ class Design:
     def sentence(self) -> str:
         """One line for people."""
         what = "D-efficiency" if self.criterion == "d" else "smallest distance"
-        return f"{len(self.indices)} poses, {what} {100.0 * self.efficiency:.1f} % of what is possible"
+        return (
+            f"{len(self.indices)} poses, {what} {100.0 * self.efficiency:.1f} % of what is possible"
+        )
 
 
 def polynomial_degree(model: str) -> int:
@@ -59,9 +61,7 @@ def polynomial_degree(model: str) -> int:
         return names[model]
     if model.startswith("poly:") and model[5:].isdigit() and int(model[5:]) >= 1:
         return int(model[5:])
-    raise InputError(
-        f"model {model!r}: expected linear, quadratic, cubic or poly:D with D >= 1"
-    )
+    raise InputError(f"model {model!r}: expected linear, quadratic, cubic or poly:D with D >= 1")
 
 
 def choose(

@@ -24,12 +24,11 @@ from ecm.config import Config, read_config
 from ecm.design import Design, choose, diagnosable_plan, paper_plan
 from ecm.errors import MissingExtra
 from ecm.loop import run_loop
-from ecm.meta import Meta
 from ecm.models import Model, PhysicsMap, fit_model, load_model, surrogate_of
 from ecm.rig import HiddenTable, RigSettings, run_campaign
 from ecm.simulate import Simulated, simulate
 from ecm.stages import Stage, hash_of, write_json
-from ecm.table import POSE, WRENCH, Table, read_table
+from ecm.table import Table, read_table
 
 F = NDArray[np.float64]
 
@@ -131,8 +130,8 @@ def _simulate(job: Job, summary: dict[str, Any]) -> Simulated:
     config = job.config
     pairs = simulate(
         config.mechanism,
-        config.workspace,
         config.simulate.n,
+        config.workspace,
         seed=job.seed,
         threads=job.threads,
         directory=job.out / "stages",
@@ -159,18 +158,8 @@ def _simulate(job: Job, summary: dict[str, Any]) -> Simulated:
         "equation_11": equation_11,
     }
     job.figures["simulated_poses"] = pairs.poses
-    simulated_table(pairs, job.config).write(job.out / "simulated.csv")
+    pairs.table().write(job.out / "simulated.csv")
     return pairs
-
-
-def simulated_table(pairs: Simulated, config: Config) -> Table:
-    """Simulated pairs as a measurement table."""
-    columns: dict[str, Any] = dict(zip(POSE, pairs.poses.T, strict=True))
-    columns |= dict(zip(WRENCH, pairs.wrenches.T, strict=True))
-    columns["energy_J"] = pairs.energy_J
-    columns["largest_stretch"] = pairs.largest_stretch
-    columns["smallest_jacobian"] = pairs.smallest_jacobian
-    return Table(columns, Meta(mechanism=config.mechanism.to_dict()), "simulated pairs")
 
 
 def _split(job: Job, pairs: Simulated) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -266,7 +255,7 @@ def _measure(
     designs: dict[str, Design],
     summary: dict[str, Any],
 ) -> dict[str, Table]:
-    candidates = simulated_table(pairs, job.config).select(train)
+    candidates = pairs.table().select(train)
     clean = replace(job.config.rig, hidden=HiddenTable())
     tables = {}
     rows = {}
@@ -327,9 +316,7 @@ def _identify(
 ) -> None:
     settings = job.config.select
     step = summary["identify"]
-    rows, figures = validation.table_three(
-        tables, settings.thresholds, degree=settings.degrees[-1]
-    )
+    rows, figures = validation.table_three(tables, settings.thresholds, degree=settings.degrees[-1])
     step["table_three"] = rows
     for row in rows:
         job.console.say(
@@ -405,7 +392,7 @@ def _loop(
     physics: PhysicsMap,
     summary: dict[str, Any],
 ) -> None:
-    candidates = simulated_table(pairs, job.config).select(train)
+    candidates = pairs.table().select(train)
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
     count = max(20, job.config.design.n // 2)
     chosen = choose(candidates.poses, count, criterion="maximin", seed=job.seed)

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from ecm._native import rod_poses
 from ecm.errors import ComputationError, InputError
 from ecm.mechanism import Mechanism
+from ecm.meta import Meta
 from ecm.stages import Stage
+from ecm.table import POSE, WRENCH, Table
 
 F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
@@ -84,9 +86,19 @@ class Simulated:
     iterations: NDArray[np.int64]
     counts: dict[str, int]
     """drawn, screened (passed the rod), solved, unstable, failed, kept."""
+    mechanism: Mechanism
 
     def __len__(self) -> int:
         return len(self.poses)
+
+    def table(self, source: str = "simulated pairs") -> Table:
+        """The pairs as a measurement table that knows its mechanism."""
+        columns: dict[str, F] = dict(zip(POSE, self.poses.T, strict=True))
+        columns |= dict(zip(WRENCH, self.wrenches.T, strict=True))
+        columns["energy_J"] = self.energy_J
+        columns["largest_stretch"] = self.largest_stretch
+        columns["smallest_jacobian"] = self.smallest_jacobian
+        return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
 
 
 _ARRAYS = (
@@ -103,8 +115,8 @@ _ARRAYS = (
 
 def simulate(
     mechanism: Mechanism,
-    workspace: Workspace,
     n: int,
+    workspace: Workspace | None = None,
     *,
     seed: int = 0,
     threads: int = 0,
@@ -117,6 +129,8 @@ def simulate(
     ----------
     n
         Pairs to keep.
+    workspace
+        What is admissible; default |theta| <= 0.8 rad under wrenches of the paper's Table I.
     directory
         Where finished chunks are kept; a later call with the same settings goes on there.
     progress
@@ -124,6 +138,7 @@ def simulate(
     """
     if n < 1:
         raise InputError(f"simulate: n = {n}, expected at least 1 pair")
+    workspace = Workspace() if workspace is None else workspace
     stage = None
     if directory is not None:
         settings = {
@@ -197,6 +212,7 @@ def simulate(
         **{name: arrays[name] for name in _ARRAYS if name != "iterations"},
         iterations=arrays["iterations"].astype(np.int64),
         counts=counts,
+        mechanism=mechanism,
     )
 
 
@@ -273,5 +289,5 @@ def fem_poses(
         wrench_min=tuple(float(v) for v in np.asarray(TABLE_I_MIN) * factors),
         wrench_max=tuple(float(v) for v in np.asarray(TABLE_I_MAX) * factors),
     )
-    found = simulate(mechanism, workspace, n, seed=seed, threads=threads, progress=progress)
+    found = simulate(mechanism, n, workspace, seed=seed, threads=threads, progress=progress)
     return found.poses, found.wrenches

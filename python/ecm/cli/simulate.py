@@ -32,9 +32,7 @@ def simulate(
 ) -> None:
     """Wrenches of the box to poses by FEM, kept to the admissible workspace."""
     from ecm.config import read_config
-    from ecm.meta import Meta
     from ecm.simulate import simulate as run
-    from ecm.table import POSE, WRENCH, Table
 
     with Console(quiet=quiet) as console:
         output(out, json)
@@ -46,16 +44,14 @@ def simulate(
         keep_note(f"Finished cases are kept in {parts}: the same command goes on there.")
         found = run(
             settings.mechanism,
-            workspace,
             settings.simulate.n,
+            workspace,
             seed=seed,
             threads=threads,
             directory=parts,
             progress=console.bar("FEM poses"),
         )
-        columns = {name: found.poses[:, i] for i, name in enumerate(POSE)}
-        columns |= {name: found.wrenches[:, i] for i, name in enumerate(WRENCH)}
-        Table(columns, Meta(mechanism=settings.mechanism.to_dict()), str(out)).write(out)
+        found.table(str(out)).write(out)
         shutil.rmtree(parts, ignore_errors=True)
         save_json(json, {"schema": 1, "seed": seed, "counts": found.counts, "data": str(out)})
         console.say(", ".join(f"{name} {count}" for name, count in found.counts.items()))
