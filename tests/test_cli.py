@@ -188,6 +188,37 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     assert "confused with" in one.out
 
 
+def test_effects_of_installed_packages_are_known(
+    monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    from ecm.effects import LinearEffect, Parameter, unregister
+
+    class Draught(LinearEffect):
+        id = "draught"
+        physics = "A fan blows on the platform."
+        parameters = (Parameter("force", "N", 0.1),)
+
+    class Point:
+        def __init__(self, load: Callable[[], object]) -> None:
+            self.load = load
+
+    def broken() -> object:
+        raise ImportError("no module named fan")
+
+    def offer(load: Callable[[], object]) -> None:
+        monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [Point(load)])
+
+    offer(lambda: Draught)
+    try:
+        assert "A fan blows on the platform" in ecm_command("effects", "draught").out
+    finally:
+        unregister("draught")
+    offer(broken)
+    done = ecm_command("effects")
+    assert done.code == 2
+    assert "no module named fan" in done.err
+
+
 @pytest.mark.parametrize("what", ["config", "rig", "data"])
 def test_new_writes_a_file_once(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ecm.errors import InputError
 from ecm.mechanism import Mechanism
@@ -59,6 +59,8 @@ class SelectSettings:
         for degree in self.degrees:
             if not 1 <= degree <= 5:
                 raise InputError(f"degrees holds {degree}: expected 1 to 5")
+        if list(self.degrees) != sorted(set(self.degrees)):
+            raise InputError(f"degrees = {list(self.degrees)}: expected growing numbers")
         for threshold in self.thresholds:
             if threshold < 0.0:
                 raise InputError(f"thresholds holds {threshold}: expected at least 0")
@@ -78,8 +80,6 @@ class DesignSettings:
     """Poses in each design."""
     starts: int = 10
     """Random starts of the exchange; the best is kept."""
-    preset: Literal["paper", "diagnosable"] = "paper"
-    """Protocol of the plan: the paper's, or one that also separates effects."""
 
     def __post_init__(self) -> None:
         if self.n < 1:

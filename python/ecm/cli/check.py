@@ -16,6 +16,7 @@ from ecm.cli.options import (
     Quiet,
     SkipBadRows,
     load,
+    load_effects,
     output,
     save_json,
 )
@@ -46,6 +47,7 @@ def check(
     with Console(quiet=quiet) as console:
         output(json)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows)
+        load_effects()
         found = check_table(table)
         save_json(json, found.to_dict())
         _print(found, console)

@@ -16,6 +16,7 @@ from ecm.cli.options import (
     Seed,
     SkipBadRows,
     load,
+    load_effects,
     need_report,
     output,
     save_json,
@@ -48,10 +49,18 @@ def compare(
 
     with Console(quiet=quiet) as console:
         output(json, report)
+        load_effects()
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         found = run(open_model(model), table, seed=seed)
-        save_json(json, found.to_dict() | {"never_excited": list(never_excited(table))})
+        save_json(
+            json,
+            {
+                **found.to_dict(),
+                "never_excited": list(never_excited(table)),
+                "warnings": list(table.warnings),
+            },
+        )
         if report is not None:
             write_comparison(report, found)
         rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]

@@ -19,6 +19,7 @@ from ecm.cli.options import (
     Seed,
     SkipBadRows,
     load,
+    load_effects,
     need_report,
     output,
     save_json,
@@ -54,12 +55,16 @@ def diagnose(
         output(json, report)
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
+        load_effects()
         found = run(open_model(model), table, seed=seed)
         document = found.to_dict()
+        document["warnings"] = [*document["warnings"], *table.warnings]
         save_json(json, document)
         if report is not None:
             write_diagnosis(report, document)
         _print(document, console)
+        for warning in found.warnings:
+            console.warn(warning)
 
 
 def _print(document: Mapping[str, Any], console: Console) -> None:
@@ -89,5 +94,3 @@ def _print(document: Mapping[str, Any], console: Console) -> None:
         console.say(columns(missing, header=False))
     for item in document["next_experiment"][:3]:
         console.say(f"next: {item['action']} ({item['minutes']} min)")
-    for warning in document["warnings"]:
-        console.warn(warning)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ecm.cli.console import Console
-from ecm.cli.options import HiddenSeed, HiddenThreads, Json, Quiet, output, save_json
+from ecm.cli.options import HiddenSeed, HiddenThreads, Json, Quiet, load_effects, output, save_json
 from ecm.cli.text import columns
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def effects(
 
     with Console(quiet=quiet) as console:
         output(json)
+        load_effects()
         found = list(all_effects()) if id is None else [get_effect(id)]
         save_json(json, {"schema": 1, "effects": [_document(effect) for effect in found]})
         if id is None:

@@ -60,7 +60,7 @@ def fit(
         fitted = fit_named(table, model, pcr=pcr, threads=threads, console=console)
         fitted.save(out)
         summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
-        save_json(json, summary)
+        save_json(json, summary | {"warnings": list(table.warnings)})
         for line in summary["sentences"]:
             console.say(line)
         console.say(f"{out}: model {model}")

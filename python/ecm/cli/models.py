@@ -14,6 +14,7 @@ from ecm.errors import InputError
 
 if TYPE_CHECKING:
     from ecm.cli.console import Console
+    from ecm.mechanism import Mechanism
     from ecm.models import Model
     from ecm.table import Table
 
@@ -27,19 +28,23 @@ _FAR = 0.1
 def open_model(name: str) -> Model:
     """MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model."""
     from ecm.models import Model, load_model, physics_map
-    from ecm.toml_file import read_toml
 
     path = Path(name)
     if path.suffix.lower() != ".toml":
         return load_model(path)
+    return Model(base=physics_map(_mechanism(path)))
+
+
+def _mechanism(path: Path) -> Mechanism:
+    """[mechanism] of a TOML; its other tables (of a CONFIG, say) are left alone."""
     from ecm.mechanism import Mechanism
+    from ecm.toml_file import read_toml
 
     document = read_toml(path, "description of a mechanism")
     if "mechanism" not in document:
         raise InputError(f"{path}: no table [mechanism], expected one: it is the physics model")
     where = f"{path} [mechanism]"
-    mechanism = Mechanism.from_dict(document["mechanism"], where, base=path.parent)
-    return Model(base=physics_map(mechanism))
+    return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
 
 
 def fit_named(
@@ -50,11 +55,12 @@ def fit_named(
 
     if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
         raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
+    mechanism = None
     if name.lower().endswith(".toml"):
-        return open_model(name).fit(table.measured())
+        name, mechanism = "physics", _mechanism(Path(name))
     if name == "physics":
         console.say("FEM poses for the physics model (kept for the next time) ...")
-    return fit_model(table, name, pcr=pcr, threads=threads)
+    return fit_model(table, name, pcr=pcr, mechanism=mechanism, threads=threads)
 
 
 def fit_summary(

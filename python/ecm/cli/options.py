@@ -106,6 +106,22 @@ def load(
     return table
 
 
+def load_effects() -> None:
+    """The effects that installed packages offer; InputError where one cannot be loaded."""
+    from ecm.effects import load_installed
+    from ecm.errors import EcmError, InputError
+
+    try:
+        load_installed()
+    except EcmError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"an effect of an installed package (entry point ecm.effects) cannot be loaded: "
+            f"{type(error).__name__}: {error}. Repair or remove that package."
+        ) from None
+
+
 def save_json(path: Path | None, document: Any) -> None:
     """The file of --json, where it was asked for."""
     if path is not None:

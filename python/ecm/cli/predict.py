@@ -19,6 +19,7 @@ from ecm.cli.options import (
     Quiet,
     SkipBadRows,
     load,
+    load_effects,
     output,
     save_json,
 )
@@ -60,6 +61,7 @@ def predict(
 
     with Console(quiet=quiet) as console:
         output(out, json)
+        load_effects()
         opened = open_model(model)
         table = load([poses], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
         columns = predicted_columns(opened, table, stiffness, stiffness_kind.value, console)

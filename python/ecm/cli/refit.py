@@ -18,6 +18,7 @@ from ecm.cli.options import (
     Quiet,
     SkipBadRows,
     load,
+    load_effects,
     output,
     save_json,
 )
@@ -58,6 +59,7 @@ def refit(
         if not (add or remove or freeze):
             raise InputError("nothing to change: give --add EFFECT, --remove EFFECT or --freeze")
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
+        load_effects()
         changed = open_model(model)
         for id in remove or ():
             changed = changed.remove(id)
