@@ -20,7 +20,7 @@ from ecm.meta import Meta
 from ecm.table import POSE, Table
 
 F = NDArray[np.float64]
-I = NDArray[np.int64]  # noqa: E741
+I = NDArray[np.int64]
 Progress = Callable[[int, int], object] | None
 
 # Weights of the wrench components in designs of energy models: one row's default noise.
@@ -154,7 +154,7 @@ def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
 def diagnosable_plan(
     candidates: Table, chosen: Design, visits: int | None = None, *, seed: int = 0
 ) -> Table:
-    """Measured visits, by default two a pose, that separate the effects of the catalogue, and the checks between.
+    """Visits, by default two a pose, that separate the effects, and the checks between them.
 
     Each chosen pose is visited from the initial pose and from a pose beyond it, so that the
     side of approach differs; visits left over repeat poses from the initial pose. Dwell times

@@ -365,7 +365,7 @@ def _model_table(
         ("energy6", fit_model(train, "energy6"), len(train)),
         ("physics, E free", fit_model(few, "physics", physics=physics), len(few)),
     ]
-    rows = []
+    rows: list[dict[str, Any]] = []
     floor: list[float] = []
     for name, model, count in candidates:
         found = compare(model, test)
@@ -381,7 +381,7 @@ def _model_table(
         )
     # The physics model stands for one body; what a user takes along is fitted to the data.
     fitted = [i for i, (name, _, _) in enumerate(candidates) if not name.startswith("physics")]
-    best = min(fitted, key=lambda i: rows[i]["whitened_rms"])
+    best = min(fitted, key=lambda i: float(rows[i]["whitened_rms"]))
     return rows, floor, best, candidates[best][1]
 
 

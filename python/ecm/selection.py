@@ -69,7 +69,7 @@ def table_two(
     return {"degrees": by_degree, "thresholds": by_threshold}
 
 
-def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, float]]:
+def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, Any]]:
     """Per component: share of |e_rel| > limit, the largest |h| there, and the largest |error|."""
     found = []
     for j, name in enumerate(COMPONENTS):

@@ -278,7 +278,7 @@ def fem_poses(
     progress: Progress = None,
 ) -> tuple[F, F]:
     """Poses (n, 6) and wrenches (n, 6) of the admissible workspace, e.g. for a surrogate."""
-    # Table I belongs to the neck: forces of another body scale with E I / L^2, moments with E I / L.
+    # Table I belongs to the neck: another body's forces scale with E I / L^2, moments with E I / L.
     neck = Mechanism()
     lever = mechanism.length_m / neck.length_m
     section = "bending_stiffness_Nm2"

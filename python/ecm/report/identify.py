@@ -128,11 +128,11 @@ def _selection(step: Mapping[str, Any], figures: Figures) -> Section:
     table = step["table_two"]
     raw = table["degrees"][-1]["kappa_raw"]
     outside = ", ".join(
-        f"{label.split(' [')[0]} {100.0 * row['share']:.1f} % (|h| up to {number(row['largest_observed'], 2)}, "
-        f"error up to {number(row['largest_error'], 2)})"
+        f"{label.split(' [')[0]} {100.0 * row['share']:.1f} % (|h| up to "
+        f"{number(row['largest_observed'], 2)}, error up to {number(row['largest_error'], 2)})"
         for label, row in zip(draw.COMPONENT_LABELS, step["outside"], strict=True)
     )
-    curves = {}
+    curves: dict[str, tuple[list[float], list[float]]] = {}
     for model in dict.fromkeys(row["model"] for row in step["energy"]):
         chosen = [row for row in step["energy"] if row["model"] == model]
         curves[f"{model}, fy"] = (
@@ -263,7 +263,7 @@ def _measurement(step: Mapping[str, Any], figures: Figures) -> Section:
         rows = [row for row in step["table_three"] if row["trained_on"] == name]
         blocks.append(
             TableBlock(
-                f"Table III: cubic trained on the {_NAMES[name]} design, tested on the {other} one.",
+                f"Table III: trained on the {_NAMES[name]} design, tested on the {other} one.",
                 ("threshold b", *_HEADER, "κ(X)"),
                 _beside(rows, "threshold"),
             )

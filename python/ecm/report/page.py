@@ -7,6 +7,7 @@ carries once.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,7 +57,7 @@ class Section:
 
 def number(value: float, digits: int = 3) -> str:
     """A number for a table: significant digits, no needless exponent."""
-    if value != value:  # NaN
+    if math.isnan(value):
         return "–"
     if value == 0.0:
         return "0"
