@@ -304,9 +304,14 @@ def d_optimal(
     method: Literal["search", "fedorov", "rowwise"] = "search",
     exclude: I | None = None,
     measured: F | None = None,
+    criterion: Literal["d", "i", "a"] = "d",
+    prior: F | None = None,
 ) -> DesignResult:
     """regressor: (N * rows_per_pose, k). iterations 0: the default budget. n counts the
-    included rows, not the measured regressor rows (any number, k)."""
+    included rows, not the measured regressor rows (any number, k). prior: (k, k) information
+    known beforehand. criterion i, a: value is the average variance of the prediction over the
+    candidates, or the summed variance of the coefficients, in noise variances; smaller is better.
+    """
 
 def maximin(
     points: F,

@@ -142,7 +142,12 @@ fn six_rows_a_pose_and_a_region_of_its_own() {
     assert!(d.indices.contains(&4) && d.indices.len() == 9 && d.bound <= d.value);
     let other = d_optimal(candidates, 6, 22, &settings, &Control::new()).unwrap();
     assert!(d.value <= average_variance(candidates, 6, 22, &other.indices, region) * (1.0 + 1e-9));
-    assert!(d.gap < 1e-8 && d.efficiency > 0.6, "{} {}", d.gap, d.efficiency);
+    assert!(
+        d.gap < 1e-8 && d.efficiency > 0.6,
+        "{} {}",
+        d.gap,
+        d.efficiency
+    );
 }
 
 #[test]

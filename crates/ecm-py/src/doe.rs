@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use ecm_doe::{
-    Control, DSettings, Design, MaximinSettings, Method, SpacingMethod, d_optimal as search_d,
-    maximin as search_maximin,
+    Control, DSettings, Design, MaximinSettings, Method, SpacingMethod, a_optimal,
+    d_optimal as search_d, i_optimal, maximin as search_maximin,
 };
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -29,19 +29,19 @@ impl DesignResult {
         PyArray1::from_iter(py, self.0.indices.iter().map(|&i| i as i64))
     }
 
-    /// log det(M/n)/k, or the smallest distance.
+    /// log det(M/n)/k, the average variance, or the smallest distance.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value
     }
 
-    /// Certified upper bound of `value` for any design of this size.
+    /// Certified bound of `value` for any design of this size: upper, for `i` and `a` lower.
     #[getter]
     fn bound(&self) -> f64 {
         self.0.bound
     }
 
-    /// exp(value - bound), or value / bound.
+    /// exp(value - bound), bound / value, or value / bound.
     #[getter]
     fn efficiency(&self) -> f64 {
         self.0.efficiency
@@ -134,12 +134,13 @@ where
     .map_err(design_error)
 }
 
-/// The subset with the largest log det(X'X); regressor (N * rows_per_pose, k).
+/// The subset with the largest log det(X'X), or for `i` and `a` the smallest average variance of
+/// the prediction or summed variance of the coefficients; regressor (N * rows_per_pose, k).
 #[pyfunction]
 #[pyo3(signature = (
     regressor, n, *, rows_per_pose = 1, starts = 10, iterations = 0, seed = 0, threads = 0,
     time_limit_s = 0.0, include = None, replicates = false, progress = None, method = "search",
-    exclude = None, measured = None
+    exclude = None, measured = None, criterion = "d", prior = None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub fn d_optimal(
@@ -158,6 +159,8 @@ pub fn d_optimal(
     method: &str,
     exclude: Option<PyReadonlyArray1<'_, i64>>,
     measured: Option<PyReadonlyArray2<'_, f64>>,
+    criterion: &str,
+    prior: Option<PyReadonlyArray2<'_, f64>>,
 ) -> PyResult<DesignResult> {
     let method = match method {
         "search" => Method::Search,
@@ -169,6 +172,11 @@ pub fn d_optimal(
             )));
         }
     };
+    if !["d", "i", "a"].contains(&criterion) {
+        return Err(DesignError::new_err(format!(
+            "criterion = {criterion:?}, expected \"d\", \"i\" or \"a\""
+        )));
+    }
     let (rows, _, terms) = matrix(&regressor);
     let settings = DSettings {
         n,
@@ -180,11 +188,20 @@ pub fn d_optimal(
         include: row_list("include", include)?,
         exclude: row_list("exclude", exclude)?,
         measured: measured_rows(measured, terms)?,
+        prior: prior.map(|p| matrix(&p).0),
         ..DSettings::default()
     };
-    search(py, threads, time_limit_s, progress, |control| {
-        search_d(&rows, rows_per_pose, terms, &settings, control)
-    })
+    search(
+        py,
+        threads,
+        time_limit_s,
+        progress,
+        |control| match criterion {
+            "i" => i_optimal(&rows, rows_per_pose, terms, None, &settings, control),
+            "a" => a_optimal(&rows, rows_per_pose, terms, &settings, control),
+            _ => search_d(&rows, rows_per_pose, terms, &settings, control),
+        },
+    )
 }
 
 /// The subset whose closest two points are farthest apart; distances of the points as given.
