@@ -413,6 +413,16 @@ def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:
     assert "row 2, column 'fy_N': found an empty cell" in refusal(path)
 
 
+def test_what_is_needed_is_named_with_a_likely_column() -> None:
+    with pytest.raises(InputError, match="no wrench column") as caught:
+        as_table({"y_m": [0.0, 0.1], "forc_x_N": [1.0, 2.0]}, need="fit")
+    assert "Did you mean" not in str(caught.value)
+    with pytest.raises(InputError, match="Did you mean tau_x_Nm"):
+        as_table({"y_m": [0.0, 0.1], "tau_xx_Nm": [1.0, 2.0]}, need="fit")
+    with pytest.raises(InputError, match="no row of kind 'pose'"):
+        as_table({"y_m": [0.0], "fy_N": [0.0], "kind": ["home"]}, need="fit")
+
+
 def test_selecting_and_replacing(tmp_path: Path) -> None:
     table = as_table(neck_columns(10))
     few = table.select(table.column("y_m") > 0.0)

@@ -237,7 +237,7 @@ def require(table: Table, need: Need | None) -> None:
         groups.append(("wrench", WRENCH, table.wrench_columns))
     for word, names, present in groups:
         if not present:
-            hints = sorted({hint for name in table.columns if (hint := close_name(name))})
+            hints = sorted({hint for name in table.covariates if (hint := close_name(name))})
             hint = f" Did you mean {', '.join(hints)}?" if hints else ""
             raise InputError(
                 f"{table.source}: no {word} column was found (columns: {found}), expected at least "
