@@ -112,7 +112,11 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     )
     document = wrong.to_dict()
     assert set(document["rmse"]) == set(WRENCH)
-    assert len(document["where"]["worst_rows"]) == 10
+    worst = document["where"]["worst_rows"]
+    assert len(worst) == 10
+    assert table.text("kind")[worst[0]["row"]] == "pose"
+    lengths = np.sqrt((wrong.whitened**2).mean(axis=1))
+    assert worst[0]["row"] == wrong.row[lengths.argmax()]
 
 
 def test_compare_needs_the_columns_of_the_model() -> None:

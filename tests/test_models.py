@@ -167,6 +167,18 @@ def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(sd, other, rtol=1e-9)
 
 
+def test_a_plain_cubic_keeps_its_file_small(tmp_path: Path) -> None:
+    fitted = fit_model(campaign(seed=3), "cubic")
+    path = tmp_path / "model.json"
+    fitted.save(path)
+    assert path.stat().st_size < 400_000
+    again = load_model(path)
+    assert fitted.covariance is not None
+    assert again.covariance is not None
+    scale = np.abs(fitted.covariance).max()
+    np.testing.assert_allclose(again.covariance, fitted.covariance, rtol=1e-9, atol=1e-12 * scale)
+
+
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     fit_model(campaign(seed=3), "energy4").save(path)

@@ -48,13 +48,31 @@ def is_pose(table: Table) -> NDArray[np.bool_]:
 
 def informative(table: Table) -> Table:
     """Without unloaded readings of exactly zero: the zero was taken from them, they say nothing."""
+    return table.select(informative_rows(table))
+
+
+def informative_rows(table: Table) -> I:
+    """Index of the rows that `informative` keeps."""
     names = table.wrench_columns
     if not names or not table.has("kind"):
-        return table
+        return np.arange(len(table))
     silent = np.asarray(table.text("kind") == "unloaded", dtype=np.bool_)
     for name in names:
         silent &= table.column(name) == 0.0
-    return table.select(np.flatnonzero(~silent)) if silent.any() else table
+    return np.flatnonzero(~silent)
+
+
+def distinct_rows(table: Table) -> I:
+    """Index of rows whose poses and wrenches are not all those of an earlier row.
+
+    Unloaded rows are kept: a zeroed sensor may read the same twice.
+    """
+    names = (*table.pose_columns, *table.wrench_columns)
+    values = np.stack([table.column(name) for name in names], axis=1)
+    _, first = np.unique(values, axis=0, return_index=True)
+    keep = ~is_pose(table)
+    keep[first] = True
+    return np.flatnonzero(keep)
 
 
 def _codes(table: Table, name: str) -> I:

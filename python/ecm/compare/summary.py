@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 F = NDArray[np.float64]
+I = NDArray[np.int64]
 
 _BOOTSTRAPS = 400
 _LEVEL = 0.9
@@ -62,6 +63,9 @@ class Comparison:
     whitened: F
     """(N, m) of the measured poses, in file order."""
     physical: F
+    """(N, m)."""
+    row: I
+    """(N,) their rows in the table."""
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -90,7 +94,7 @@ class Comparison:
         order = np.argsort(-lengths)[:worst]
         ranked = sorted(self.components, key=lambda c: -c.excess / max(c.floor, 1e-300))
         return {
-            "worst_rows": [{"row": int(i), "whitened": float(lengths[i])} for i in order],
+            "worst_rows": [{"row": int(self.row[i]), "whitened": float(lengths[i])} for i in order],
             "components": [c.name for c in ranked],
         }
 
@@ -164,6 +168,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         outside_domain=_outside(model, rows, scored),
         whitened=whitened,
         physical=physical,
+        row=np.flatnonzero(scored),
     )
 
 

@@ -46,8 +46,10 @@ def _left(matrix: F, columns: tuple[int, ...], values: F, fixed: tuple[int, ...]
     return max(whole - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
 
 
-def answer_class(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> list[str]:
-    """The effect and its rivals: within 6 in BIC when they take its place, or not separable."""
+def answer_class(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate, least: float = LEAST_BIC
+) -> list[str]:
+    """The effect and its rivals: within `least` in BIC in its place, or not separable."""
     equations = normal_equations(problem)
     others = [other for other in chosen if other is not item]
     present = {other.id for other in chosen}
@@ -58,7 +60,7 @@ def answer_class(problem: Problem, chosen: Sequence[Candidate], item: Candidate)
             continue
         loss = own - bic(equations, problem, (*others, rival))
         alike = separability(problem, equations, item, rival, others) < SEPARABLE
-        if loss < LEAST_BIC or alike:
+        if loss < least or alike:
             found[rival.id] = min(loss, found.get(rival.id, np.inf))
     return [item.id, *sorted(found, key=lambda id: found[id])]
 

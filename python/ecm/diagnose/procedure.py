@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ecm.compare.estimate import repeat_cells
-from ecm.compare.folds import informative
+from ecm.compare.folds import distinct_rows, informative_rows
 from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
@@ -40,6 +40,10 @@ effects: right ones leave the misfit of their form, wrong ones come in numbers a
 _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
 _MOST_IN_CLASS = 3
+_MOST_FACTOR = 5.0
+"""The stated E is not wrong by more than this; then it is a sign or a unit."""
+_CLOSE_BIC = 20.0
+"""A rival that wins some bootstraps is a close one within this loss of BIC."""
 
 
 def diagnose(
@@ -65,7 +69,10 @@ def diagnose(
         raise InputError(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least 8"
         )
-    table = informative(table)
+    kept = informative_rows(table)
+    distinct = distinct_rows(table.select(kept))
+    copies, kept = len(kept) - len(distinct), kept[distinct]
+    table = table.select(kept)
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
@@ -81,7 +88,11 @@ def diagnose(
     left, remains = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
-    if accepted and not remains:
+    strange = _implausible(problem)
+    if strange:
+        accepted, classes, verdict = [], [], "unknown"
+        unknown = describe(problem, problem.response, (), before) | {"words": strange}
+    elif accepted and not remains:
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
     elif remains and (rejected or accepted):
         verdict = "unknown"
@@ -115,10 +126,10 @@ def diagnose(
         held_out={"before": held_out_rms(problem, ()), "after": held_out_rms(problem, accepted)},
         signature=signature_shares(problem),
         next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
-        outliers=tuple(int(i) for i in np.flatnonzero(problem.weights < 0.5)),
+        outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
         seed=seed,
         upper_bound=_upper_bound(problem, first),
-        warnings=_warnings(problem),
+        warnings=_warnings(problem, copies),
     )
 
 
@@ -164,9 +175,9 @@ def _accepted(
             members = answer_class(problem, chosen, item)
             evidence = check(problem, chosen, item, members, seed)
             if evidence.chosen_share < 0.8 and len(members) < _MOST_IN_CLASS:
-                # What wins elsewhere among resampled rows belongs to the class as well.
-                rivals = sorted(evidence.winners.items(), key=lambda pair: -pair[1])
-                extra = [id for id, _ in rivals if id not in members and id not in _ids(chosen)]
+                # A close rival that wins among resampled rows belongs to the class as well.
+                close = answer_class(problem, chosen, item, _CLOSE_BIC)
+                extra = [id for id in close if id not in members and id in evidence.winners]
                 members = [*members, *extra[: _MOST_IN_CLASS - len(members)]]
                 evidence = check(problem, chosen, item, members, seed)
             found.append((evidence, members))
@@ -177,10 +188,6 @@ def _accepted(
         weakest = min(failing, key=lambda i: checks[i].delta_bic)
         chosen = [item for i, item in enumerate(chosen) if i != weakest]
     return [], [], checks
-
-
-def _ids(chosen: Sequence[Candidate]) -> set[str]:
-    return {item.id for item in chosen}
 
 
 def _left_over(
@@ -270,8 +277,23 @@ def _rmse(
     return found
 
 
-def _warnings(problem: Problem) -> tuple[str, ...]:
+def _implausible(problem: Problem) -> str:
+    """What is wrong with the factor on E of a physics base; empty where it could be true."""
+    if problem.base.kind != "physics":
+        return ""
+    factor = float(problem.base.coefficients[0])
+    if 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
+        return ""
+    guess = "a sign" if factor < 0.0 else "a unit"
+    return f"the wrench is {factor:.3g} times that of the stated body: {guess} is likely wrong"
+
+
+def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
     found = []
+    if copies:
+        found.append(f"{copies} rows repeat an earlier row to the last digit: left out")
+    if _implausible(problem):
+        found.append(_implausible(problem))
     if problem.noise.source == "assumed":
         found.append("the noise is assumed: record repeats, or give [instrument] figures")
     if problem.scale > 1.5:

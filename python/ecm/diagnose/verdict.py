@@ -34,7 +34,7 @@ class Diagnosis:
     signature: dict[str, float]
     next_experiment: tuple[dict[str, Any], ...]
     outliers: tuple[int, ...]
-    """Rows whose robust weight is below one half."""
+    """Rows of the table whose robust weight is below one half."""
     seed: int
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""

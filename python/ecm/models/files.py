@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.compare.noise import Noise
@@ -19,6 +20,8 @@ from ecm.models.physics import PhysicsMap
 from ecm.refit import FittedEffect
 from ecm.stages import write_atomically
 
+F = NDArray[np.float64]
+
 _FORMAT = "ecm-model"
 _VERSION = 1
 
@@ -30,13 +33,42 @@ def model_document(model: Model) -> dict[str, Any]:
         "version": _VERSION,
         **model.base.document(),
         "length_m": model.base.length_m or model.length_m,
-        "covariance": None if model.covariance is None else model.covariance.tolist(),
+        **_covariance_document(model),
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
         "domain": {name: list(pair) for name, pair in model.domain.items()},
         "training": dict(model.training),
         "history": [step.to_dict() for step in model.history],
     }
+
+
+def _covariance_document(model: Model) -> dict[str, Any]:
+    """The full matrix; of a plain polynomial fit its factors, outputs (x) terms."""
+    covariance = model.covariance
+    if covariance is None:
+        return {"covariance": None}
+    if model.base.kind == "polynomial":
+        m = len(model.outputs)
+        k = len(covariance) // m
+        blocks = covariance.reshape(m, k, m, k)
+        scale = np.einsum("aibi->ab", blocks)
+        trace = float(np.trace(scale))
+        if trace > 0.0:
+            terms = np.einsum("aiaj->ij", blocks) / trace
+            if np.allclose(np.kron(scale, terms), covariance, rtol=1e-9, atol=0.0):
+                terms = 0.5 * (terms + terms.T)
+                return {"covariance": terms.tolist(), "covariance_of_outputs": scale.tolist()}
+    return {"covariance": (0.5 * (covariance + covariance.T)).tolist()}
+
+
+def _covariance_of(document: dict[str, Any]) -> F | None:
+    if document["covariance"] is None:
+        return None
+    covariance = np.asarray(document["covariance"], dtype=np.float64)
+    outputs = document.get("covariance_of_outputs")
+    if outputs is None:
+        return covariance
+    return np.asarray(np.kron(np.asarray(outputs, dtype=np.float64), covariance))
 
 
 def _effect_document(item: FittedEffect) -> dict[str, Any]:
@@ -86,12 +118,11 @@ def load_model(path: str | Path) -> Model:
 
 
 def _model_of(document: dict[str, Any]) -> Model:
-    covariance = document["covariance"]
     return Model(
         base=_base_of(document),
         noise=Noise.from_dict(dict(document["noise"])),
         effects=tuple(_effect_of(item) for item in document["effects"]),
-        covariance=None if covariance is None else np.asarray(covariance, dtype=np.float64),
+        covariance=_covariance_of(document),
         training=dict(document["training"]),
         length_m=document["length_m"],
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
