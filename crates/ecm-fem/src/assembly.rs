@@ -42,6 +42,8 @@ pub struct Body {
     pub points: Vec<Point>,
     /// p = `pressure_unit_Pa` × unknown.
     pub pressure_unit_Pa: f64,
+    /// Dead force by displacement component, N.
+    pub dead_force_N: Vec<f64>,
 }
 
 /// Displacements (3 per node, m) and scaled pressures (one per node, used at corners).
@@ -58,7 +60,7 @@ pub struct Field {
 pub struct Sums {
     /// Lower triangle of the tangent in the order of the pattern.
     pub tangent: Vec<f64>,
-    /// Internal force by displacement component, N.
+    /// Internal less dead force by displacement component, N.
     pub force: Vec<f64>,
     /// Residual of the pressure equation per node, in N (scaled).
     pub volume: Vec<f64>,
@@ -103,6 +105,7 @@ impl Body {
         }
         let size = (mesh.volume_m3() / mesh.tetrahedra().len() as f64).cbrt();
         let pressure_unit_Pa = material.shear_modulus_Pa() / size;
+        let dead_force_N = vec![0.0; 3 * mesh.nodes_m().len()];
         Self {
             mesh,
             material,
@@ -110,6 +113,23 @@ impl Body {
             rule,
             points,
             pressure_unit_Pa,
+            dead_force_N,
+        }
+    }
+
+    /// Sets the dead force to ∫ N_a b dV for a force `b` per undeformed volume, N/m³.
+    pub fn set_body_force(&mut self, b: [f64; 3]) {
+        self.dead_force_N.fill(0.0);
+        let rule = self.rule.points();
+        for (e, tet) in self.mesh.tetrahedra().iter().enumerate() {
+            let points = &self.points[e * rule.len()..(e + 1) * rule.len()];
+            for (point, (lambda, _)) in points.iter().zip(rule) {
+                for (n, node) in tet10::shape(lambda).iter().zip(tet) {
+                    for k in 0..3 {
+                        self.dead_force_N[3 * node + k] += point.volume_m3 * n * b[k];
+                    }
+                }
+            }
         }
     }
 
@@ -133,6 +153,28 @@ impl Body {
         self.points[e * count..(e + 1) * count]
             .iter()
             .map(move |point| deformation(point, &u))
+    }
+}
+
+impl Body {
+    /// Cauchy stress σ = P Fᵀ / J at the points of element `e`, Pa, with P of W_d and pressure.
+    pub fn cauchy_stress_Pa(&self, e: usize, field: &Field) -> Vec<Mat3> {
+        let tet = &self.mesh.tetrahedra()[e];
+        let shapes = self.rule.points().iter();
+        self.deformation_gradients(e, field)
+            .zip(shapes)
+            .map(|(f, (psi, _))| {
+                let jacobian = crate::tensor::determinant(&f);
+                let scaled: f64 = (0..4).map(|m| psi[m] * field.pressure[tet[m]]).sum();
+                let stress = self.material.respond(&f, jacobian).stress;
+                let mut sigma = crate::tensor::product(&stress, &crate::tensor::transpose(&f))
+                    .map(|row| row.map(|v| v * self.modulus_scale[e] / jacobian));
+                for k in 0..3 {
+                    sigma[k][k] += self.pressure_unit_Pa * scaled;
+                }
+                sigma
+            })
+            .collect()
     }
 }
 
@@ -164,7 +206,9 @@ impl Sums {
         arm: impl Fn(usize) -> [f64; 3],
     ) -> Result<(), Inverted> {
         self.tangent.fill(0.0);
-        self.force.fill(0.0);
+        for (force, dead) in self.force.iter_mut().zip(&body.dead_force_N) {
+            *force = -dead;
+        }
         self.volume.fill(0.0);
         self.coupling.fill([0.0; 6]);
         self.platform = [[0.0; 6]; 6];

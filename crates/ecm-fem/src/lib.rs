@@ -24,6 +24,7 @@ mod factor;
 pub mod material;
 pub mod mesh;
 mod ordering;
+pub mod output;
 mod pattern;
 mod platform;
 mod result;
@@ -32,7 +33,7 @@ mod solve;
 pub mod tensor;
 
 pub use error::FemError;
-pub use material::{Material, NeoHookean, Response};
+pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
 pub use mesh::{Mesh, Profile, Quality};
 pub use platform::Platform;
 pub use result::{CaseResult, Status};

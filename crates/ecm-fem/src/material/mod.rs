@@ -3,10 +3,25 @@
 //! W(F, p) = W_d(F) + p (J − 1) − p² / (2 κ): a distortional part per material, and
 //! a pressure p that is an unknown of its own; without it, W_d + κ/2 (J − 1)².
 
+mod fibre;
+mod gent;
+mod isotropic;
+mod mooney_rivlin;
 mod neo_hookean;
+mod ogden;
+#[cfg(test)]
+mod tests;
+mod yeoh;
 
+pub use fibre::Fibre;
+pub use gent::Gent;
+pub use isotropic::{Derivatives, Invariants};
+pub use mooney_rivlin::MooneyRivlin;
 pub use neo_hookean::NeoHookean;
+pub use ogden::Ogden;
+pub use yeoh::Yeoh;
 
+use crate::FemError;
 use crate::tensor::Mat3;
 
 /// Distortional energy density with its derivatives by the deformation gradient.
@@ -28,4 +43,15 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     fn shear_modulus_Pa(&self) -> f64;
     /// Bulk modulus, Pa.
     fn bulk_modulus_Pa(&self) -> f64;
+}
+
+fn positive(name: &'static str, value: f64) -> Result<(), FemError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(FemError::Parameter {
+        name,
+        value,
+        expected: "a positive number",
+    })
 }

@@ -209,6 +209,36 @@ impl Fem {
         Ok((result, work.timing))
     }
 
+    /// One load case from rest with its displacements and pressures.
+    ///
+    /// # Errors
+    /// A load that is not finite.
+    pub fn solve_field(&self, load: &Load) -> Result<(CaseResult, Field), FemError> {
+        self.check_load(0, load)?;
+        let mut work = Workspace::new(self);
+        let (result, state) = self.follow_from_rest(&mut work, load, Watch::default());
+        Ok((result, state.field))
+    }
+
+    /// Own weight: a dead force per undeformed volume in base axes, N/m³ (density × gravity).
+    /// The state without wrench then sags; wrenches are what the surroundings add.
+    ///
+    /// # Errors
+    /// A component that is not finite.
+    pub fn with_body_force(mut self, force_N_m3: [f64; 3]) -> Result<Self, FemError> {
+        if let Some(index) = force_N_m3.iter().position(|v| !v.is_finite()) {
+            let (what, value) = ("body force component", force_N_m3[index]);
+            return Err(FemError::NotFinite { what, index, value });
+        }
+        self.body.set_body_force(force_N_m3);
+        Ok(self)
+    }
+
+    /// The body: mesh, material, quadrature.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
     fn rest(&self) -> State {
         State {
             field: self.body.rest(),

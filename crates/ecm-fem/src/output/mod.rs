@@ -1,0 +1,5 @@
+//! Fields for other programs.
+
+mod vtu;
+
+pub use vtu::vtu;
