@@ -48,6 +48,16 @@ def test_a_bare_length_is_no_body() -> None:
         bare.rod_sections()
 
 
+def test_the_necks_figures_are_no_defaults_of_another_body() -> None:
+    body = Mechanism.from_dict({"builtin": "cylinder", "length_m": 0.2, "radius_m": 0.05})
+    assert body.young_modulus_Pa == 0.0
+    assert not body.has_body
+    with pytest.raises(InputError, match="young_modulus_Pa"):
+        body.fem()
+    with pytest.raises(InputError, match="needs the key 'radius_m'"):
+        Mechanism.from_dict({"builtin": "cylinder", "length_m": 0.2})
+
+
 def test_sections_of_the_neck_are_those_of_a_circle() -> None:
     sections = Mechanism().rod_sections()
     modulus, radius, nu = 0.65e6, 0.033, 0.49

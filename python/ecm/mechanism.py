@@ -143,10 +143,10 @@ class Mechanism:
             if not isinstance(table["mesh"], str):
                 raise InputError(f"{place}: mesh = {table['mesh']!r}: expected a file name")
             values["mesh_file"] = str(base / table["mesh"])
-        if "mesh" in table or "builtin" not in table:
-            # Only what the file says is known: the neck's figures are no defaults for another body.
-            unknown: dict[str, Any] = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0}
-            values = unknown | values
+        # Only what the file says is known: the neck's figures are no defaults for another body.
+        unknown: dict[str, Any] = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0}
+        values = unknown | values
+        if not values["builtin"]:
             if "mesh" in table and "length_m" not in table:
                 values["length_m"] = _mesh_length(Path(values["mesh_file"]))
             if "length_m" not in values:
@@ -154,7 +154,7 @@ class Mechanism:
                     f"{place}: the key 'length_m' is missing; it is the least that a model needs"
                 )
         elif values["builtin"] in _DIMENSIONS:
-            _require(values, place)
+            _require(table, place)
         return read_settings(Mechanism, values, place)
 
     def to_dict(self) -> dict[str, Any]:
@@ -302,7 +302,7 @@ MECHANISM_KEYS = (
 
 
 def _require(values: Mapping[str, Any], place: str) -> None:
-    """A builtin needs its dimensions and moduli: the neck's are no silent defaults."""
+    """A builtin needs its dimensions: the neck's are no silent defaults."""
     sections = values["builtin"] == "rod" and all(name in values for name in _SECTIONS)
     needed = ["length_m"] if sections else ["length_m", *_DIMENSIONS[values["builtin"]]]
     for name in needed:
