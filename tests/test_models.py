@@ -217,6 +217,14 @@ def test_bare_poses_get_physics_and_tables_get_instruments_too() -> None:
     assert drift.effect.side == "measurement"
     with pytest.raises(InputError, match="fts_drift cannot be predicted"):
         fitted.predict(table.drop("time_s"))
+    timeless = table.drop("time_s")
+    assert set(fitted.left_out(timeless)) == {"fts_drift"}
+    np.testing.assert_array_equal(
+        fitted.predict(timeless, skip_untestable=True), without.predict(table)
+    )
+    # A part of a table is predicted as in the whole: time counts from the campaign's beginning.
+    part = np.arange(len(table) // 2, len(table))
+    np.testing.assert_allclose(fitted.predict(table.select(part)), fitted.predict(table)[part])
     # The stiffness of the effects of physics is the slope of the prediction.
     k = fitted.stiffness(poses, "partial")
     step = np.array([0, 0, 0, 0, 1e-5, 0.0])

@@ -199,7 +199,7 @@ class Hysteresis(LinearEffect):
         if found is not None:
             return found
         if not table.has("approach"):
-            return Missing("no column approach", "approach")
+            return Missing("no column approach", "approach", absent=True)
         side = sides(table)
         known = side[side != 0.0]
         if len(known) == 0:

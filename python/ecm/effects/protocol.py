@@ -42,6 +42,8 @@ class Missing:
 
     reason: str
     record: str
+    absent: bool = False
+    """The columns are not there at all, so that the effect cannot be predicted either."""
 
 
 @runtime_checkable
@@ -159,14 +161,14 @@ def needs_full(table: Table) -> Missing | None:
 
     lacking = [name for name in (*POSE, *WRENCH) if not table.has(name)]
     if lacking:
-        return Missing(f"no column {lacking[0]}", ", ".join(lacking))
+        return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
     return None
 
 
 def needs_varying(table: Table, name: str, smallest_range: float) -> Missing | None:
     """Missing where a covariate is absent, unknown, or does not vary."""
     if not table.has(name):
-        return Missing(f"no column {name}", name)
+        return Missing(f"no column {name}", name, absent=True)
     values = table.measured().column(name)
     known = values[np.isfinite(values)]
     if len(known) < len(values):

@@ -98,7 +98,7 @@ class _FunctionEffect(LinearEffect):
         """Needs the columns that the user named."""
         for name in self._needs:
             if not table.has(name):
-                return Missing(f"no column {name}", name)
+                return Missing(f"no column {name}", name, absent=True)
         return super().missing(table)
 
     def columns(self, rows: Rows) -> F:

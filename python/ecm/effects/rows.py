@@ -132,9 +132,8 @@ class Rows:
         return np.array([self.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def time_s(self) -> F:
-        """(N,) time since the first row."""
-        time = self.table.column("time_s")
-        return np.asarray(time - time.min())
+        """(N,) time since the campaign began: the same origin for any part of its table."""
+        return self.table.column("time_s")
 
 
 def twist(translation: F, rotation: F) -> F:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.compare.folds import informative
 from ecm.compare.noise import Noise
-from ecm.effects import Effect, Rows, get_effect
+from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
 from ecm.models.maps import StiffnessMap
 from ecm.refit import FittedEffect, joint_fit
@@ -59,26 +59,46 @@ class Model:
         """Wrench columns."""
         return self.base.outputs
 
-    def predict(self, data: Table | F) -> F:
+    def predict(self, data: Table | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench the mechanism needs at poses (N, n), or expected readings of a table.
 
         A table's rows have time, temperature and approach, so that all effects act; bare poses get
         the base map and the effects of physics that need the pose alone.
+
+        Parameters
+        ----------
+        skip_untestable
+            Leave out effects whose columns the table lacks (`left_out` names them) instead of
+            refusing.
         """
         if isinstance(data, np.ndarray):
             return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
         rows = Rows(data, self.base)
         wrench: F = rows.wrench.copy()
+        lacking = self.left_out(data)
         for item in self.effects:
-            lacking = item.effect.missing(data.with_columns(_zeros(data, self.outputs)))
-            if lacking is None or item.effect.kind == "pose":
+            if item.id not in lacking:
                 wrench += item.effect.correction(rows, item.values)
-            else:
+            elif not skip_untestable:
                 raise InputError(
                     f"{data.source}: effect {item.id} cannot be predicted here, "
-                    f"{lacking.reason}; record {lacking.record}, or remove the effect"
+                    f"{lacking[item.id].reason}; record {lacking[item.id].record}, "
+                    "or remove the effect"
                 )
         return wrench
+
+    def left_out(self, table: Table) -> dict[str, Missing]:
+        """Effects of the model that a table's rows do not determine, and why.
+
+        What only has to vary for a fit need not vary here.
+        """
+        found = {}
+        filled = table.with_columns(_zeros(table, self.outputs))
+        for item in self.effects:
+            lacking = item.effect.missing(filled)
+            if lacking is not None and lacking.absent and item.effect.kind == "time":
+                found[item.id] = lacking
+        return found
 
     def predict_sd(self, data: Table | F) -> F | None:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
