@@ -8,7 +8,7 @@ use ecm_poly::Symmetry;
 use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
 use ecm_poly::cubic::Cubic;
 use ecm_poly::energy::terms::terms;
-use ecm_poly::energy::{EnergyPlan, EnergyTables};
+use ecm_poly::energy::{EnergyPlan, EnergyTables, LanePlan, LaneTables};
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Pose, Real};
 
@@ -84,6 +84,30 @@ impl Task for EnergyTask<'_> {
     }
 }
 
+struct LaneTask<'a, const B: usize> {
+    plan: LanePlan<'a, f64, B>,
+    points: &'a [[f64; 6]],
+    stiffness: bool,
+}
+
+impl<const B: usize> Task for LaneTask<'_, B> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        for p in self.points {
+            let pose = Pose::from_array(p);
+            if self.stiffness {
+                black_box(
+                    self.plan
+                        .wrench_and_stiffness::<A>(&pose, StiffnessKind::Partial),
+                );
+            } else {
+                black_box(self.plan.wrench::<A>(&pose));
+            }
+        }
+    }
+}
+
 fn main() {
     let points: Vec<[f64; 6]> = (0..CALLS)
         .map(|i| {
@@ -126,6 +150,39 @@ fn main() {
                 .go::<Plain>();
             },
         );
+        for (symmetry, degree) in [
+            (Symmetry::Alike, 4),
+            (Symmetry::Alike, 6),
+            (Symmetry::Revolution, 6),
+        ] {
+            let rows = terms(symmetry, degree).unwrap();
+            let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
+            let stiff = stiffness;
+            let name = format!("energy{degree} {} in lanes, {what}", symmetry.name());
+            let few = LaneTables::<f64, 8>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
+            if let Some(tables) = &few {
+                let plan = tables.plan();
+                time(&name, || {
+                    dispatch(LaneTask {
+                        plan,
+                        points: &points,
+                        stiffness: stiff,
+                    })
+                });
+            } else {
+                let tables =
+                    LaneTables::<f64, 16>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1)
+                        .unwrap();
+                let plan = tables.plan();
+                time(&name, || {
+                    dispatch(LaneTask {
+                        plan,
+                        points: &points,
+                        stiffness: stiff,
+                    })
+                });
+            }
+        }
         {
             let tables = EnergyTables::<f64>::new(Symmetry::Alike, &[], &[], [0.03, 0.8], 0.1);
             let plan = tables.plan();
@@ -148,13 +205,6 @@ fn main() {
             let tables = EnergyTables::<f64>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
             let plan = tables.plan();
             plan.check::<256>().unwrap();
-            if std::env::var("COUNT").is_ok() {
-                println!(
-                    "{} monomials {} entries",
-                    plan.products.len(),
-                    plan.columns.len()
-                );
-            }
             time(
                 &format!("energy{degree} {}, {what}", symmetry.name()),
                 || {

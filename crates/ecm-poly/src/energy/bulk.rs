@@ -6,6 +6,7 @@ use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::arithmetic::{Arithmetic, Task, dispatch};
+use crate::energy::lanes::LanePlan;
 use crate::energy::plan::EnergyPlan;
 use crate::error::ModelError;
 
@@ -101,4 +102,57 @@ fn run<E: Evaluation>(
         poses,
         evaluation,
     }))
+}
+
+/// h of each pose, in lanes.
+pub fn wrenches_in_lanes<const B: usize>(
+    plan: LanePlan<'_, f64, B>,
+    poses: &[Vec6<f64>],
+) -> Vec<Vec6<f64>> {
+    dispatch(LaneWrenches { plan, poses })
+}
+
+/// The stiffness of each pose, in lanes.
+pub fn stiffnesses_in_lanes<const B: usize>(
+    plan: LanePlan<'_, f64, B>,
+    poses: &[Vec6<f64>],
+    kind: StiffnessKind,
+) -> Vec<Mat6<f64>> {
+    dispatch(LaneStiffnesses { plan, poses, kind })
+}
+
+struct LaneWrenches<'a, const B: usize> {
+    plan: LanePlan<'a, f64, B>,
+    poses: &'a [Vec6<f64>],
+}
+
+impl<const B: usize> Task for LaneWrenches<'_, B> {
+    type Output = Vec<Vec6<f64>>;
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
+        let mut results = Vec::with_capacity(self.poses.len());
+        for pose in self.poses {
+            results.push(self.plan.wrench::<A>(&Pose::from_array(pose)).to_array());
+        }
+        results
+    }
+}
+
+struct LaneStiffnesses<'a, const B: usize> {
+    plan: LanePlan<'a, f64, B>,
+    poses: &'a [Vec6<f64>],
+    kind: StiffnessKind,
+}
+
+impl<const B: usize> Task for LaneStiffnesses<'_, B> {
+    type Output = Vec<Mat6<f64>>;
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
+        let mut results = Vec::with_capacity(self.poses.len());
+        for pose in self.poses {
+            let pose = Pose::from_array(pose);
+            results.push(self.plan.wrench_and_stiffness::<A>(&pose, self.kind).1);
+        }
+        results
+    }
 }

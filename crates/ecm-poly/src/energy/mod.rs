@@ -1,6 +1,7 @@
 //! Energy models U(q) in mid-frame coordinates: symmetric Hessian by construction.
 
 pub mod invariants;
+pub mod lanes;
 pub mod mid_frame;
 pub mod plan;
 pub mod potential;
@@ -19,9 +20,10 @@ pub mod terms;
 #[cfg(feature = "std")]
 pub use fit::EnergyFit;
 pub use invariants::Symmetry;
+pub use lanes::LanePlan;
 pub use mid_frame::EnergyMap;
 #[cfg(feature = "std")]
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
 #[cfg(feature = "std")]
-pub use tables::EnergyTables;
+pub use tables::{EnergyTables, LaneTables};

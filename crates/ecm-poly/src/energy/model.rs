@@ -9,7 +9,7 @@ use crate::energy::bulk;
 use crate::energy::fit::{check_length, check_scale, regressor};
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
-use crate::energy::tables::EnergyTables;
+use crate::energy::tables::{EnergyTables, LaneTables};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
 
@@ -27,6 +27,9 @@ pub struct EnergyModel {
     condition_number: f64,
     residual_variance: f64,
     tables: EnergyTables<f64>,
+    /// The same energy in eight or sixteen lanes, where it has a body of revolution's degrees.
+    narrow: Option<LaneTables<f64, 8>>,
+    wide: Option<LaneTables<f64, 16>>,
 }
 
 impl EnergyModel {
@@ -51,6 +54,8 @@ impl EnergyModel {
         let tables = EnergyTables::new(symmetry, &exponents, coefficients, scale, length_m);
         Ok(Self {
             tables,
+            narrow: LaneTables::new(symmetry, &exponents, coefficients, scale, length_m),
+            wide: LaneTables::new(symmetry, &exponents, coefficients, scale, length_m),
             length_m,
             degree,
             symmetry,
@@ -104,7 +109,11 @@ impl EnergyModel {
     /// h of each pose.
     pub fn predict(&self, poses: &[Vec6<f64>]) -> Result<Vec<Vec6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
-        bulk::wrenches(self.tables.plan(), poses)
+        match (&self.narrow, &self.wide) {
+            (Some(lanes), _) => Ok(bulk::wrenches_in_lanes(lanes.plan(), poses)),
+            (None, Some(lanes)) => Ok(bulk::wrenches_in_lanes(lanes.plan(), poses)),
+            (None, None) => bulk::wrenches(self.tables.plan(), poses),
+        }
     }
 
     /// The stiffness of each pose.
@@ -114,7 +123,11 @@ impl EnergyModel {
         kind: StiffnessKind,
     ) -> Result<Vec<Mat6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
-        bulk::stiffnesses(self.tables.plan(), poses, kind)
+        match (&self.narrow, &self.wide) {
+            (Some(lanes), _) => Ok(bulk::stiffnesses_in_lanes(lanes.plan(), poses, kind)),
+            (None, Some(lanes)) => Ok(bulk::stiffnesses_in_lanes(lanes.plan(), poses, kind)),
+            (None, None) => bulk::stiffnesses(self.tables.plan(), poses, kind),
+        }
     }
 
     /// Φ (6 N, k), row-major: h = Φ β.

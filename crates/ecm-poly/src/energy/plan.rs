@@ -85,17 +85,7 @@ impl<R: Real> EnergyPlan<'_, R> {
                 row += 1;
             }
         }
-        let force = self.symmetry.gradient(&q, &first);
-        let wrench = frame.wrench(&force);
-        let hessian = frame.hessian(&force, &self.symmetry.hessian(&q, &first, &second));
-        let stiffness = match kind {
-            StiffnessKind::Generalised => hessian,
-            StiffnessKind::Partial => frame.partial_from_generalised(&hessian, &wrench),
-            StiffnessKind::Screw => {
-                convert(&hessian, pose, &wrench, StiffnessKind::Generalised, kind)
-            }
-        };
-        (wrench, stiffness)
+        wrench_and_stiffness(&frame, self.symmetry, (&first, &second), pose, kind)
     }
 
     #[inline(always)]
@@ -137,4 +127,25 @@ impl<R: Real> EnergyPlan<'_, R> {
         }
         (sums[0] + sums[1]) + (sums[2] + sums[3])
     }
+}
+
+/// h and its stiffness from ∂U/∂v and ∂²U/∂v² at a pose.
+#[inline(always)]
+pub(crate) fn wrench_and_stiffness<R: Real>(
+    frame: &MidFrame<R>,
+    symmetry: Symmetry,
+    (first, second): (&Vec6<R>, &Mat6<R>),
+    pose: &Pose<R>,
+    kind: StiffnessKind,
+) -> (Wrench<R>, Mat6<R>) {
+    let q = frame.coordinates();
+    let force = symmetry.gradient(&q, first);
+    let wrench = frame.wrench(&force);
+    let hessian = frame.hessian(&force, &symmetry.hessian(&q, first, second));
+    let stiffness = match kind {
+        StiffnessKind::Generalised => hessian,
+        StiffnessKind::Partial => frame.partial_from_generalised(&hessian, &wrench),
+        StiffnessKind::Screw => convert(&hessian, pose, &wrench, StiffnessKind::Generalised, kind),
+    };
+    (wrench, stiffness)
 }

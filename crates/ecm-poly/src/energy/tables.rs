@@ -6,6 +6,7 @@ use std::vec::Vec;
 use ecm_se3::Real;
 
 use crate::energy::invariants::Symmetry;
+use crate::energy::lanes::LanePlan;
 use crate::energy::plan::{EnergyPlan, ROWS};
 
 /// Owned tables of an [`EnergyPlan`].
@@ -17,6 +18,79 @@ pub struct EnergyTables<R> {
     ends: [u16; ROWS],
     columns: Vec<u16>,
     weights: Vec<R>,
+}
+
+/// Owned tables of a [`LanePlan`] of `B` lanes.
+#[derive(Clone, Debug)]
+pub struct LaneTables<R, const B: usize> {
+    length_m: R,
+    degree: usize,
+    powers: [[u8; 3]; B],
+    coefficients: Vec<[R; B]>,
+}
+
+impl<R: Real, const B: usize> LaneTables<R, B> {
+    /// As [`EnergyTables::new`]; `None` for a general energy, degrees other
+    /// than 4, 5, 6, or one that needs more lanes.
+    pub fn new(
+        symmetry: Symmetry,
+        exponents: &[Monomial],
+        coefficients: &[f64],
+        scale: [f64; 2],
+        length_m: f64,
+    ) -> Option<Self> {
+        if symmetry == Symmetry::General {
+            return None;
+        }
+        let mut lanes: Vec<[u8; 3]> = Vec::new();
+        let mut degree = 0;
+        for &[x, p, t, theta_x, a, b] in exponents {
+            let key = [theta_x, a, b];
+            if !lanes.contains(&key) {
+                lanes.push(key);
+            }
+            degree = degree.max(usize::from(x) + 2 * usize::from(p) + 2 * usize::from(t));
+        }
+        if lanes.len() > B || !(4..=6).contains(&degree) {
+            return None;
+        }
+        let mut powers = [[0; 3]; B];
+        powers[..lanes.len()].copy_from_slice(&lanes);
+        let half = degree / 2;
+        let mut table = Vec::new();
+        for j in (0..=half).rev() {
+            for k in (0..=half - j).rev() {
+                for n in (0..=degree - 2 * (j + k)).rev() {
+                    let mut row = [R::ZERO; B];
+                    for (e, &c) in exponents.iter().zip(coefficients) {
+                        let [x, p, t, theta_x, a, b] = *e;
+                        let here = [usize::from(x), usize::from(p), usize::from(t)];
+                        let lane = lanes.iter().position(|l| *l == [theta_x, a, b]);
+                        if let (true, Some(l)) = (here == [n, j, k], lane) {
+                            row[l] = R::from_f64(c * unscaled(symmetry, e, scale));
+                        }
+                    }
+                    table.push(row);
+                }
+            }
+        }
+        Some(Self {
+            length_m: R::from_f64(length_m),
+            degree,
+            powers,
+            coefficients: table,
+        })
+    }
+
+    /// The tables, borrowed.
+    pub fn plan(&self) -> LanePlan<'_, R, B> {
+        LanePlan {
+            length_m: self.length_m,
+            degree: self.degree,
+            powers: self.powers,
+            coefficients: &self.coefficients,
+        }
+    }
 }
 
 type Monomial = [u8; 6];
