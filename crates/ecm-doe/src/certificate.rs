@@ -275,6 +275,8 @@ pub fn continuous(
         let set = working_set(problem, &w, &eval.phi, level, wanted);
         let step = newton_step(problem, &set, &w, &eval, cap, 0.05 * gap * eval.level / k);
         let before = (gap, eval.value);
+        // The last Newton steps gain less than rounding but still close the gap.
+        let slack = 1e-12 * (1.0 + eval.value.abs());
         let mut size = 1.0;
         let mut moved = false;
         for _ in 0..30 {
@@ -285,7 +287,7 @@ pub fn continuous(
                     trial[i] = 0.0;
                 }
             }
-            if objective(problem, &trial).is_some_and(|v| v > eval.value) {
+            if objective(problem, &trial).is_some_and(|v| v > eval.value - slack) {
                 w = trial;
                 moved = true;
                 break;
@@ -300,10 +302,11 @@ pub fn continuous(
         (gap, level) = bound_at(problem, &eval, n_f, cap);
         bound = bound.min(eval.merit + gap);
         iterations += 1;
-        if (before.0 - gap).abs() < 1e-15 && eval.value <= before.1 {
+        if gap > 0.9 * before.0 && eval.value <= before.1 + slack {
             break;
         }
     }
+    gap = (bound - eval.merit).max(0.0);
     Some(Continuous {
         merit: eval.merit,
         phi: eval.phi,

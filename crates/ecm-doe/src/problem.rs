@@ -79,17 +79,20 @@ impl Problem {
         add_transposed_product(&mut gram, (k, poses * block, k), rows, rows);
         // Twice: the first factor leaves an error of kappa^2 eps, the second removes it.
         let (first, shift_1) = whitening(&gram, poses, k)?;
-        let mut once = vec![0.0; rows.len()];
-        product_transposed(&mut once, (poses * block, k, k), rows, &first);
         let mut fixed = prior.map_or_else(|| vec![0.0; k * k], |p| congruence(p, &first, k));
         let mut gram = fixed.clone();
-        add_transposed_product(&mut gram, (k, poses * block, k), &once, &once);
+        let mut once = vec![0.0; CHUNK.min(poses * block) * k];
+        for part in rows.chunks(CHUNK * k) {
+            let out = &mut once[..part.len()];
+            product_transposed(out, (part.len() / k, k, k), part, &first);
+            add_transposed_product(&mut gram, (k, part.len() / k, k), out, out);
+        }
         let (second, shift_2) = whitening(&gram, poses, k)?;
-        let mut white = vec![0.0; rows.len()];
-        product_transposed(&mut white, (poses * block, k, k), &once, &second);
         fixed = congruence(&fixed, &second, k);
         let mut back = vec![0.0; k * k];
         crate::linalg::product(&mut back, (k, k, k), &second, &first, 1.0, false);
+        let mut white = vec![0.0; rows.len()];
+        product_transposed(&mut white, (poses * block, k, k), rows, &back);
         Ok(Self {
             poses,
             block,
@@ -149,6 +152,9 @@ impl Problem {
             .map(|(v, _)| v + self.shift)
     }
 }
+
+/// Regressor rows whitened at a time.
+const CHUNK: usize = 8192;
 
 /// R^-T (lower triangular) with R'R = gram / poses, and log det R'R.
 fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), DesignError> {
