@@ -1,5 +1,6 @@
 //! The model of an opened file, as evaluation needs it.
 
+use std::boxed::Box;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -15,9 +16,9 @@ use crate::polynomial_model::PolynomialModel;
 #[derive(Clone, Debug)]
 pub enum Model {
     /// Free polynomials.
-    Polynomial(PolynomialModel),
+    Polynomial(Box<PolynomialModel>),
     /// An energy; of kind `physics` with its factor multiplied in.
-    Energy(EnergyModel),
+    Energy(Box<EnergyModel>),
 }
 
 impl Model {
@@ -29,7 +30,7 @@ impl Model {
         if document.get("kind").and_then(Value::as_str) == Some("polynomial") {
             let (lower, upper) = (ranges("lower"), ranges("upper"));
             return PolynomialModel::from_coefficients(degree, &lower, &upper, &coefficients)
-                .map(Model::Polynomial);
+                .map(|model| Model::Polynomial(Box::new(model)));
         }
         let name = document
             .get("symmetry")
@@ -55,7 +56,7 @@ impl Model {
             scale,
             &weights,
         )
-        .map(Model::Energy)
+        .map(|model| Model::Energy(Box::new(model)))
     }
 
     /// Numbers of inputs and outputs.
