@@ -5,6 +5,24 @@
 //! condensed: one factorisation serves the Newton step, the 6 × 6 stiffness and the
 //! predictor, for given wrenches and given poses alike.
 //!
+//! # Why this element
+//! Near incompressibility plain quadratic tetrahedra lock (2.4 % in the pose of the
+//! reference case at 1104 nodes, 38 Newton iterations; 9 % in the stiffness at
+//! ν = 0.4999), linear ones are useless (12 % to 84 %). With the pressure as an unknown
+//! the volumetric residual is nearly linear: seven iterations from rest, for ν from 0.3
+//! to 0.4999. Against the converged pose of the reference case (clamped cylinder,
+//! rotation 0.6 rad) `Quality::Standard` (1207 nodes) errs by 0.9 % in translation and
+//! 0.6 % in rotation, `Quality::Fine` (3255 nodes) by 0.4 % and 0.3 %. The four-point
+//! rule changes that by less than 0.03 % against a fourteen-point one. How prisms are
+//! split matters: diagonals that start at the clamped rim halve the error of those that
+//! end there.
+//!
+//! # Where stability ends
+//! A wrench is reported unstable when the equilibrium's H is not positive, and when the
+//! path to it ends where the tangent at held platform loses a positive pivot: in strong
+//! bending with compression a neo-Hookean body creases at the compressed rim, earlier on
+//! meshes that resolve the rim.
+//!
 //! ```
 //! use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Status};
 //! # fn main() -> Result<(), ecm_fem::FemError> {

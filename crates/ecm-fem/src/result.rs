@@ -6,7 +6,7 @@
 pub enum Status {
     /// Stable equilibrium at the load asked for.
     Solved,
-    /// The load lies beyond a loss of stability (buckling).
+    /// The load lies beyond a loss of stability: buckling, or a crease or collapse inside.
     Unstable,
     /// The load steps became too small.
     NotConverged,

@@ -21,6 +21,9 @@ use std::sync::atomic::Ordering;
 /// Largest wave; early waves hold a quarter of what is solved before them.
 const WAVE: usize = 64;
 
+/// Smallest load step from a neighbour, as a share of the way; below, the way from rest is taken.
+const NEIGHBOUR_STEP: f64 = 0.25;
+
 /// A solved state; single precision is ample for a start.
 pub(super) struct Solved {
     displacement: Vec<f32>,
@@ -65,7 +68,7 @@ impl Solved {
 struct Starts<'a> {
     guess: Option<State>,
     neighbour: Option<&'a Solved>,
-    rest: (&'a State, &'a CaseResult),
+    rest: &'a CaseResult,
 }
 
 impl Fem {
@@ -78,7 +81,7 @@ impl Fem {
         for (row, load) in loads.iter().enumerate() {
             self.check_load(row, load)?;
         }
-        let (rest_result, rest_state) = self.follow_from_rest(
+        let (rest_result, _) = self.follow_from_rest(
             &mut Workspace::new(self),
             &Load::Wrench([0.0; 6]),
             Watch::default(),
@@ -111,7 +114,7 @@ impl Fem {
                     let starts = Starts {
                         guess,
                         neighbour: start,
-                        rest: (&rest_state, &rest_result),
+                        rest: &rest_result,
                     };
                     let outcome = self.solve_case(&mut work, &loads[case], starts, watch);
                     give(&spare, work);
@@ -176,11 +179,10 @@ impl Fem {
         starts: Starts,
         watch: Watch,
     ) -> (CaseResult, Option<Solved>) {
-        let (rest_state, rest_result) = starts.rest;
         if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             let result = CaseResult {
                 status: Status::Cancelled,
-                ..rest_result.clone()
+                ..starts.rest.clone()
             };
             return (result, None);
         }
@@ -193,7 +195,14 @@ impl Fem {
             }
         }
         if let Some(solved) = starts.neighbour {
-            let (mut result, state) = self.follow(work, solved.state(), &solved.load, load, watch);
+            let (mut result, state) = self.follow(
+                work,
+                solved.state(),
+                &solved.load,
+                load,
+                NEIGHBOUR_STEP,
+                watch,
+            );
             if matches!(result.status, Status::Solved | Status::Cancelled) {
                 result.iterations += spent;
                 let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
@@ -202,11 +211,7 @@ impl Fem {
             spent += result.iterations;
         }
         // What is lost on the way from a neighbour is told from rest, along proportional load.
-        let from = match load {
-            Load::Wrench(_) => Load::Wrench([0.0; 6]),
-            Load::Pose(_) => Load::Pose(rest_state.platform.pose()),
-        };
-        let (mut result, state) = self.follow(work, rest_state.clone(), &from, load, watch);
+        let (mut result, state) = self.follow_from_rest(work, load, watch);
         result.iterations += spent;
         let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
         (result, keep)

@@ -43,11 +43,11 @@ impl Load {
 pub struct Settings {
     /// Residual over the force unit μ V / L at which a state counts as equilibrium (1e-9).
     pub tolerance: f64,
-    /// Newton iterations per load step (25).
+    /// Newton iterations per load step (14).
     pub iterations: usize,
     /// Largest platform rotation (rad) or translation (over L) of one Newton step (0.5).
     pub step_limit: f64,
-    /// Smallest load step as a share of the way (1/64).
+    /// Smallest load step as a share of the way (1/32).
     pub smallest_load_step: f64,
     /// Quadrature ([`Rule::Degree2`]).
     pub rule: Rule,
@@ -57,9 +57,9 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             tolerance: 1e-9,
-            iterations: 25,
+            iterations: 14,
             step_limit: 0.5,
-            smallest_load_step: 1.0 / 64.0,
+            smallest_load_step: 1.0 / 32.0,
             rule: Rule::Degree2,
         }
     }

@@ -53,6 +53,8 @@ pub(super) struct Balance {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Failure {
     Diverged,
+    /// Diverged over states that are unstable even at a held platform.
+    Unstable,
     Inverted,
     Cancelled,
 }
@@ -101,6 +103,7 @@ impl Fem {
         };
         let mut iteration = 0;
         let mut previous_share = 1.0;
+        let mut unstable_iterates = 0;
         loop {
             if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 work.ready = false;
@@ -116,9 +119,15 @@ impl Fem {
             if work.balance.residual <= self.settings.tolerance {
                 return Ok(iteration);
             }
+            unstable_iterates += usize::from(work.balance.inner_instabilities > 0);
             if iteration == most {
                 work.ready = false;
-                return Err((Failure::Diverged, iteration));
+                let failure = if unstable_iterates > 0 {
+                    Failure::Unstable
+                } else {
+                    Failure::Diverged
+                };
+                return Err((failure, iteration));
             }
             let platform_step = self
                 .step(work, &gap, target.is_some())
@@ -138,6 +147,8 @@ impl Fem {
                         std::mem::swap(state, &mut work.trial);
                         share *= 0.5;
                         if share < SMALLEST_SHARE {
+                            let unstable = unstable_iterates > 0;
+                            let failure = if unstable { Failure::Unstable } else { failure };
                             return Err((failure, iteration));
                         }
                     }

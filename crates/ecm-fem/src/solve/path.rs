@@ -25,7 +25,14 @@ impl Fem {
             Load::Wrench(_) => Load::Wrench([0.0; 6]),
             Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
         };
-        self.follow(work, self.rest(), &start, load, watch)
+        self.follow(
+            work,
+            self.rest(),
+            &start,
+            load,
+            self.settings.smallest_load_step,
+            watch,
+        )
     }
 
     /// Follows the load from `state`, an equilibrium under `start`, to `load`.
@@ -35,6 +42,7 @@ impl Fem {
         mut state: State,
         start: &Load,
         load: &Load,
+        smallest_step: f64,
         watch: Watch,
     ) -> (CaseResult, State) {
         work.ready = false;
@@ -72,12 +80,15 @@ impl Fem {
                     match failure {
                         Failure::Cancelled => break Status::Cancelled,
                         Failure::Diverged => Status::NotConverged,
+                        // So close to an equilibrium this is its own instability: a crease
+                        // or a collapse inside the body, beyond which no state is stable.
+                        Failure::Unstable => Status::Unstable,
                         Failure::Inverted => Status::Inverted,
                     }
                 }
             };
             step *= 0.5;
-            if step < self.settings.smallest_load_step {
+            if step < smallest_step {
                 break failure;
             }
             state.clone_from(&last_good);
