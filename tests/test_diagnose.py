@@ -249,6 +249,19 @@ def test_trap_a_wrong_sign_is_no_soft_material() -> None:
     assert one.verdict == "unknown"
 
 
+def test_a_clamp_that_pushes_is_not_named() -> None:
+    """Values far outside their bounds are no explanation; a hair outside is the form's misfit."""
+    table = campaign("", 1.0, 4)
+    stiffening = with_change(table, "base_compliance", [-2e-3, 0.0, 0.0])
+    diagnosis = diagnose(model(), stiffening)
+    assert all("base_compliance" not in members for members in diagnosis.answer)
+    slight = with_change(table, "base_compliance", [2e-3, 5e-7, -2e-7])
+    diagnosis = diagnose(model(), slight)
+    assert found_in(diagnosis, "base_compliance"), diagnosis.sentence()
+    axial = dict(zip(("bending", "lateral", "axial"), diagnosis.effects[0].values, strict=True))
+    assert axial["axial"] >= -1e-11
+
+
 def test_trap_copied_rows_and_one_bad_pose() -> None:
     table = campaign("", 1.0, 4).measured()
     copied = table.select(np.concatenate([np.arange(len(table)), np.arange(40)]))

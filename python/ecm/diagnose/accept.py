@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from ecm.compare.folds import folds
+from ecm.compare.gram import explained
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import (
     LEAST_BIC,
@@ -24,6 +26,7 @@ LEVEL = 0.01
 _BOOTSTRAPS = 60
 _CHOSEN = 0.8
 _INFLUENTIAL = 0.02
+_KEPT_WITHIN_BOUNDS = 0.8
 
 
 @dataclass(frozen=True)
@@ -168,13 +171,34 @@ def _row_squares(problem: Problem, equations: tuple[F, F], chosen: Sequence[Cand
 
 
 def _within(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
-    """Whether the linear estimate lies within the bounds, give or take two standard errors."""
-    theta, covariance, columns = estimate(problem, normal_equations(problem), chosen)
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    """Whether the effect explains nearly as much when its parameters keep their bounds.
+
+    A form that is not quite the truth's may push a parameter that is zero a little below it.
+    """
+    theta, _, columns = estimate(problem, normal_equations(problem), chosen)
     place = {column: i for i, column in enumerate(columns)}
-    for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
-        value = theta[place[column]] / problem.norms[column]
-        slack = 2.0 * sd[place[column]] / problem.norms[column]
-        if not parameter.lower - slack <= value <= parameter.upper + slack:
-            return False
-    return True
+    own = [place[column] for column in item.columns]
+    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
+    for i, column, parameter in zip(own, item.columns, item.effect.parameters, strict=True):
+        lower[i] = parameter.lower * problem.norms[column]
+        upper[i] = parameter.upper * problem.norms[column]
+    if np.all((theta >= lower) & (theta <= upper)):
+        return True
+    matrix, vector = normal_equations(problem)
+    take = np.asarray(columns, dtype=np.int64)
+    matrix, vector = matrix[np.ix_(take, take)], vector[take]
+    matrix = matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take))
+    root = np.linalg.cholesky(matrix)
+    slack = 1e-9
+    found = lsq_linear(
+        root.T,
+        np.linalg.solve(root, vector),
+        bounds=(lower - slack, upper + slack),
+        method="bvls",
+    ).x
+    bounded = 2.0 * float(found @ vector) - float(found @ matrix @ found)
+    others = [other for other in chosen if other is not item]
+    equations = normal_equations(problem)
+    without = explained(*equations, problem.base_index) + fall(equations, problem, others)
+    free = explained(*equations, columns)
+    return bounded - without > _KEPT_WITHIN_BOUNDS * (free - without)
