@@ -101,14 +101,14 @@ class FemResults:
 
 @final
 class Fem:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         mesh: Mesh,
         *,
         young_modulus_Pa: float,
         poisson_ratio: float,
         element_modulus_scale: F | None = None,
-    ) -> None:
+    ) -> Fem:
         """Neo-Hookean body clamped at `base`, rigid platform on `top`.
         element_modulus_scale: (M,) factor on E per tetrahedron."""
     def rest_stiffness(self) -> F: ...
