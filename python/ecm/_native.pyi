@@ -9,10 +9,37 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-F = NDArray[np.float64]
-I = NDArray[np.int64]  # noqa: E741
-Progress = Callable[[int, int], object] | None
-StiffnessKind = Literal["partial", "generalised", "screw"]
+__all__ = [
+    "DesignError",
+    "DesignResult",
+    "EcmError",
+    "EnergyModel",
+    "Fem",
+    "FemError",
+    "FemResults",
+    "Mesh",
+    "ModelError",
+    "PolynomialModel",
+    "__version__",
+    "convert_stiffness",
+    "d_optimal",
+    "export_model",
+    "left_jacobians",
+    "maximin",
+    "mid_frame",
+    "open_model",
+    "polynomial_exponents",
+    "polynomial_regressor",
+    "rod_poses",
+    "rotation_matrices",
+    "rotation_vectors",
+    "seal_model",
+]
+
+_F = NDArray[np.float64]
+_I = NDArray[np.int64]
+_Progress = Callable[[int, int], object] | None
+_StiffnessKind = Literal["partial", "generalised", "screw"]
 
 __version__: str
 
@@ -22,30 +49,28 @@ class ModelError(EcmError): ...
 class DesignError(EcmError): ...
 
 # --- se3 ---------------------------------------------------------------
-def rotation_matrices(rotation_vectors: F) -> F:
+def rotation_matrices(rotation_vectors: _F) -> _F:
     """exp of (N, 3) rotation vectors: (N, 3, 3)."""
 
-def rotation_vectors(rotation_matrices: F) -> F:
+def rotation_vectors(rotation_matrices: _F) -> _F:
     """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi."""
 
-def left_jacobians(rotation_vectors: F) -> F:
+def left_jacobians(rotation_vectors: _F) -> _F:
     """J(theta) with dphi = J dtheta: (N, 3, 3)."""
 
-def mid_frame(poses: F, length_m: float) -> F:
+def mid_frame(poses: _F, length_m: float) -> _F:
     """q = (c, theta) of (N, 6) poses: c = A' r - (L, 0, 0), A = exp(theta/2)."""
 
 def convert_stiffness(
-    stiffness: F, poses: F, wrenches: F, *, source: StiffnessKind, target: StiffnessKind
-) -> F:
-    """Between K = dh/dp, H = d(f, J' tau)/dp and K_s = K diag(I, J^-1): (N, 6, 6)."""
+    stiffness: _F, poses: _F, wrenches: _F, *, source: _StiffnessKind, target: _StiffnessKind
+) -> _F:
+    """Between K = dh/dp, H = d(f, J' tau)/dp and K_s = K diag(_I, J^-1): (N, 6, 6)."""
 
 # --- fem ---------------------------------------------------------------
 @final
 class Mesh:
     @staticmethod
-    def cylinder(
-        *, length_m: float, radius_m: float, quality: str = "standard"
-    ) -> Mesh: ...
+    def cylinder(*, length_m: float, radius_m: float, quality: str = "standard") -> Mesh: ...
     @staticmethod
     def tube(
         *, length_m: float, radius_m: float, inner_radius_m: float, quality: str = "standard"
@@ -58,14 +83,14 @@ class Mesh:
     def read(path: str) -> Mesh:
         """Gmsh 4.1 ASCII with named faces `base` and `top`; linear or quadratic tetrahedra."""
     @property
-    def nodes_m(self) -> F: ...
+    def nodes_m(self) -> _F: ...
     @property
-    def tetrahedra(self) -> I:
+    def tetrahedra(self) -> _I:
         """(M, 10), corner nodes then mid-edge nodes 01 12 02 03 13 23."""
     @property
-    def base_nodes(self) -> I: ...
+    def base_nodes(self) -> _I: ...
     @property
-    def top_nodes(self) -> I: ...
+    def top_nodes(self) -> _I: ...
     @property
     def length_m(self) -> float:
         """Distance of the centres of the two named faces."""
@@ -79,25 +104,25 @@ class FemResults:
     def status(self) -> list[str]:
         """solved | unstable | not_converged | inverted | cancelled"""
     @property
-    def poses(self) -> F: ...
+    def poses(self) -> _F: ...
     @property
-    def wrenches(self) -> F: ...
+    def wrenches(self) -> _F: ...
     @property
-    def energy_J(self) -> F: ...
+    def energy_J(self) -> _F: ...
     @property
-    def stiffness(self) -> F:
+    def stiffness(self) -> _F:
         """K = dh/dp, (N, 6, 6)."""
     @property
-    def smallest_eigenvalue(self) -> F:
+    def smallest_eigenvalue(self) -> _F:
         """Of the Hessian H in scaled coordinates (lengths by L)."""
     @property
-    def largest_stretch(self) -> F: ...
+    def largest_stretch(self) -> _F: ...
     @property
-    def smallest_jacobian(self) -> F: ...
+    def smallest_jacobian(self) -> _F: ...
     @property
-    def iterations(self) -> I: ...
+    def iterations(self) -> _I: ...
     @property
-    def residual(self) -> F: ...
+    def residual(self) -> _F: ...
 
 @final
 class Fem:
@@ -107,34 +132,34 @@ class Fem:
         *,
         young_modulus_Pa: float,
         poisson_ratio: float,
-        element_modulus_scale: F | None = None,
+        element_modulus_scale: _F | None = None,
     ) -> Fem:
         """Neo-Hookean body clamped at `base`, rigid platform on `top`.
         element_modulus_scale: (M,) factor on E per tetrahedron."""
-    def rest_stiffness(self) -> F: ...
+    def rest_stiffness(self) -> _F: ...
     def solve_wrenches(
-        self, wrenches: F, *, threads: int = 0, progress: Progress = None
+        self, wrenches: _F, *, threads: int = 0, progress: _Progress = None
     ) -> FemResults: ...
     def solve_poses(
-        self, poses: F, *, threads: int = 0, progress: Progress = None
+        self, poses: _F, *, threads: int = 0, progress: _Progress = None
     ) -> FemResults: ...
 
 def rod_poses(
-    wrenches: F,
+    wrenches: _F,
     *,
     length_m: float,
     axial_stiffness_N: float,
     shear_stiffness_N: float,
     bending_stiffness_Nm2: float,
     torsion_stiffness_Nm2: float,
-) -> tuple[F, NDArray[np.bool_]]:
+) -> tuple[_F, NDArray[np.bool_]]:
     """Cosserat rod clamped at its base under a dead tip wrench: poses (N, 6), converged (N,)."""
 
 # --- poly --------------------------------------------------------------
-def polynomial_exponents(n_inputs: int, degree: int) -> I:
+def polynomial_exponents(n_inputs: int, degree: int) -> _I:
     """(k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4)."""
 
-def polynomial_regressor(inputs: F, degree: int, lower: F, upper: F) -> F:
+def polynomial_regressor(inputs: _F, degree: int, lower: _F, upper: _F) -> _F:
     """(N, k) regressor of inputs mapped from [lower, upper] to [-1, 1]."""
 
 @final
@@ -142,39 +167,39 @@ class PolynomialModel:
     """n inputs to m outputs; the paper's map has n = m = 6."""
     @staticmethod
     def fit(
-        inputs: F,
-        outputs: F,
+        inputs: _F,
+        outputs: _F,
         degree: int,
         *,
         method: Literal["least_squares", "ridge", "pcr"] = "least_squares",
         threshold: float = 0.0,
         ridge: float = 0.0,
-        weights: F | None = None,
+        weights: _F | None = None,
     ) -> PolynomialModel:
         """threshold: PCR drops singular values of the normalised, un-centred regressor below it."""
     @staticmethod
     def from_coefficients(
-        degree: int, lower: F, upper: F, coefficients: F
+        degree: int, lower: _F, upper: _F, coefficients: _F
     ) -> PolynomialModel: ...
     @staticmethod
-    def leave_one_out(inputs: F, outputs: F, degree: int) -> tuple[F, F]:
+    def leave_one_out(inputs: _F, outputs: _F, degree: int) -> tuple[_F, _F]:
         """Singular values (r,), and leave-one-out RMSE (r, m) of keeping the first 1, 2, ... r."""
-    def leverage(self, inputs: F) -> F:
+    def leverage(self, inputs: _F) -> _F:
         """(N,) variance of the prediction in units of the residual variance."""
-    def prediction_sd(self, inputs: F) -> F:
+    def prediction_sd(self, inputs: _F) -> _F:
         """(N, m) standard deviation of a new measurement around the prediction."""
-    def predict(self, inputs: F) -> F: ...
-    def jacobian(self, inputs: F) -> F:
+    def predict(self, inputs: _F) -> _F: ...
+    def jacobian(self, inputs: _F) -> _F:
         """(N, m, n); K = dh/dp for the paper's map."""
     @property
     def degree(self) -> int: ...
     @property
-    def coefficients(self) -> F:
+    def coefficients(self) -> _F:
         """(k, m), of the normalised inputs, outputs in their own unit."""
     @property
-    def lower(self) -> F: ...
+    def lower(self) -> _F: ...
     @property
-    def upper(self) -> F: ...
+    def upper(self) -> _F: ...
     @property
     def condition_number(self) -> float:
         """kappa of the normalised regressor that was kept (after PCR)."""
@@ -184,7 +209,7 @@ class PolynomialModel:
     @property
     def rank(self) -> int: ...
     @property
-    def residual_variance(self) -> F:
+    def residual_variance(self) -> _F:
         """(m,) residual square per degree of freedom; NaN where it was not fitted."""
 
 @final
@@ -192,13 +217,13 @@ class EnergyModel:
     """U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines."""
     @staticmethod
     def fit(
-        poses: F,
-        wrenches: F,
+        poses: _F,
+        wrenches: _F,
         *,
         length_m: float,
         degree: int,
         symmetry: Literal["alike", "revolution", "general"] = "alike",
-        covariance: F | None = None,
+        covariance: _F | None = None,
     ) -> EnergyModel:
         """covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
         by the spread of each."""
@@ -208,23 +233,23 @@ class EnergyModel:
         length_m: float,
         degree: int,
         symmetry: Literal["alike", "revolution", "general"],
-        scale: F,
-        coefficients: F,
+        scale: _F,
+        coefficients: _F,
     ) -> EnergyModel: ...
     @staticmethod
     def regressor(
-        poses: F,
+        poses: _F,
         *,
         length_m: float,
         degree: int,
         symmetry: Literal["alike", "revolution", "general"],
-        scale: F,
-    ) -> F:
+        scale: _F,
+    ) -> _F:
         """(N, 6, k): h = regressor @ coefficients."""
-    def energy_J(self, poses: F) -> F: ...
-    def predict(self, poses: F) -> F: ...
-    def stiffness(self, poses: F, kind: StiffnessKind = "partial") -> F: ...
-    def prediction_covariance(self, poses: F) -> F:
+    def energy_J(self, poses: _F) -> _F: ...
+    def predict(self, poses: _F) -> _F: ...
+    def stiffness(self, poses: _F, kind: _StiffnessKind = "partial") -> _F: ...
+    def prediction_covariance(self, poses: _F) -> _F:
         """(N, 6, 6) of the predicted wrench, of the coefficients' covariance."""
     @property
     def rank(self) -> int: ...
@@ -235,15 +260,15 @@ class EnergyModel:
     def residual_variance(self) -> float:
         """Whitened residual square per degree of freedom: 1 where the covariance is right."""
     @property
-    def coefficients(self) -> F: ...
+    def coefficients(self) -> _F: ...
     @property
-    def covariance(self) -> F:
+    def covariance(self) -> _F:
         """(k, k) of the coefficients."""
     @property
-    def terms(self) -> I:
+    def terms(self) -> _I:
         """(k, 6) exponents of c_x, |c_perp|^2, |theta_perp|^2, theta_x, a, b; general: of c, theta."""
     @property
-    def scale(self) -> F:
+    def scale(self) -> _F:
         """(2,) length and angle that make the coordinates dimensionless."""
     @property
     def length_m(self) -> float: ...
@@ -271,7 +296,7 @@ def export_model(
 @final
 class DesignResult:
     @property
-    def indices(self) -> I:
+    def indices(self) -> _I:
         """Rows of the candidates, sorted."""
     @property
     def value(self) -> float:
@@ -289,7 +314,7 @@ class DesignResult:
         """converged | budget | interrupted"""
 
 def d_optimal(
-    regressor: F,
+    regressor: _F,
     n: int,
     *,
     rows_per_pose: int = 1,
@@ -298,14 +323,14 @@ def d_optimal(
     seed: int = 0,
     threads: int = 0,
     time_limit_s: float = 0.0,
-    include: I | None = None,
+    include: _I | None = None,
     replicates: bool = False,
-    progress: Progress = None,
+    progress: _Progress = None,
     method: Literal["search", "fedorov", "rowwise"] = "search",
-    exclude: I | None = None,
-    measured: F | None = None,
+    exclude: _I | None = None,
+    measured: _F | None = None,
     criterion: Literal["d", "i", "a"] = "d",
-    prior: F | None = None,
+    prior: _F | None = None,
 ) -> DesignResult:
     """regressor: (N * rows_per_pose, k). iterations 0: the default budget. n counts the
     included rows, not the measured regressor rows (any number, k). prior: (k, k) information
@@ -314,7 +339,7 @@ def d_optimal(
     """
 
 def maximin(
-    points: F,
+    points: _F,
     n: int,
     *,
     method: Literal["exchange", "search"] = "search",
@@ -323,9 +348,9 @@ def maximin(
     seed: int = 0,
     threads: int = 0,
     time_limit_s: float = 0.0,
-    include: I | None = None,
-    progress: Progress = None,
-    exclude: I | None = None,
-    measured: F | None = None,
+    include: _I | None = None,
+    progress: _Progress = None,
+    exclude: _I | None = None,
+    measured: _F | None = None,
 ) -> DesignResult:
     """Distances of the points as given: scale the columns to [-1, 1] beforehand."""
