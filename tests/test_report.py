@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import open_page
 
+from browser import open_page
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ecm import selection, validation
 from ecm._native import PolynomialModel, __version__
+from ecm.blas import one_blas_thread
 from ecm.compare import compare
 from ecm.config import Config, read_config
 from ecm.design import Design, choose, diagnosable_plan, paper_plan
@@ -72,6 +73,7 @@ class Job:
         self.stages_s[name] = round(time.perf_counter() - start, 3)
 
 
+@one_blas_thread()
 def identify(
     config: Config | Path,
     out: Path,

@@ -75,7 +75,7 @@ def assemble(
         for index, first in repeated:
             faults.add(index, "", "a row identical in every column",
                        f"each row once (the same as {raw.word} {numbers[first]})")  # fmt: skip
-    elif repeated:
+    elif repeated and "action" not in columns:  # a plan visits the same place again on purpose
         index, first = repeated[0]
         warnings.append(
             f"{source}: {len(repeated)} row(s) are identical to an earlier one in every column "

@@ -42,12 +42,13 @@ def campaign(
 ) -> None:
     """Drive the simulated rig through a plan and write what it measures."""
     from ecm.config import read_rig
-    from ecm.rig import run_campaign
+    from ecm.rig import campaign_minutes, run_campaign
 
     with Console(quiet=quiet) as console:
         output(out, json)
         settings = read_rig(rig)
         table = load([plan], console, need="predict")
+        console.say(f"{len(table)} visits, about {campaign_minutes(table, settings):.0f} minutes")
         keep_note("Readings so far are kept: the same command goes on there.")
         data = run_campaign(
             table, settings, out, hide=hide, seed=seed, threads=threads,

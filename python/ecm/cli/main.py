@@ -73,16 +73,18 @@ def _invoke(arguments: Sequence[str] | None) -> int:
     from typer.core import TyperGroup
     from typer.main import get_command
 
+    from ecm.blas import one_blas_thread
     from ecm.cli.app import app
 
     command = get_command(app)
     if not isinstance(command, TyperGroup):
         raise TypeError("the command line has no commands")
-    result = command.main(
-        args=None if arguments is None else list(arguments),
-        prog_name="ecm",
-        standalone_mode=False,
-    )
+    with one_blas_thread():
+        result = command.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="ecm",
+            standalone_mode=False,
+        )
     return result if isinstance(result, int) else 0
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 F = NDArray[np.float64]
 I = NDArray[np.int64]
@@ -37,7 +37,7 @@ class FTest:
         if dof <= 0 or dof_error <= 0 or rest <= 0.0:
             return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
         ratio = max(explained, 0.0) / dof / (rest / dof_error)
-        p = float(stats.f.sf(ratio, dof, dof_error))
+        p = float(special.fdtrc(dof, dof_error, ratio))
         return FTest(ratio, p, dof, dof_error, explained, rest)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special
 
 from ecm.compare.gram import solve
 from ecm.diagnose.accept import LEVEL
@@ -56,10 +56,10 @@ def _noncentrality(problem: Problem, candidate: Candidate) -> float:
     k = candidate.parameters
     tests = max(1, len(problem.ids))
     needed = max(
-        float(stats.chi2.isf(LEVEL / tests, k)), LEAST_BIC + k * float(np.log(problem.size))
+        float(special.chdtri(k, LEVEL / tests)), LEAST_BIC + k * float(np.log(problem.size))
     )
 
     def lacking(value: float) -> float:
-        return float(stats.ncx2.sf(needed, k, value)) - _POWER
+        return 1.0 - float(special.chndtr(needed, k, value)) - _POWER
 
     return float(optimize.brentq(lacking, 1e-3, 4.0 * needed + 100.0))

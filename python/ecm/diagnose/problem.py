@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import estimate_noise, usable_sd
@@ -215,8 +215,8 @@ def _robust_weights(response: F, blocks: Sequence[F]) -> F:
     flat = (design / np.where(norms > 0.0, norms, 1.0)).reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
-    limit = float(stats.chi2.isf(_OUTLIER_CHANCE, m))
-    middle = float(stats.chi2.median(m))
+    limit = float(special.chdtri(m, _OUTLIER_CHANCE))
+    middle = float(special.chdtri(m, 0.5))
     weights = np.ones(n)
     for _ in range(3):
         root = np.repeat(np.sqrt(weights), m)

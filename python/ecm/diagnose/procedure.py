@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
+from ecm.blas import one_blas_thread
 from ecm.compare.estimate import repeat_cells
 from ecm.compare.folds import distinct_rows, informative_rows
 from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
@@ -46,6 +47,7 @@ _CLOSE_BIC = 20.0
 """A rival that wins some bootstraps is a close one within this loss of BIC."""
 
 
+@one_blas_thread()
 def diagnose(
     model: Model,
     table: Table,
@@ -220,7 +222,7 @@ def _upper_bound(problem: Problem, test: FTest) -> float:
     low, high = 0.0, 4.0 * found + 200.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if float(stats.ncx2.cdf(found, test.dof, middle)) > 0.05:
+        if float(special.chndtr(found, test.dof, middle)) > 0.05:
             low = middle
         else:
             high = middle

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ecm.compare.gram import explained, solve
 from ecm.diagnose.problem import Candidate, Problem
@@ -80,8 +80,11 @@ def _p_value(problem: Problem, drop: float, parameters: int) -> float:
     """
     caught = problem.size * problem.base_error**2 / 3.0
     if caught > 1e-6:
-        return float(np.clip(stats.ncx2.sf(drop, parameters, caught), 0.0, 1.0))
-    return float(stats.chi2.sf(drop, parameters))
+        # Late: scipy.stats takes a second to import, and only its tail is exact far out.
+        from scipy.stats import ncx2
+
+        return float(np.clip(ncx2.sf(drop, parameters, caught), 0.0, 1.0))
+    return float(special.chdtrc(parameters, drop))
 
 
 def bic(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
