@@ -20,6 +20,8 @@ pub mod mid_frame;
 pub mod pose;
 pub mod real;
 pub mod rotation;
+#[cfg(feature = "std")]
+pub mod source;
 pub mod stiffness;
 pub mod stumpff;
 

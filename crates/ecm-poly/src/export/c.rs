@@ -1,4 +1,5 @@
-//! A model as C: `NAME.h`, `NAME.c`, golden vectors in `NAME_golden.h`, and `NAME_check.c`.
+//! A model as C: `NAME.h`, `NAME.c`, golden vectors in `NAME_golden.h`, and `NAME_check.c`; a map
+//! of all six columns to all six also with a control loop, `NAME_control.c`.
 
 use std::format;
 use std::string::{String, ToString};
@@ -65,7 +66,7 @@ pub fn export(
         path: format!("{name}{suffix}"),
         text,
     };
-    Ok(std::vec![
+    let mut files = std::vec![
         file(".h", filled(header, &common)),
         file(".c", filled(&source, &common)),
         file("_golden.h", golden),
@@ -73,8 +74,16 @@ pub fn export(
             "_check.c",
             filled(include_str!("templates/check.c"), &common)
         ),
-    ])
+    ];
+    if (inputs.as_str(), outputs.as_str()) == (POSE, WRENCH) {
+        let control = include_str!("templates/control.c");
+        files.push(file("_control.c", filled(control, &common)));
+    }
+    Ok(files)
 }
+
+const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
+const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
 fn energy(model: &EnergyModel, precision: Precision) -> String {
     let plan = model.tables().plan();

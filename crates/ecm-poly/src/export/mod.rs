@@ -6,6 +6,7 @@ pub mod c;
 mod golden;
 pub mod model;
 pub mod rust;
+mod source;
 
 use std::string::String;
 

@@ -1,7 +1,7 @@
 //! A model as a `no_std` Rust crate of constants: `Cargo.toml`, `src/lib.rs`, `tests/golden.rs`.
 //!
-//! The constants are tables for the evaluation of this crate, which the exported one depends
-//! on without its default features: no std, no allocation, no libm.
+//! The constants are tables for the evaluation of this crate, whose source the export carries
+//! along: no std, no allocation, no libm, no other crate. `examples/control.rs` is a control loop.
 
 use std::format;
 use std::string::{String, ToString};
@@ -17,6 +17,7 @@ use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::model::{Model, identifier};
+use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
 
@@ -41,26 +42,32 @@ pub fn export(
         (Model::Energy(model), Precision::Double) => energy::<f64>(model),
         (Model::Energy(model), Precision::Single) => energy::<f32>(model),
     };
-    let version = env!("CARGO_PKG_VERSION");
     let common = [
         ("NAME", name.as_str()),
         ("REAL", real),
         ("SUM", sum),
-        ("VERSION", version),
     ];
     let golden = Golden::new(&model, precision)?;
+    let held = list(golden.points[5].iter().map(|&x| number(x)));
+    let control = filled(
+        include_str!("templates/control.rs.txt"),
+        &[("HELD", held.as_str())],
+    );
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),
         text,
     };
-    Ok(std::vec![
+    let mut files = std::vec![
         file(
             "Cargo.toml",
             filled(include_str!("templates/crate.toml"), &common)
         ),
         file("src/lib.rs", filled(&body, &common)),
         file("tests/golden.rs", filled(&golden_test(&golden), &common)),
-    ])
+        file("examples/control.rs", filled(&control, &common)),
+    ];
+    files.extend(source::crates());
+    Ok(files)
 }
 
 fn energy<R: Real>(model: &EnergyModel) -> String {

@@ -1,0 +1,14 @@
+//! The source of this crate's part without std, which an exported model carries along.
+
+/// File name and content, below `src`.
+pub const FILES: &[(&str, &str)] = &[
+    ("lib.rs", include_str!("lib.rs")),
+    ("jacobian.rs", include_str!("jacobian.rs")),
+    ("linear.rs", include_str!("linear.rs")),
+    ("mid_frame.rs", include_str!("mid_frame.rs")),
+    ("pose.rs", include_str!("pose.rs")),
+    ("real.rs", include_str!("real.rs")),
+    ("rotation.rs", include_str!("rotation.rs")),
+    ("stiffness.rs", include_str!("stiffness.rs")),
+    ("stumpff.rs", include_str!("stumpff.rs")),
+];
