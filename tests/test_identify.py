@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from browser import open_page
 
 ROOT = Path(__file__).parent.parent
@@ -42,17 +43,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_results_are_there_and_hang_together(finished: Path) -> None:
     summary = json.loads((finished / "summary.json").read_text())
     counts = summary["simulate"]["counts"]
-    assert counts["kept"] == 320
+    assert counts["kept"] == 240
     assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
     with (finished / "simulated.csv").open() as file:
-        assert sum(1 for _ in csv.reader(file)) == 321
+        assert sum(1 for _ in csv.reader(file)) == 241
     degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
     for component in (1, 2):
         assert degrees[2]["rmse"][component] > 3.0 * degrees[3]["rmse"][component]
     assert degrees[1]["kappa"] < degrees[2]["kappa"] < degrees[3]["kappa"]
     assert degrees[3]["kappa_raw"] > 1e6
     for design in summary["select"]["designs"].values():
-        assert design["n"] == 120
+        assert design["n"] == 100
         assert 0.5 < design["efficiency"] <= 1.0
     assert (finished / "model.json").exists()
 
