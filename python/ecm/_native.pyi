@@ -300,13 +300,13 @@ class DesignResult:
         """Rows of the candidates, sorted."""
     @property
     def value(self) -> float:
-        """log det(M/n)/k, or the smallest distance."""
+        """log det(M/n)/k, the average or largest variance, or the smallest distance."""
     @property
     def bound(self) -> float:
-        """Certified upper bound of `value` for any design of this size."""
+        """Certified bound of `value` for any design of this size: upper, for i, a and g lower."""
     @property
     def efficiency(self) -> float:
-        """exp(value - bound), or value / bound."""
+        """exp(value - bound), bound / value, or value / bound."""
     @property
     def exchanges(self) -> int: ...
     @property
@@ -329,8 +329,9 @@ def d_optimal(
     method: Literal["search", "fedorov", "rowwise"] = "search",
     exclude: _I | None = None,
     measured: _F | None = None,
-    criterion: Literal["d", "i", "a"] = "d",
+    criterion: Literal["d", "i", "a", "g", "di"] = "d",
     prior: _F | None = None,
+    share: float = 0.5,
 ) -> DesignResult:
     """regressor: (N * rows_per_pose, k). iterations 0: the default budget. n counts the
     included rows, not the measured regressor rows (any number, k). prior: (k, k) information

@@ -93,7 +93,7 @@ fn objective(problem: &Problem, w: &[f64]) -> Option<f64> {
     cholesky(&mut l, k, 1e-14).ok()?;
     Some(match &problem.objective {
         Objective::Determinant => log_det(&l, k),
-        Objective::Trace(half) => {
+        Objective::Trace(half) | Objective::Compound { half, .. } => {
             let weighted = square_product(&lower_inverse(&l, k), half, k);
             -dot(&weighted, &weighted)
         }
@@ -115,7 +115,9 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
     let inv_lower = lower_inverse(&l, k);
     let weighted = match &problem.objective {
         Objective::Determinant => None,
-        Objective::Trace(half) => Some(square_product(&inv_lower, half, k)),
+        Objective::Trace(half) | Objective::Compound { half, .. } => {
+            Some(square_product(&inv_lower, half, k))
+        }
     };
     let mut phi = vec![0.0; problem.poses];
     let mut t = vec![0.0; CHUNK.min(problem.poses) * b * k];
@@ -435,7 +437,7 @@ fn newton_step(
 fn pull(problem: &Problem, phi: &[f64]) -> Vec<f64> {
     match problem.objective {
         Objective::Determinant => phi.to_vec(),
-        Objective::Trace(_) => phi.iter().map(|p| p.sqrt()).collect(),
+        Objective::Trace(_) | Objective::Compound { .. } => phi.iter().map(|p| p.sqrt()).collect(),
     }
 }
 

@@ -5,6 +5,7 @@
 //!   from the continuous optimum; with the certified bound of [`certificate`].
 //! - [`i_optimal`], [`a_optimal`]: the smallest average variance of the prediction over the
 //!   candidates, or of the coefficients, with a certified lower bound.
+//! - [`g_optimal`]: the smallest largest variance; [`compound_optimal`]: D and I together.
 //! - [`maximin`]: the subset with the largest smallest distance, by the paper's exchange or by
 //!   a threshold search; with an upper bound from clique covers.
 //!
@@ -22,8 +23,9 @@ mod spacing;
 
 pub use budget::{Control, ProgressFn, Status};
 pub use criterion::d::{DSettings, Design, Method, d_optimal};
-pub use criterion::linear::{a_optimal, i_optimal};
+pub use criterion::linear::{a_optimal, compound_optimal, i_optimal};
 pub use criterion::maximin::{MaximinSettings, SpacingMethod, maximin};
+pub use criterion::minimax::g_optimal;
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
 pub use problem::Problem;

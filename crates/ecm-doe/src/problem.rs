@@ -12,6 +12,24 @@ pub(crate) enum Objective {
     Determinant,
     /// tr(M^-1 B) with B = H H', to be small; holds H (k x k) in whitened coordinates.
     Trace(Vec<f64>),
+    /// share log det M - (1 - share) k log tr(M^-1 H H'), to be large.
+    Compound {
+        /// H, k x k.
+        half: Vec<f64>,
+        /// Share of the determinant, 0 to 1.
+        share: f64,
+    },
+}
+
+impl Objective {
+    /// H and the share of the determinant of the criteria that hold a trace.
+    pub(crate) fn trace_part(&self) -> Option<(&[f64], f64)> {
+        match self {
+            Self::Determinant => None,
+            Self::Trace(half) => Some((half, 0.0)),
+            Self::Compound { half, share } => Some((half, *share)),
+        }
+    }
 }
 
 /// Candidates of a model-based design in coordinates in which their mean information is I.

@@ -98,7 +98,7 @@ fn other_columns_and_lists() {
     }
     std::fs::write(&path, table).unwrap();
     let p = path.to_str().unwrap();
-    for criterion in ["d", "i", "a", "maximin"] {
+    for criterion in ["d", "i", "a", "g", "di", "maximin"] {
         let result = design(&[
             p,
             "--n",
@@ -127,6 +127,51 @@ fn other_columns_and_lists() {
             assert!(!rows.iter().any(|r| r.starts_with(out)), "{out}");
         }
     }
+}
+
+/// What was measured at the candidates is no part of a plan; other columns are.
+#[test]
+fn measured_wrenches_stay_behind() {
+    let dir = folder("wrench");
+    let path = dir.join("t.csv");
+    let mut table = "fx_N,x_m,sd_fx_N,theta_x_rad,leds,run\n".to_owned();
+    for i in 0..30 {
+        writeln!(table, "1.5,0.0{},0.1,0.{},{i},7", i % 6, i / 6).unwrap();
+    }
+    std::fs::write(&path, table).unwrap();
+    let p = path.to_str().unwrap();
+    let base = [p, "--n", "6", "--criterion", "maximin", "--iterations", "5"];
+    let plain = design(&base);
+    assert_eq!(plain.status.code(), Some(0), "{}", text(&plain.stderr));
+    assert!(
+        text(&plain.stdout)
+            .starts_with("x_m,theta_x_rad,leds,pose_id,kind,approach,dwell_s,run,action\n")
+    );
+    assert!(text(&plain.stderr).contains("coordinates scaled to [-1, 1]"));
+    let orders: std::collections::HashSet<String> = (0..4)
+        .map(|seed| {
+            let seed = seed.to_string();
+            text(&design(&[&base[..], &["--seed", &seed]].concat()).stdout)
+        })
+        .collect();
+    assert!(orders.len() > 1, "the visiting order follows the seed");
+    // A radian of 1 mm: only x_m counts, of which there are six values.
+    let metres = design(&[&base[..], &["--metres-per-radian", "0.001"]].concat());
+    assert!(text(&metres.stderr).contains("a radian counts as 0.001 m"));
+    let xs: std::collections::HashSet<String> = text(&metres.stdout)
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').next().unwrap().to_owned())
+        .collect();
+    assert_eq!(xs.len(), 6);
+    let wrong = design(&[&base[..], &["--metres-per-radian", "-1"]].concat());
+    assert_eq!(wrong.status.code(), Some(2));
+    let other = [
+        &base[..],
+        &["--columns", "leds", "--metres-per-radian", "1"],
+    ]
+    .concat();
+    assert!(text(&design(&other).stderr).contains("leds is no pose column"));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use ecm_doe::{
     Control, DSettings, Design, MaximinSettings, Method, SpacingMethod, a_optimal,
-    d_optimal as search_d, i_optimal, maximin as search_maximin,
+    compound_optimal, d_optimal as search_d, g_optimal, i_optimal, maximin as search_maximin,
 };
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -29,13 +29,13 @@ impl DesignResult {
         PyArray1::from_iter(py, self.0.indices.iter().map(|&i| i as i64))
     }
 
-    /// log det(M/n)/k, the average variance, or the smallest distance.
+    /// log det(M/n)/k, the average or largest variance, or the smallest distance.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value
     }
 
-    /// Certified bound of `value` for any design of this size: upper, for `i` and `a` lower.
+    /// Certified bound of `value` for any design of this size: upper, for `i`, `a` and `g` lower.
     #[getter]
     fn bound(&self) -> f64 {
         self.0.bound
@@ -134,13 +134,14 @@ where
     .map_err(design_error)
 }
 
-/// The subset with the largest log det(X'X), or for `i` and `a` the smallest average variance of
-/// the prediction or summed variance of the coefficients; regressor (N * rows_per_pose, k).
+/// The subset with the largest log det(X'X), or for `i`, `a` and `g` the smallest average variance of
+/// the prediction, summed variance of the coefficients or largest variance of the prediction; `di`
+/// is D in `share` and I in the rest; regressor (N * rows_per_pose, k).
 #[pyfunction]
 #[pyo3(signature = (
     regressor, n, *, rows_per_pose = 1, starts = 10, iterations = 0, seed = 0, threads = 0,
     time_limit_s = 0.0, include = None, replicates = false, progress = None, method = "search",
-    exclude = None, measured = None, criterion = "d", prior = None
+    exclude = None, measured = None, criterion = "d", prior = None, share = 0.5
 ))]
 #[allow(clippy::too_many_arguments)]
 pub fn d_optimal(
@@ -161,6 +162,7 @@ pub fn d_optimal(
     measured: Option<PyReadonlyArray2<'_, f64>>,
     criterion: &str,
     prior: Option<PyReadonlyArray2<'_, f64>>,
+    share: f64,
 ) -> PyResult<DesignResult> {
     let method = match method {
         "search" => Method::Search,
@@ -172,9 +174,9 @@ pub fn d_optimal(
             )));
         }
     };
-    if !["d", "i", "a"].contains(&criterion) {
+    if !["d", "i", "a", "g", "di"].contains(&criterion) {
         return Err(DesignError::new_err(format!(
-            "criterion = {criterion:?}, expected \"d\", \"i\" or \"a\""
+            "criterion = {criterion:?}, expected \"d\", \"i\", \"a\", \"g\" or \"di\""
         )));
     }
     let (rows, _, terms) = matrix(&regressor);
@@ -199,6 +201,8 @@ pub fn d_optimal(
         |control| match criterion {
             "i" => i_optimal(&rows, rows_per_pose, terms, None, &settings, control),
             "a" => a_optimal(&rows, rows_per_pose, terms, &settings, control),
+            "g" => g_optimal(&rows, rows_per_pose, terms, &settings, control),
+            "di" => compound_optimal(&rows, rows_per_pose, terms, share, &settings, control),
             _ => search_d(&rows, rows_per_pose, terms, &settings, control),
         },
     )

@@ -46,13 +46,39 @@ pub fn i_optimal(
             white
         }
     };
-    let mut moment = vec![0.0; k * k];
-    add_transposed_product(&mut moment, (k, white.len() / k, k), &white, &white);
-    let poses = (white.len() / (k * block)) as f64;
-    for v in &mut moment {
-        *v /= poses;
+    problem.objective = Objective::Trace(root_of_moment(&white, None, block, k));
+    finish(problem, settings, control)
+}
+
+/// The design with the largest share x log det(M/n)/k - (1 - share) x log of the average variance:
+/// the geometric mean of D- and I-efficiency.
+///
+/// `value` is that sum, `bound` the same of the bounds of both criteria, `efficiency` exp of the
+/// difference: a design cannot be best in both, so it stays below 1.
+///
+/// # Arguments
+/// - `share`: of the determinant, 0 to 1
+///
+/// # Errors
+/// As [`crate::d_optimal`], and a share outside 0 to 1.
+pub fn compound_optimal(
+    regressor: &[f64],
+    block: usize,
+    terms: usize,
+    share: f64,
+    settings: &DSettings,
+    control: &Control<'_>,
+) -> Result<Design, DesignError> {
+    if !(0.0..=1.0).contains(&share) {
+        return Err(DesignError::Setting {
+            name: "share",
+            value: share.to_string(),
+            expected: "0 (I alone) to 1 (D alone)",
+        });
     }
-    problem.objective = Objective::Trace(half(moment, k));
+    let mut problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
+    let half = root_of_moment(&problem.rows, None, block, terms);
+    problem.objective = Objective::Compound { half, share };
     finish(problem, settings, control)
 }
 
@@ -84,6 +110,34 @@ fn finish(
     on_threads(settings.threads, || {
         search(&problem, settings, measured, control)
     })?
+}
+
+/// H with H H' = the mean of A' A over whitened poses, or their mean with the given weights.
+pub(crate) fn root_of_moment(
+    white: &[f64],
+    weights: Option<&[f64]>,
+    block: usize,
+    k: usize,
+) -> Vec<f64> {
+    let poses = white.len() / (k * block);
+    let total: f64 = weights.map_or(poses as f64, |w| w.iter().sum());
+    let mut moment = vec![0.0; k * k];
+    match weights {
+        None => add_transposed_product(&mut moment, (k, poses * block, k), white, white),
+        Some(weights) => {
+            let rows: Vec<f64> = white
+                .chunks_exact(k * block)
+                .zip(weights)
+                .filter(|(_, w)| **w > 0.0)
+                .flat_map(|(pose, w)| pose.iter().map(|v| v * w.sqrt()))
+                .collect();
+            add_transposed_product(&mut moment, (k, rows.len() / k, k), &rows, &rows);
+        }
+    }
+    for v in &mut moment {
+        *v /= total;
+    }
+    half(moment, k)
 }
 
 /// H with H H' = B; a B that is singular by rounding gets 1e-12 of its trace on the diagonal.

@@ -65,7 +65,7 @@ impl Default for MaximinSettings {
 /// Chains of the search; a constant, so that threads do not change the result.
 pub const CHAINS: usize = 4;
 /// Thousands of swaps per chain by default.
-pub const DEFAULT_ITERATIONS: usize = 4000;
+pub const DEFAULT_ITERATIONS: usize = 3000;
 /// Distances computed at most for thinning.
 const THINNING_WORK: usize = 2_000_000_000;
 /// More candidates than this are first thinned to a farthest-point subset.
@@ -327,10 +327,18 @@ fn raise_threshold(
         given => given,
     };
     let moves = budget.saturating_mul(1000);
+    let twins = near.twins();
     let mut chains: Vec<Chain<'_>> = (0..CHAINS)
         .map(|c| {
             let rng = generator(settings.seed, u64::MAX - 1 - c as u64);
-            Chain::new(near, design.clone(), field.fixed, &field.allowed, rng)
+            Chain::new(
+                near,
+                &twins,
+                design.clone(),
+                field.fixed,
+                &field.allowed,
+                rng,
+            )
         })
         .collect();
     let part = moves.div_ceil(ROUNDS).min(LONGEST_ROUND);

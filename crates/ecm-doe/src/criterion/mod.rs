@@ -3,4 +3,5 @@
 pub mod d;
 pub mod linear;
 pub mod maximin;
+pub mod minimax;
 pub(crate) mod model_based;

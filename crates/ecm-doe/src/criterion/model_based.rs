@@ -31,19 +31,16 @@ pub(crate) fn search(
         1.0
     };
     // The bound is part of the answer: it is computed even when the time is short.
-    let optimum = continuous(
-        problem,
-        free,
-        cap,
-        &CertificateSettings::default(),
-        &control.without_deadline(),
-    )
-    .ok_or(DesignError::RankDeficient {
-        candidates: problem.poses,
-        column: 0,
-    })?;
+    let optimum = possible(problem, free, cap, &control.without_deadline()).ok_or(
+        DesignError::RankDeficient {
+            candidates: problem.poses,
+            column: 0,
+        },
+    )?;
     let found = match (&problem.objective, problem.block) {
-        (Objective::Trace(_), _) => run::<Linear>(problem, settings, &optimum, free, control),
+        (Objective::Trace(_) | Objective::Compound { .. }, _) => {
+            run::<Linear>(problem, settings, &optimum, free, control)
+        }
         (Objective::Determinant, 1) => run::<Single>(problem, settings, &optimum, free, control),
         (Objective::Determinant, _) => run::<Several>(problem, settings, &optimum, free, control),
     };
@@ -58,6 +55,9 @@ pub(crate) fn search(
     let scaled = |merit: f64| match problem.objective {
         Objective::Determinant => (merit + problem.shift) / k - rows.ln(),
         Objective::Trace(_) => (-merit / k).exp(),
+        Objective::Compound { share, .. } => {
+            (merit + share * problem.shift) / k - share * rows.ln()
+        }
     };
     let mut indices = found.design;
     indices.extend(&settings.include);
@@ -81,6 +81,33 @@ pub(crate) fn search(
         exchanges: found.swaps,
         status,
         gap: optimum.gap / k,
+    })
+}
+
+/// The continuous optimum and the bound. Of a compound criterion: those of both criteria in its
+/// shares, a bound because no design can be better in either than its best.
+fn possible(problem: &Problem, free: usize, cap: f64, control: &Control<'_>) -> Option<Continuous> {
+    let settings = CertificateSettings::default();
+    let Objective::Compound { half, share } = &problem.objective else {
+        return continuous(problem, free, cap, &settings, control);
+    };
+    let mut part = problem.clone();
+    part.objective = Objective::Determinant;
+    let determinant = continuous(&part, free, cap, &settings, control)?;
+    part.objective = Objective::Trace(half.clone());
+    let trace = continuous(&part, free, cap, &settings, control)?;
+    let mix = |a: f64, b: f64| share * a + (1.0 - share) * b;
+    let level = problem.terms as f64 / (-trace.merit / problem.terms as f64).exp();
+    let pairs = |a: &[f64], b: &[f64], scale: f64| -> Vec<f64> {
+        a.iter().zip(b).map(|(a, b)| mix(*a, scale * b)).collect()
+    };
+    Some(Continuous {
+        weights: pairs(&determinant.weights, &trace.weights, 1.0),
+        phi: pairs(&determinant.phi, &trace.phi, level),
+        merit: mix(determinant.merit, trace.merit),
+        bound: mix(determinant.bound, trace.bound),
+        gap: mix(determinant.gap, trace.gap),
+        iterations: determinant.iterations + trace.iterations,
     })
 }
 
@@ -278,7 +305,9 @@ fn default_iterations(pool: &Pool<'_>, free: usize) -> usize {
     let (b, k) = (pool.problem.block as f64, pool.problem.terms as f64);
     let (rows, width) = (free as f64, pool.len() as f64);
     let one = match (&pool.problem.objective, pool.problem.block) {
-        (Objective::Trace(_), _) => 4.0 * rows * width * b * b * k + 20.0 * width * b * k * k,
+        (Objective::Trace(_) | Objective::Compound { .. }, _) => {
+            4.0 * rows * width * b * b * k + 20.0 * width * b * k * k
+        }
         (Objective::Determinant, 1) => 15.0 * width * (rows + k),
         (Objective::Determinant, _) => 2.0 * rows * width * b * b * k,
     };

@@ -3,7 +3,6 @@
 use super::pool::Pool;
 use super::{State, Swap};
 use crate::linalg::{dot, inverse, product, product_transposed, small_inverse};
-use crate::problem::Objective;
 
 /// A design with M^-1, Q = M^-1 B M^-1, and the blocks of both of every pool candidate.
 ///
@@ -17,6 +16,9 @@ pub(crate) struct TraceState<'a> {
     inverse: Vec<f64>,
     weighted: Vec<f64>,
     trace: f64,
+    log_det: f64,
+    /// Share of log det M in the merit.
+    share: f64,
     /// P blocks of A M^-1 A'.
     variances: Vec<f64>,
     /// P blocks of A Q A'.
@@ -40,6 +42,8 @@ impl<'a> TraceState<'a> {
             inverse: Vec::new(),
             weighted: vec![0.0; k * k],
             trace: f64::INFINITY,
+            log_det: f64::NEG_INFINITY,
+            share: 0.0,
             variances: vec![0.0; pool.len() * b * b],
             shares: vec![0.0; pool.len() * b * b],
         };
@@ -49,12 +53,13 @@ impl<'a> TraceState<'a> {
     /// Everything anew from the design; `false` when it is singular.
     fn rebuild(&mut self) -> bool {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
-        let Ok((_, fresh)) = inverse(&self.pool.information(&self.design), k) else {
+        let Ok((log_det, fresh)) = inverse(&self.pool.information(&self.design), k) else {
             return false;
         };
-        let Objective::Trace(half) = &self.pool.problem.objective else {
+        let Some((half, share)) = self.pool.problem.objective.trace_part() else {
             return false;
         };
+        (self.log_det, self.share) = (log_det, share);
         let mut root = vec![0.0; k * k];
         product(&mut root, (k, k, k), &fresh, half, 1.0, false);
         product_transposed(&mut self.weighted, (k, k, k), &root, &root);
@@ -95,11 +100,11 @@ impl<'a> TraceState<'a> {
         (t, s)
     }
 
-    /// Growth of -k log Phi when `candidate` (cross blocks g, f) replaces pool pose `old`.
+    /// Growth of the merit when `candidate` (cross blocks g, f) replaces pool pose `old`.
     fn growth(&self, old: usize, candidate: usize, g: &[f64], f: &[f64], work: &mut Work) -> f64 {
         let b = self.pool.problem.block;
         let at = |blocks: &'_ [f64], c: usize, i: usize| blocks[c * b * b + i];
-        let lowered = if b == 1 {
+        let (lowered, log_growth) = if b == 1 {
             let (d_in, d_out) = (
                 at(&self.variances, candidate, 0),
                 at(&self.variances, old, 0),
@@ -109,7 +114,9 @@ impl<'a> TraceState<'a> {
             if growth < 1e-9 {
                 return f64::NEG_INFINITY;
             }
-            ((1.0 - d_out) * e_in + 2.0 * g[0] * f[0] - (1.0 + d_in) * e_out) / growth
+            let lowered =
+                ((1.0 - d_out) * e_in + 2.0 * g[0] * f[0] - (1.0 + d_in) * e_out) / growth;
+            (lowered, growth.ln())
         } else {
             let n = 2 * b;
             for r in 0..b {
@@ -127,7 +134,7 @@ impl<'a> TraceState<'a> {
                 }
             }
             match small_inverse(&mut work.c, &mut work.inverse, n) {
-                Some(growth) if growth > -20.0 => dot(&work.inverse, &work.w),
+                Some(growth) if growth > -20.0 => (dot(&work.inverse, &work.w), growth),
                 _ => return f64::NEG_INFINITY,
             }
         };
@@ -135,7 +142,8 @@ impl<'a> TraceState<'a> {
         if after <= 0.0 {
             return f64::NEG_INFINITY;
         }
-        self.pool.problem.terms as f64 * (self.trace / after).ln()
+        let k = self.pool.problem.terms as f64;
+        (1.0 - self.share) * k * (self.trace / after).ln() + self.share * log_growth
     }
 }
 
@@ -174,7 +182,14 @@ impl State for TraceState<'_> {
     }
 
     fn merit(&self) -> f64 {
-        -(self.pool.problem.terms as f64) * self.trace.ln()
+        let k = self.pool.problem.terms as f64;
+        // Without the determinant its infinite start must not count.
+        let determinant = if self.share > 0.0 {
+            self.share * self.log_det
+        } else {
+            0.0
+        };
+        determinant - (1.0 - self.share) * k * self.trace.ln()
     }
 
     fn best_for_row(&mut self, row: usize) -> Option<Swap> {
@@ -236,6 +251,7 @@ impl State for TraceState<'_> {
         self.inverse.copy_from_slice(&other.inverse);
         self.weighted.copy_from_slice(&other.weighted);
         self.trace = other.trace;
+        self.log_det = other.log_det;
         self.variances.copy_from_slice(&other.variances);
         self.shares.copy_from_slice(&other.shares);
     }

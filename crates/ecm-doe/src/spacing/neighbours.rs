@@ -62,6 +62,33 @@ impl<'a> Neighbours<'a> {
         self.starts.len() - 1
     }
 
+    /// Place of the first neighbour of i among those of all points.
+    pub fn first(&self, i: usize) -> usize {
+        self.starts[i]
+    }
+
+    /// Places of all neighbours.
+    pub fn places(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// For the place of j among the neighbours of i that of i among the neighbours of j.
+    pub fn twins(&self) -> Vec<u32> {
+        (0..self.len())
+            .into_par_iter()
+            .flat_map_iter(|i| {
+                let (ids, distances) = self.near(i);
+                ids.iter().zip(distances).map(move |(&j, &d)| {
+                    let (others, far) = self.near(j as usize);
+                    let from = far.partition_point(|x| *x < d);
+                    // Ids rise among equal distances.
+                    let step = others[from..].iter().position(|&o| o as usize == i);
+                    (self.starts[j as usize] + from + step.unwrap_or(0)) as u32
+                })
+            })
+            .collect()
+    }
+
     /// Squared distance of two points.
     pub fn distance(&self, i: usize, j: usize) -> f64 {
         let c = self.columns;

@@ -13,6 +13,10 @@ pub enum Criterion {
     I,
     /// Smallest summed variance of the coefficients
     A,
+    /// Smallest largest variance of the prediction over the candidates
+    G,
+    /// D and I together, in shares of --share
+    Di,
     /// Largest smallest distance, coordinates scaled to [-1, 1]
     Maximin,
 }
@@ -44,12 +48,18 @@ pub struct Args {
     /// Number of poses to choose (with --include: besides those)
     #[arg(long, required_unless_present_any = ["man", "completions"])]
     pub n: Option<usize>,
-    /// Determinant, average variance of predictions or coefficients, smallest distance
+    /// Determinant, average variance of predictions or coefficients, largest variance, smallest distance
     #[arg(long, value_enum, default_value = "d")]
     pub criterion: Criterion,
     /// linear, quadratic, cubic, poly:D, energyD, energyD-revolution, energyD-general (D 4..6)
     #[arg(long, default_value = "cubic")]
     pub model: String,
+    /// Share of D in the criterion di
+    #[arg(long, default_value_t = 0.5)]
+    pub share: f64,
+    /// maximin: count a radian as so many metres [default: every coordinate scaled to [-1, 1]]
+    #[arg(long, value_name = "METRES")]
+    pub metres_per_radian: Option<f64>,
     /// Coordinate columns, comma-separated [default: the pose columns, or all numeric ones]
     #[arg(long, value_delimiter = ',')]
     pub columns: Vec<String>,

@@ -6,7 +6,7 @@ use std::path::Path;
 use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise};
 use ecm_doe::{
     Control, DSettings, Design, DesignError, MaximinSettings, Method, SpacingMethod, a_optimal,
-    d_optimal, i_optimal, maximin,
+    compound_optimal, d_optimal, g_optimal, i_optimal, maximin,
 };
 
 use crate::args::{Args, Criterion, Search};
@@ -132,7 +132,22 @@ impl Job {
             ));
         }
         let width = self.columns.at.len();
-        let (lower, upper) = column_ranges(&self.columns.values, width);
+        let (measured, points) = match args.metres_per_radian {
+            Some(length) => {
+                let scale = self.metres(length)?;
+                (
+                    scaled(&self.measured, &scale),
+                    scaled(&self.columns.values, &scale),
+                )
+            }
+            None => {
+                let (lower, upper) = column_ranges(&self.columns.values, width);
+                (
+                    normalise(&self.measured, &lower, &upper),
+                    normalise(&self.columns.values, &lower, &upper),
+                )
+            }
+        };
         let settings = MaximinSettings {
             n,
             starts: args.starts,
@@ -145,10 +160,28 @@ impl Job {
             },
             include: self.include.clone(),
             exclude: self.exclude.clone(),
-            measured: normalise(&self.measured, &lower, &upper),
+            measured,
         };
-        let points = normalise(&self.columns.values, &lower, &upper);
         Ok(maximin(&points, width, &settings, control)?)
+    }
+
+    /// Metres of a unit of each coordinate, a radian being `length`.
+    fn metres(&self, length: f64) -> Result<Vec<f64>, Failure> {
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(Failure::Input(format!(
+                "--metres-per-radian: {length}, expected a positive number"
+            )));
+        }
+        let unit = |name: &&str| match POSE.iter().position(|p| p == name) {
+            Some(place) if place < 3 => Ok(1.0),
+            Some(_) => Ok(length),
+            None => Err(Failure::Input(format!(
+                "{}: --metres-per-radian: column {name} is no pose column, expected {}; leave the option out",
+                self.table.name,
+                POSE.join(", ")
+            ))),
+        };
+        self.coordinates().iter().map(unit).collect()
     }
 
     fn run_model(
@@ -193,6 +226,8 @@ impl Job {
         match args.criterion {
             Criterion::I => i_optimal(&rows, block, terms, None, &settings, control),
             Criterion::A => a_optimal(&rows, block, terms, &settings, control),
+            Criterion::G => g_optimal(&rows, block, terms, &settings, control),
+            Criterion::Di => compound_optimal(&rows, block, terms, args.share, &settings, control),
             _ => d_optimal(&rows, block, terms, &settings, control),
         }
         .map_err(|e| self.explain(e, args))
@@ -260,6 +295,13 @@ impl Job {
             other => other.into(),
         }
     }
+}
+
+/// Rows of as many values as `scale` has, times it.
+fn scaled(values: &[f64], scale: &[f64]) -> Vec<f64> {
+    let rows = values.chunks_exact(scale.len());
+    rows.flat_map(|row| row.iter().zip(scale).map(|(v, s)| v * s))
+        .collect()
 }
 
 /// lambda I; a polynomial's constant, the first term, stays free.

@@ -137,9 +137,17 @@ fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
             design.value,
             design.bound
         ),
-        Criterion::Maximin => format!(
-            "{chosen}: smallest distance {:.5}, at least {share:.1} % of what is possible (upper bound {:.5}, coordinates scaled to [-1, 1])",
+        Criterion::G => format!(
+            "{chosen}: at least {share:.2} % of what is possible (largest prediction variance {:.6} noise variances, certified lower bound {:.6})",
             design.value, design.bound
+        ),
+        Criterion::Di => format!(
+            "{chosen}: at least {share:.2} % of what is possible (D- and I-efficiency in the shares {} and {})",
+            args.share, 1.0 - args.share
+        ),
+        Criterion::Maximin => format!(
+            "{chosen}: smallest distance {:.5}, at least {share:.1} % of what is possible (upper bound {:.5}, {})",
+            design.value, design.bound, distance_in_words(args)
         ),
     });
     if args.time_limit > 0.0 {
@@ -158,6 +166,7 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
         "version": env!("CARGO_PKG_VERSION"),
         "criterion": criterion_name(args.criterion),
         "model": (args.criterion != Criterion::Maximin).then_some(&args.model),
+        "distance": (args.criterion == Criterion::Maximin).then(|| distance_in_words(args)),
         "columns": job.coordinates(),
         "candidates": job.candidates(),
         "skipped_rows": job.skipped(),
@@ -180,11 +189,21 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
     })
 }
 
+/// What the distance of two poses is.
+fn distance_in_words(args: &Args) -> String {
+    args.metres_per_radian.map_or_else(
+        || "coordinates scaled to [-1, 1]".into(),
+        |length| format!("a radian counts as {length} m"),
+    )
+}
+
 fn criterion_name(criterion: Criterion) -> &'static str {
     match criterion {
         Criterion::D => "d",
         Criterion::I => "i",
         Criterion::A => "a",
+        Criterion::G => "g",
+        Criterion::Di => "di",
         Criterion::Maximin => "maximin",
     }
 }

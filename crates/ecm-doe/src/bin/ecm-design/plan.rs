@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 
 use crate::failure::Failure;
-use crate::table::{POSE, Table};
+use crate::table::{POSE, Table, WRENCH};
 
 /// Columns that a plan adds to a table of poses, with the value of every row.
 ///
@@ -38,8 +38,11 @@ pub fn write(table: &Table, rows: &[usize], seed: u64, out: Option<&Path>) -> Re
 fn render(table: &Table, rows: &[usize], poses: bool) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let has = |name: &str| table.header.iter().any(|h| h == name);
-    // How the row was visited before says nothing about the plan.
-    let replaced = |name: &str| poses && ADDED.iter().any(|(a, _)| *a == name);
+    // What was measured and how the row was visited before says nothing about the plan.
+    let replaced = |name: &str| {
+        let measured = WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name));
+        poses && (measured || ADDED.iter().any(|(a, _)| *a == name))
+    };
     let numbered = poses && !has("pose_id");
     let kept: Vec<usize> = (0..table.header.len())
         .filter(|&c| !replaced(&table.header[c]))

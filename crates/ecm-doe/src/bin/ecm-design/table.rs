@@ -15,6 +15,8 @@ pub const POSE: [&str; 6] = [
     "theta_y_rad",
     "theta_z_rad",
 ];
+/// The wrench columns of a measurement table.
+pub const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 /// Standard columns that are numbers but no coordinates.
 const BOOKKEEPING: [&str; 5] = ["pose_id", "time_s", "run", "repeat", "dwell_s"];
 /// Places named in a message about bad cells.
@@ -332,7 +334,6 @@ fn number(cell: &[u8]) -> Option<f64> {
 
 /// The standard name that was probably meant by a pose or wrench name with another unit.
 fn likely_name(name: &str) -> Option<String> {
-    const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
     if POSE.contains(&name) || WRENCH.contains(&name) {
         return None;
     }
