@@ -45,6 +45,7 @@ def test_the_commands_are_those_of_this_version() -> None:
                 "refit",
                 "reveal",
                 "effects",
+                "export",
                 "new",
             ]
         )

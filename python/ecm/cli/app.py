@@ -13,6 +13,7 @@ from ecm.cli import (
     design,
     diagnose,
     effects,
+    export,
     fit,
     identify,
     new,
@@ -66,6 +67,7 @@ for _module in (
     refit,
     reveal,
     effects,
+    export,
     new,
 ):
     _module.add_to(app)

@@ -61,7 +61,9 @@ pub fn export(
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
         Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
     };
-    let golden = golden_header(&Golden::new(&model, precision)?, &name, n, m);
+    let golden = Golden::new(&model, precision)?;
+    let held = list(golden.held.iter().map(|&x| cast(x, &name)));
+    let golden = golden_header(&golden, &name, n, m);
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
         text,
@@ -77,7 +79,8 @@ pub fn export(
     ];
     if (inputs.as_str(), outputs.as_str()) == (POSE, WRENCH) {
         let control = include_str!("templates/control.c");
-        files.push(file("_control.c", filled(control, &common)));
+        let control = filled(control, &[("HELD", held.as_str())]);
+        files.push(file("_control.c", filled(&control, &common)));
     }
     Ok(files)
 }

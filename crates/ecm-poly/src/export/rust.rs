@@ -48,7 +48,7 @@ pub fn export(
         ("SUM", sum),
     ];
     let golden = Golden::new(&model, precision)?;
-    let held = list(golden.points[5].iter().map(|&x| number(x)));
+    let held = list(golden.held.iter().map(|&x| number(x)));
     let control = filled(
         include_str!("templates/control.rs.txt"),
         &[("HELD", held.as_str())],

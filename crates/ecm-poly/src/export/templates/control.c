@@ -11,7 +11,6 @@
  *     cc -O2 -DTRACE ...                                prints the error every 100 ms
  */
 #include "@NAME@.h"
-#include "@NAME@_golden.h"
 #ifdef TRACE
 #include <stdio.h>
 #endif
@@ -19,7 +18,9 @@
 typedef @NAME@_real real;
 #define R(x) ((real)(x))
 
-enum { RATE_HZ = 1000, DURATION_MS = 3000, SUBSTEPS = 10, HELD = 5 };
+enum { RATE_HZ = 1000, DURATION_MS = 4000, SUBSTEPS = 10 };
+
+static const @NAME@_real pose_to_hold[6] = {@HELD@};
 
 /* ---- the controller ------------------------------------------------------------------- */
 
@@ -41,7 +42,7 @@ static void controller_start(controller_t *c, const real *held)
 /* Once a millisecond: pose in, wrench of the robot on the platform out. */
 static void controller_step(controller_t *c, const real *pose, real *wrench)
 {
-    const real dt = R(1) / R(RATE_HZ), reset_s = R(0.1), damping_s = R(0.01);
+    const real dt = R(1) / R(RATE_HZ), reset_s = R(0.2), damping_s = R(0.02);
     real x[6];
     for (int i = 0; i < 6; i++) {
         const real error = c->held[i] - pose[i], speed = (pose[i] - c->last[i]) / dt;
@@ -94,7 +95,7 @@ static void plant_step(plant_t *s, const real *wrench, real dt)
 
 int main(void)
 {
-    const real *held = @NAME@_golden_p[HELD];
+    const real *held = pose_to_hold;
     controller_t controller;
     plant_t plant;
     controller_start(&controller, held);
@@ -105,9 +106,10 @@ int main(void)
     /* A platform whose own frequency with the mechanism is 150 rad/s. */
     plant.mass = largest(controller.stiffness, 0) / R(150 * 150);
     plant.inertia = largest(controller.stiffness, 3) / R(150 * 150);
-    const real push = R(0.001) * largest(controller.stiffness, 0);
+    const real push = R(0.0002) * largest(controller.stiffness, 0);
 
     real worst = R(0), error = R(0);
+    int lost = 0; /* also where the pose is no number */
     for (int ms = 0; ms < DURATION_MS; ms++) {
         real wrench[6];
         controller_step(&controller, plant.pose, wrench);
@@ -116,8 +118,8 @@ int main(void)
         error = R(0);
         for (int i = 0; i < 6; i++) {
             const real e = plant.pose[i] > held[i] ? plant.pose[i] - held[i] : held[i] - plant.pose[i];
-            /* NaN counts as far off */
             error = e <= error ? error : e;
+            lost += !(e < R(0.05));
         }
         worst = error <= worst ? worst : error;
 #ifdef TRACE
@@ -126,5 +128,5 @@ int main(void)
 #endif
     }
     /* The push was felt, and the pose is held again. */
-    return !(worst > R(1e-5) && worst < R(0.1) && error < R(1e-5));
+    return !(lost == 0 && worst > R(1e-4) && error < R(1e-5));
 }
