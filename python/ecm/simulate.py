@@ -29,7 +29,7 @@ Progress = Callable[[int, int, str], object] | None
 TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
 TABLE_I_MAX = (30.0, 100.0, 100.0, 5.0, 5.0, 5.0)
 
-_CHUNK = 100  # FEM cases that are solved, written and resumed together
+_CHUNK = 64  # FEM cases that are solved, written and resumed together
 _BLOCK = 2048  # wrenches that are drawn and screened together
 _DRY_BLOCKS = 50  # so many blocks without a single case: the workspace is empty
 
