@@ -1,12 +1,17 @@
 //! Array conversions: read-only numpy views in, owned arrays out.
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::errors::EcmError;
 
 /// Rows of an (N, C) array as fixed-size rows; the error names the argument and the shape.
-pub fn rows<const C: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; C]>> {
+pub fn rows<const C: usize>(
+    name: &str,
+    array: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<[f64; C]>> {
     let shape = array.shape();
     if shape[1] != C {
         return Err(EcmError::new_err(format!(
@@ -24,7 +29,11 @@ pub fn rows<const C: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>) -> Py
 /// Row-major copy of a two-dimensional array with its shape.
 pub fn matrix(array: &PyReadonlyArray2<'_, f64>) -> (Vec<f64>, usize, usize) {
     let shape = array.shape();
-    (array.as_array().iter().copied().collect(), shape[0], shape[1])
+    (
+        array.as_array().iter().copied().collect(),
+        shape[0],
+        shape[1],
+    )
 }
 
 /// (N, C) array of fixed-size rows; an empty list keeps its columns.

@@ -80,5 +80,7 @@ where
     if let Some(error) = raised {
         return Err(error);
     }
-    outcome.map_err(|_| EcmError::new_err("internal error in the Rust core: please report it with the input"))
+    outcome.map_err(|_| {
+        EcmError::new_err("internal error in the Rust core: please report it with the input")
+    })
 }

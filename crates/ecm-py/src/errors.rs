@@ -3,7 +3,27 @@
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 
-create_exception!(ecm._native, EcmError, PyException, "Any error of the package.");
-create_exception!(ecm._native, FemError, EcmError, "Wrong mesh, material or load.");
-create_exception!(ecm._native, ModelError, EcmError, "Wrong data for a model, or a damaged model file.");
-create_exception!(ecm._native, DesignError, EcmError, "Wrong candidates or settings of a design.");
+create_exception!(
+    ecm._native,
+    EcmError,
+    PyException,
+    "Any error of the package."
+);
+create_exception!(
+    ecm._native,
+    FemError,
+    EcmError,
+    "Wrong mesh, material or load."
+);
+create_exception!(
+    ecm._native,
+    ModelError,
+    EcmError,
+    "Wrong data for a model, or a damaged model file."
+);
+create_exception!(
+    ecm._native,
+    DesignError,
+    EcmError,
+    "Wrong candidates or settings of a design."
+);
