@@ -3,7 +3,7 @@ wrenches (fx, fy, fz, tau_x, tau_y, tau_z) in N and N m, both in base axes at th
 top frame's origin (see docs/conventions in README). Arrays are float64, C order.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, final
 
 import numpy as np

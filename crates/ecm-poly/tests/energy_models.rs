@@ -1,8 +1,10 @@
 //! Energies: recovered coefficients, symmetric Hessian, stiffness by finite differences, invariances.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use ecm_poly::energy::groups::{Group, group_terms};
 use ecm_poly::energy::terms::terms;
-use ecm_poly::{EnergyFit, EnergyModel, Symmetry};
+use ecm_poly::{EnergyFit, EnergyMap, EnergyModel, Symmetry};
+use ecm_se3::Pose;
 use ecm_se3::stiffness::StiffnessKind;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -101,7 +103,7 @@ proptest! {
             }
             let covariance = vec![sigma; poses.len()];
             for covariance in [None, Some(covariance.as_slice())] {
-                let fit = EnergyFit { length_m: LENGTH, degree, symmetry, covariance };
+                let fit = EnergyFit { length_m: LENGTH, degree, symmetry, groups: &[], covariance };
                 let found = fit.run(&poses, &wrenches).unwrap();
                 prop_assert_eq!(found.rank(), truth.exponents().len());
                 let again = found.predict(&poses).unwrap();
@@ -191,6 +193,7 @@ fn coefficient_covariance_is_that_of_repeated_noise() {
         length_m: LENGTH,
         degree: 4,
         symmetry: Symmetry::Alike,
+        groups: &[],
         covariance: Some(&covariance),
     };
     let draws = 400;
@@ -234,6 +237,7 @@ fn too_few_rows_and_bad_covariance_are_refused_with_their_place() {
         length_m: LENGTH,
         degree: 6,
         symmetry: Symmetry::Alike,
+        groups: &[],
         covariance: None,
     };
     let message = fit.run(&poses, &wrenches).unwrap_err().to_string();
@@ -284,6 +288,7 @@ fn prediction_covariance_is_that_of_the_coefficients() {
         length_m: LENGTH,
         degree: 4,
         symmetry: Symmetry::Alike,
+        groups: &[],
         covariance: None,
     };
     let found = fit.run(&poses, &wrenches).unwrap();
@@ -317,4 +322,57 @@ fn prediction_covariance_is_that_of_the_coefficients() {
             }
         }
     }
+}
+
+#[test]
+fn groups_add_their_wrench_and_stay_an_energy() {
+    let names = ["anisotropy", "face_tilt", "handedness", "unlike_ends"];
+    let groups = Group::from_names(&names, Symmetry::Alike).unwrap();
+    let count = terms(Symmetry::Alike, 6).unwrap().len() + group_terms(&groups, 6).len();
+    let weights: Vec<f64> = (0..count)
+        .map(|i| ((i as f64 + 1.0) * 12.9898).sin())
+        .collect();
+    let model =
+        EnergyModel::with_groups(LENGTH, 6, Symmetry::Alike, &groups, [0.03, 0.9], &weights)
+            .unwrap();
+    let poses = [
+        [0.1, 0.004, -0.003, 0.2, 0.1, -0.3],
+        [0.105, -0.01, 0.02, -0.1, 0.3, 0.2],
+    ];
+    let wrenches = model.predict(&poses).unwrap();
+    let phi = model.regressor(&poses).unwrap();
+    for (row, h) in phi.chunks_exact(count).zip(wrenches.as_flattened()) {
+        let sum: f64 = row.iter().zip(&weights).map(|(a, b)| a * b).sum();
+        assert!((sum - h).abs() <= 1e-10 * h.abs().max(1.0), "{sum} {h}");
+    }
+    let energies = model.energy(&poses).unwrap();
+    let hessians = model.stiffness(&poses, StiffnessKind::Generalised).unwrap();
+    for h in &hessians {
+        for i in 0..6 {
+            for j in 0..i {
+                assert!((h[i][j] - h[j][i]).abs() < 1e-9 * h[0][0].abs());
+            }
+        }
+    }
+    // f = dU/dx.
+    for (pose, (h, u)) in poses.iter().zip(wrenches.iter().zip(&energies)) {
+        let mut moved = *pose;
+        moved[1] += 1e-7;
+        let slope = (model.energy(&[moved]).unwrap()[0] - u) / 1e-7;
+        assert!(
+            (slope - h[1]).abs() < 1e-3 * h[1].abs().max(1.0),
+            "{slope} {}",
+            h[1]
+        );
+    }
+    // Written out in (c, θ) it is the same energy.
+    let (symmetry, exponents, coefficients) = model.written_out();
+    assert_eq!(symmetry, Symmetry::General);
+    let map = EnergyMap::new(symmetry, &exponents, &coefficients, [0.03, 0.9], LENGTH).unwrap();
+    for (pose, u) in poses.iter().zip(&energies) {
+        let other = map.energy(&Pose::from_array(pose));
+        assert!((other - u).abs() < 1e-12 * u.abs().max(1.0));
+    }
+    assert!(Group::from_names(&["anisotropy"], Symmetry::General).is_err());
+    assert!(Group::from_names(&["crooked"], Symmetry::Alike).is_err());
 }

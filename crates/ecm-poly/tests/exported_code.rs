@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ecm_poly::basis::exponents;
+use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::export::{Precision, SourceFile, c, rust};
 use ecm_poly::{Symmetry, open_model, seal_model};
@@ -33,6 +34,22 @@ fn energy(symmetry: Symmetry, degree: usize) -> Map<String, Value> {
     sealed(&json!({
         "kind": "energy", "inputs": POSE, "outputs": WRENCH, "length_m": 0.1034, "degree": degree,
         "symmetry": symmetry.name(), "normalisation": {"scale": [0.03, 0.9]},
+        "coefficients": wave(rows.len()), "terms": rows,
+    }))
+}
+
+/// An energy with broken symmetries.
+fn broken(names: &[&str]) -> Map<String, Value> {
+    let groups = Group::from_names(names, Symmetry::Alike).unwrap();
+    let mut rows: Vec<Vec<u8>> = terms(Symmetry::Alike, 4)
+        .unwrap()
+        .iter()
+        .map(|row| row.to_vec())
+        .collect();
+    rows.extend(group_terms(&groups, 4).iter().map(GroupTerm::row));
+    sealed(&json!({
+        "kind": "energy", "inputs": POSE, "outputs": WRENCH, "length_m": 0.1034, "degree": 4,
+        "symmetry": "alike", "groups": names, "normalisation": {"scale": [0.03, 0.9]},
         "coefficients": wave(rows.len()), "terms": rows,
     }))
 }
@@ -93,6 +110,7 @@ fn exported_c_gives_the_golden_vectors() {
         ("alike6", energy(Symmetry::Alike, 6)),
         ("revolution5", energy(Symmetry::Revolution, 5)),
         ("general4", energy(Symmetry::General, 4)),
+        ("broken4", broken(&["anisotropy", "precurvature"])),
         ("cubic", polynomial(6, 6, 3)),
         ("joint", polynomial(3, 2, 4)),
         ("constant", polynomial(2, 1, 0)),

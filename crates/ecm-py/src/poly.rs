@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 
 use ecm_poly::basis::exponents;
-use ecm_poly::energy::fit::regressor;
+use ecm_poly::energy::fit::regressor_with_groups;
+use ecm_poly::energy::groups::{Group, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::export::Precision;
 use ecm_poly::{EnergyFit, Method, Symmetry};
@@ -289,7 +290,8 @@ impl EnergyModel {
     /// covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
     /// by the spread of each.
     #[staticmethod]
-    #[pyo3(signature = (poses, wrenches, *, length_m, degree, symmetry = "alike", covariance = None))]
+    #[pyo3(signature = (poses, wrenches, *, length_m, degree, symmetry = "alike", covariance = None, groups = Vec::new()))]
+    #[allow(clippy::too_many_arguments)]
     fn fit(
         py: Python<'_>,
         poses: PyReadonlyArray2<'_, f64>,
@@ -298,8 +300,10 @@ impl EnergyModel {
         degree: usize,
         symmetry: &str,
         covariance: Option<PyReadonlyArray3<'_, f64>>,
+        groups: Vec<String>,
     ) -> PyResult<Self> {
         let symmetry = symmetry_of(symmetry)?;
+        let groups = Group::from_names(&groups, symmetry).map_err(error)?;
         let poses = poses_of(&poses)?;
         let wrenches = rows::<6>("wrenches", &wrenches)?;
         let covariance = match &covariance {
@@ -311,6 +315,7 @@ impl EnergyModel {
                 length_m,
                 degree,
                 symmetry,
+                groups: &groups,
                 covariance: covariance.as_deref(),
             };
             fit.run(&poses, &wrenches)
@@ -320,24 +325,34 @@ impl EnergyModel {
     }
 
     #[staticmethod]
-    #[pyo3(signature = (*, length_m, degree, symmetry, scale, coefficients))]
+    #[pyo3(signature = (*, length_m, degree, symmetry, scale, coefficients, groups = Vec::new()))]
     fn from_coefficients(
         length_m: f64,
         degree: usize,
         symmetry: &str,
         scale: PyReadonlyArray1<'_, f64>,
         coefficients: PyReadonlyArray1<'_, f64>,
+        groups: Vec<String>,
     ) -> PyResult<Self> {
         let symmetry = symmetry_of(symmetry)?;
         let (scale, coefficients) = (scale_of(&scale)?, vector(&coefficients));
-        ecm_poly::EnergyModel::from_coefficients(length_m, degree, symmetry, scale, &coefficients)
-            .map(Self)
-            .map_err(error)
+        let groups = Group::from_names(&groups, symmetry).map_err(error)?;
+        ecm_poly::EnergyModel::with_groups(
+            length_m,
+            degree,
+            symmetry,
+            &groups,
+            scale,
+            &coefficients,
+        )
+        .map(Self)
+        .map_err(error)
     }
 
     /// (N, 6, k): h = regressor @ coefficients.
     #[staticmethod]
-    #[pyo3(signature = (poses, *, length_m, degree, symmetry, scale))]
+    #[pyo3(signature = (poses, *, length_m, degree, symmetry, scale, groups = Vec::new()))]
+    #[allow(clippy::too_many_arguments)]
     fn regressor<'py>(
         py: Python<'py>,
         poses: PyReadonlyArray2<'py, f64>,
@@ -345,15 +360,18 @@ impl EnergyModel {
         degree: usize,
         symmetry: &str,
         scale: PyReadonlyArray1<'py, f64>,
+        groups: Vec<String>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let symmetry = symmetry_of(symmetry)?;
         let scale = scale_of(&scale)?;
         let poses = poses_of(&poses)?;
         let table = terms(symmetry, degree).map_err(error)?;
+        let groups = Group::from_names(&groups, symmetry).map_err(error)?;
+        let broken = group_terms(&groups, degree);
         let flat = py
-            .detach(|| regressor(&poses, length_m, symmetry, &table, scale))
+            .detach(|| regressor_with_groups(&poses, length_m, symmetry, (&table, &broken), scale))
             .map_err(error)?;
-        PyArray1::from_vec(py, flat).reshape([poses.len(), 6, table.len()])
+        PyArray1::from_vec(py, flat).reshape([poses.len(), 6, table.len() + broken.len()])
     }
 
     #[pyo3(name = "energy_J")]
@@ -429,6 +447,19 @@ impl EnergyModel {
         let table = self.0.exponents();
         let flat: Vec<i64> = table.iter().flatten().map(|&e| i64::from(e)).collect();
         PyArray1::from_vec(py, flat).reshape([table.len(), 6])
+    }
+    /// (g, 7) powers of c_x, theta_x, C, C*, D, D*, and 0 for Re or 1 for Im.
+    #[getter]
+    fn group_terms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let table = self.0.group_terms();
+        let rows = table.iter().flat_map(|term| term.row());
+        let flat: Vec<i64> = rows.map(i64::from).collect();
+        PyArray1::from_vec(py, flat).reshape([table.len(), 7])
+    }
+    /// Names of the broken symmetries.
+    #[getter]
+    fn groups(&self) -> Vec<&'static str> {
+        self.0.groups().iter().map(|group| group.name()).collect()
     }
     /// (2,) length and angle that make the coordinates dimensionless.
     #[getter]

@@ -6,6 +6,7 @@ use std::vec::Vec;
 use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::dense::ThinSvd;
+use crate::energy::groups::{Group, GroupTerm, group_terms};
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
 use crate::energy::model::EnergyModel;
@@ -21,6 +22,8 @@ pub struct EnergyFit<'a> {
     pub degree: usize,
     /// What the mechanism's shape leaves unchanged.
     pub symmetry: Symmetry,
+    /// What of it the mechanism breaks.
+    pub groups: &'a [Group],
     /// Covariance of each row's wrench (N², N² m, N² m²); without it the components are
     /// weighted by the spread of each, and the residuals give the noise.
     pub covariance: Option<&'a [Mat6<f64>]>,
@@ -42,7 +45,8 @@ impl EnergyFit<'_> {
         check_finite("poses", poses.as_flattened(), 6)?;
         check_finite("wrenches", wrenches.as_flattened(), 6)?;
         let rows = terms(self.symmetry, self.degree)?;
-        let k = rows.len();
+        let broken = group_terms(self.groups, self.degree);
+        let k = rows.len() + broken.len();
         if 6 * poses.len() < k {
             return Err(ModelError::TooFewRows {
                 equations: 6 * poses.len(),
@@ -50,7 +54,8 @@ impl EnergyFit<'_> {
             });
         }
         let scale = scale_of(poses, self.length_m);
-        let mut matrix = regressor(poses, self.length_m, self.symmetry, &rows, scale)?;
+        let mut matrix =
+            regressor_with_groups(poses, self.length_m, self.symmetry, (&rows, &broken), scale)?;
         let mut targets: Vec<f64> = wrenches.as_flattened().to_vec();
         match self.covariance {
             Some(covariance) => {
@@ -79,10 +84,11 @@ impl EnergyFit<'_> {
                 covariance[i * k + j] *= variance / (lengths[i] * lengths[j]);
             }
         }
-        let mut model = EnergyModel::from_coefficients(
+        let mut model = EnergyModel::with_groups(
             self.length_m,
             self.degree,
             self.symmetry,
+            self.groups,
             scale,
             &coefficients,
         )?;
@@ -108,11 +114,23 @@ pub fn regressor(
     exponents: &[[u8; 6]],
     scale: [f64; 2],
 ) -> Result<Vec<f64>, ModelError> {
+    regressor_with_groups(poses, length_m, symmetry, (exponents, &[]), scale)
+}
+
+/// As [`regressor`], with the columns of groups after those of the symmetry.
+pub fn regressor_with_groups(
+    poses: &[Vec6<f64>],
+    length_m: f64,
+    symmetry: Symmetry,
+    (exponents, broken): (&[[u8; 6]], &[GroupTerm]),
+    scale: [f64; 2],
+) -> Result<Vec<f64>, ModelError> {
     check_length(length_m)?;
     check_scale(scale)?;
     check_finite("poses", poses.as_flattened(), 6)?;
     let map = EnergyMap::new(symmetry, &[], &[], scale, length_m)?;
-    let k = exponents.len();
+    let general = EnergyMap::new(Symmetry::General, &[], &[], scale, length_m)?;
+    let k = exponents.len() + broken.len();
     let mut matrix = std::vec![0.0; 6 * poses.len() * k];
     for (pose, block) in poses.iter().zip(matrix.chunks_exact_mut((6 * k).max(1))) {
         let point = map.term_point(&Pose::from_array(pose));
@@ -120,6 +138,18 @@ pub fn regressor(
             let column = map.term_wrench(&point, row);
             for i in 0..6 {
                 block[i * k + t] = column[i];
+            }
+        }
+        if broken.is_empty() {
+            continue;
+        }
+        let point = general.term_point(&Pose::from_array(pose));
+        for (t, term) in (exponents.len()..).zip(broken) {
+            for (monomial, weight) in &term.monomials {
+                let column = general.term_wrench(&point, monomial);
+                for i in 0..6 {
+                    block[i * k + t] += weight * column[i];
+                }
             }
         }
     }

@@ -11,6 +11,8 @@ mod bulk;
 #[cfg(feature = "std")]
 pub mod fit;
 #[cfg(feature = "std")]
+pub mod groups;
+#[cfg(feature = "std")]
 pub mod model;
 #[cfg(feature = "std")]
 pub mod tables;
@@ -19,6 +21,8 @@ pub mod terms;
 
 #[cfg(feature = "std")]
 pub use fit::EnergyFit;
+#[cfg(feature = "std")]
+pub use groups::Group;
 pub use invariants::Symmetry;
 pub use lanes::LanePlan;
 pub use mid_frame::EnergyMap;

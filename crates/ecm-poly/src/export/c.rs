@@ -9,6 +9,7 @@ use serde_json::{Map, Value};
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
+use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::model::{Model, identifier};
@@ -89,7 +90,10 @@ const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
 const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
 fn energy(model: &EnergyModel, precision: Precision) -> String {
-    let plan = model.tables().plan();
+    let (symmetry, exponents, coefficients) = model.written_out();
+    let (scale, length) = (model.scale(), model.length_m());
+    let tables = EnergyTables::<f64>::new(symmetry, &exponents, &coefficients, scale, length);
+    let plan = tables.plan();
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,
@@ -100,7 +104,7 @@ fn energy(model: &EnergyModel, precision: Precision) -> String {
             real(1.0 / factorial)
         }))
     };
-    let symmetry = match model.symmetry() {
+    let symmetry = match symmetry {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),
     };

@@ -7,6 +7,7 @@ use std::vec::Vec;
 
 use serde_json::{Map, Value};
 
+use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
@@ -49,10 +50,17 @@ impl Model {
             .unwrap_or(1.0);
         let weights: Vec<f64> = coefficients.iter().map(|c| factor * c).collect();
         let length = document.get("length_m").and_then(Value::as_f64);
-        EnergyModel::from_coefficients(
+        let names = document.get("groups").and_then(Value::as_array);
+        let names: Vec<&str> = names
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
+        EnergyModel::with_groups(
             length.unwrap_or(f64::NAN),
             degree,
             symmetry,
+            &Group::from_names(&names, symmetry)?,
             scale,
             &weights,
         )

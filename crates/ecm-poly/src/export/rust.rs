@@ -42,11 +42,7 @@ pub fn export(
         (Model::Energy(model), Precision::Double) => energy::<f64>(model),
         (Model::Energy(model), Precision::Single) => energy::<f32>(model),
     };
-    let common = [
-        ("NAME", name.as_str()),
-        ("REAL", real),
-        ("SUM", sum),
-    ];
+    let common = [("NAME", name.as_str()), ("REAL", real), ("SUM", sum)];
     let golden = Golden::new(&model, precision)?;
     let held = list(golden.held.iter().map(|&x| number(x)));
     let control = filled(
@@ -71,15 +67,11 @@ pub fn export(
 }
 
 fn energy<R: Real>(model: &EnergyModel) -> String {
-    let tables = EnergyTables::<R>::new(
-        model.symmetry(),
-        model.exponents(),
-        model.coefficients(),
-        model.scale(),
-        model.length_m(),
-    );
+    let (symmetry, exponents, coefficients) = model.written_out();
+    let (scale, length) = (model.scale(), model.length_m());
+    let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
     let plan = tables.plan();
-    let symmetry = match model.symmetry() {
+    let symmetry = match symmetry {
         Symmetry::Alike => "Alike",
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",

@@ -7,6 +7,7 @@ use std::vec::Vec;
 use serde_json::{Map, Value};
 
 use crate::basis::exponents;
+use crate::energy::groups::{Group, GroupTerm, group_terms};
 use crate::energy::invariants::Symmetry;
 use crate::energy::terms::terms;
 use crate::error::ModelError;
@@ -115,7 +116,18 @@ fn energy(map: &Document) -> Result<(), ModelError> {
     let degree = degree(map, 8)?;
     let rows = terms(symmetry, degree)
         .map_err(|error| wrong("degree", map.get("degree"), &error.to_string()))?;
-    let rows: Vec<Vec<u8>> = rows.iter().map(|row| row.to_vec()).collect();
+    let mut rows: Vec<Vec<u8>> = rows.iter().map(|row| row.to_vec()).collect();
+    if map.contains_key("groups") {
+        let list = array(map, "groups", "a list of names of groups")?;
+        let names: Vec<&str> = list.iter().filter_map(Value::as_str).collect();
+        let groups = Group::from_names(&names, symmetry)
+            .map_err(|error| wrong("groups", map.get("groups"), &error.to_string()))?;
+        if groups.len() != list.len() {
+            let expected = "names of groups, each once";
+            return Err(wrong("groups", map.get("groups"), expected));
+        }
+        rows.extend(group_terms(&groups, degree).iter().map(GroupTerm::row));
+    }
     term_table(map, &rows)?;
     let normalisation = inside(map, "normalisation")?;
     let scale = numbers(normalisation, "normalisation.scale", "scale", 2)?;

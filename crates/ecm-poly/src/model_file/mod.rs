@@ -8,8 +8,9 @@
 //! | `length_m` | undeformed length; `null` for a polynomial |
 //! | `degree` | highest degree of a term |
 //! | `symmetry` | energies only: `alike`, `revolution`, `general` |
+//! | `groups` | energies, optional: broken symmetries ([`crate::energy::groups`]) |
 //! | `normalisation` | polynomial: `lower`, `upper`; energies: `scale`, (m, rad) |
-//! | `terms` | exponents, in the order of [`crate::basis`] or [`crate::energy::terms`] |
+//! | `terms` | exponents, in the order of [`crate::basis`] or [`crate::energy::terms`], then of the groups |
 //! | `coefficients` | polynomial: (k, outputs); energies: (k), J |
 //! | `covariance` | square and symmetric, or `null` |
 //! | `noise`, `effects`, `domain`, `training` | any JSON; `null` where missing when sealed |
