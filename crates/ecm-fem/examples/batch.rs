@@ -93,10 +93,13 @@ fn main() -> Result<(), FemError> {
         Status::NotConverged,
         Status::Inverted,
     ] {
+        let group: Vec<_> = results.iter().filter(|r| r.status == status).collect();
+        let newton: usize = group.iter().map(|r| r.iterations).sum();
         println!(
-            "  {}: {}",
+            "  {}: {}, {:.2} Newton a case",
             status.word(),
-            results.iter().filter(|r| r.status == status).count()
+            group.len(),
+            newton as f64 / group.len().max(1) as f64
         );
     }
     Ok(())

@@ -10,13 +10,27 @@
 //! one size; unscaled, static pivoting stalls Newton at 1e-8.
 
 use crate::element::{Rule, tet10};
+use crate::kernel::{Element, deformation, element_displacement};
 use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::pattern::{ENTRIES, NONE, Pattern};
-use crate::tensor::{Mat3, cofactor};
+use crate::tensor::Mat3;
 
 /// Shape functions per element, padded so that loops over them run in vector registers.
-const PAD: usize = 12;
+pub(crate) const PAD: usize = 12;
+
+/// How the pressure is represented; all with quadratic displacements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Formulation {
+    /// P2/P1: continuous, linear, an unknown at every corner.
+    #[default]
+    TaylorHood,
+    /// P2/P0: constant per element and eliminated, p = κ (mean J − 1). Errs on the soft
+    /// side where Taylor–Hood errs on the stiff side: together they bracket.
+    ConstantPressure,
+    /// P2: p = κ (J − 1) at each point, the element of peers (C3D10); locks near ν = 0.5.
+    Displacement,
+}
 
 /// One quadrature point of one element.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +52,8 @@ pub struct Body {
     pub modulus_scale: Vec<f64>,
     /// Quadrature rule.
     pub rule: Rule,
+    /// Treatment of the pressure.
+    pub formulation: Formulation,
     /// Points of element e at `e * rule.points().len() ..`.
     pub points: Vec<Point>,
     /// p = `pressure_unit_Pa` × unknown.
@@ -68,6 +84,8 @@ pub struct Sums {
     pub coupling: Vec<[f64; 6]>,
     /// ∂(wrench)/∂(platform translation, rotation) without the geometric term.
     pub platform: [[f64; 6]; 6],
+    /// Share of the body's dead force that acts; 1 but on the way to a load.
+    pub dead_share: f64,
     /// Stored energy, J.
     pub energy_J: f64,
     /// Smallest det F.
@@ -85,6 +103,7 @@ impl Body {
         material: Box<dyn Material>,
         modulus_scale: Vec<f64>,
         rule: Rule,
+        formulation: Formulation,
     ) -> Self {
         let mut points = Vec::with_capacity(mesh.tetrahedra().len() * rule.points().len());
         for tet in mesh.tetrahedra() {
@@ -111,25 +130,10 @@ impl Body {
             material,
             modulus_scale,
             rule,
+            formulation,
             points,
             pressure_unit_Pa,
             dead_force_N,
-        }
-    }
-
-    /// Sets the dead force to ∫ N_a b dV for a force `b` per undeformed volume, N/m³.
-    pub fn set_body_force(&mut self, b: [f64; 3]) {
-        self.dead_force_N.fill(0.0);
-        let rule = self.rule.points();
-        for (e, tet) in self.mesh.tetrahedra().iter().enumerate() {
-            let points = &self.points[e * rule.len()..(e + 1) * rule.len()];
-            for (point, (lambda, _)) in points.iter().zip(rule) {
-                for (n, node) in tet10::shape(lambda).iter().zip(tet) {
-                    for k in 0..3 {
-                        self.dead_force_N[3 * node + k] += point.volume_m3 * n * b[k];
-                    }
-                }
-            }
         }
     }
 
@@ -160,17 +164,33 @@ impl Body {
     /// Cauchy stress σ = P Fᵀ / J at the points of element `e`, Pa, with P of W_d and pressure.
     pub fn cauchy_stress_Pa(&self, e: usize, field: &Field) -> Vec<Mat3> {
         let tet = &self.mesh.tetrahedra()[e];
-        let shapes = self.rule.points().iter();
-        self.deformation_gradients(e, field)
-            .zip(shapes)
+        let kappa = self.material.bulk_modulus_Pa() * self.modulus_scale[e];
+        let count = self.rule.points().len();
+        let points = &self.points[e * count..(e + 1) * count];
+        let gradients: Vec<Mat3> = self.deformation_gradients(e, field).collect();
+        let gap = |f: &Mat3| crate::tensor::determinant(f) - 1.0;
+        let mean: f64 = (gradients.iter().zip(points))
+            .map(|(f, p)| gap(f) * p.volume_m3)
+            .sum::<f64>()
+            / points.iter().map(|p| p.volume_m3).sum::<f64>();
+        gradients
+            .iter()
+            .zip(self.rule.points())
             .map(|(f, (psi, _))| {
-                let jacobian = crate::tensor::determinant(&f);
-                let scaled: f64 = (0..4).map(|m| psi[m] * field.pressure[tet[m]]).sum();
-                let stress = self.material.respond(&f, jacobian).stress;
-                let mut sigma = crate::tensor::product(&stress, &crate::tensor::transpose(&f))
+                let jacobian = crate::tensor::determinant(f);
+                let pressure = match self.formulation {
+                    Formulation::TaylorHood => {
+                        let scaled: f64 = (0..4).map(|m| psi[m] * field.pressure[tet[m]]).sum();
+                        self.pressure_unit_Pa * scaled
+                    }
+                    Formulation::ConstantPressure => kappa * mean,
+                    Formulation::Displacement => kappa * gap(f),
+                };
+                let stress = self.material.respond(f, jacobian).stress;
+                let mut sigma = crate::tensor::product(&stress, &crate::tensor::transpose(f))
                     .map(|row| row.map(|v| v * self.modulus_scale[e] / jacobian));
                 for k in 0..3 {
-                    sigma[k][k] += self.pressure_unit_Pa * scaled;
+                    sigma[k][k] += pressure;
                 }
                 sigma
             })
@@ -188,6 +208,7 @@ impl Sums {
             volume: vec![0.0; n],
             coupling: vec![[0.0; 6]; pattern.unknowns],
             platform: [[0.0; 6]; 6],
+            dead_share: 1.0,
             energy_J: 0.0,
             smallest_jacobian: f64::INFINITY,
         }
@@ -207,7 +228,7 @@ impl Sums {
     ) -> Result<(), Inverted> {
         self.tangent.fill(0.0);
         for (force, dead) in self.force.iter_mut().zip(&body.dead_force_N) {
-            *force = -dead;
+            *force = -self.dead_share * dead;
         }
         self.volume.fill(0.0);
         self.coupling.fill([0.0; 6]);
@@ -293,217 +314,6 @@ impl Sums {
                     }
                 }
             }
-        }
-    }
-}
-
-fn element_displacement(tet: &[usize; 10], field: &Field) -> [[f64; PAD]; 3] {
-    let mut u = [[0.0; PAD]; 3];
-    for a in 0..10 {
-        for i in 0..3 {
-            u[i][a] = field.displacement[3 * tet[a] + i];
-        }
-    }
-    u
-}
-
-#[inline(always)]
-fn deformation(point: &Point, u: &[[f64; PAD]; 3]) -> Mat3 {
-    let mut f = crate::tensor::IDENTITY;
-    for i in 0..3 {
-        for j in 0..3 {
-            let mut sum = 0.0;
-            for a in 0..PAD {
-                sum += u[i][a] * point.gradients[j][a];
-            }
-            f[i][j] += sum;
-        }
-    }
-    f
-}
-
-/// Forces and matrix of one element.
-#[derive(Debug, Default)]
-struct Element {
-    energy: f64,
-    smallest_jacobian: f64,
-    /// By component, then node.
-    force: [[f64; PAD]; 3],
-    volume: [f64; 4],
-    /// `[a][i][k][b]`, valid for b ≥ 4 ⌊a / 4⌋.
-    stiffness: [[[[f64; PAD]; 3]; 3]; 10],
-    /// `[m][i][a]`.
-    mixed: [[[f64; PAD]; 3]; 4],
-    compliance: [[f64; 4]; 4],
-}
-
-impl Element {
-    #[inline(never)]
-    fn evaluate(&mut self, body: &Body, e: usize, field: &Field) -> Result<(), Inverted> {
-        *self = Self {
-            smallest_jacobian: f64::INFINITY,
-            ..Self::default()
-        };
-        let tet = &body.mesh.tetrahedra()[e];
-        let u = element_displacement(tet, field);
-        let scale = body.modulus_scale[e];
-        let unit = body.pressure_unit_Pa;
-        let by_kappa = unit / (body.material.bulk_modulus_Pa() * scale);
-        let corner_pressure: [f64; 4] = std::array::from_fn(|m| field.pressure[tet[m]]);
-        let rule = body.rule.points();
-        let points = &body.points[e * rule.len()..(e + 1) * rule.len()];
-        for (point, (psi, _)) in points.iter().zip(rule) {
-            let f = deformation(point, &u);
-            let cof = cofactor(&f);
-            let jacobian = f[0][0] * cof[0][0] + f[0][1] * cof[0][1] + f[0][2] * cof[0][2];
-            if jacobian.is_nan() || jacobian <= 0.0 {
-                return Err(Inverted);
-            }
-            self.smallest_jacobian = self.smallest_jacobian.min(jacobian);
-            let weight = point.volume_m3;
-            let scaled: f64 = (0..4).map(|m| psi[m] * corner_pressure[m]).sum();
-            let p = unit * scaled;
-            let mut response = body.material.respond(&f, jacobian);
-            let distortion = weight * scale;
-            self.energy += distortion * response.energy
-                + weight * p * (jacobian - 1.0 - 0.5 * by_kappa * scaled);
-            // Weighted stress and tangent with the pressure's part.
-            let wp = weight * p;
-            for i in 0..3 {
-                for j in 0..3 {
-                    let stress = distortion * response.stress[i][j] + wp * cof[i][j];
-                    for a in 0..PAD {
-                        self.force[i][a] += stress * point.gradients[j][a];
-                    }
-                }
-            }
-            for row in &mut response.tangent {
-                for value in row {
-                    *value *= distortion;
-                }
-            }
-            add_cofactor_tangent(&mut response.tangent, &f, wp);
-            self.add_stiffness(&response.tangent, &point.gradients);
-            let mut spread = [[0.0; PAD]; 3];
-            for i in 0..3 {
-                for j in 0..3 {
-                    for a in 0..PAD {
-                        spread[i][a] += cof[i][j] * point.gradients[j][a];
-                    }
-                }
-            }
-            let gap = jacobian - 1.0 - by_kappa * scaled;
-            for m in 0..4 {
-                let c = weight * unit * psi[m];
-                self.volume[m] += c * gap;
-                for i in 0..3 {
-                    for a in 0..PAD {
-                        self.mixed[m][i][a] += c * spread[i][a];
-                    }
-                }
-                for n in 0..=m {
-                    self.compliance[m][n] -= c * by_kappa * psi[n];
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// K_ab += g_a · A · g_b for b from the block of four that holds a.
-    #[inline(always)]
-    fn add_stiffness(&mut self, tangent: &[[f64; 9]; 9], g: &[[f64; PAD]; 3]) {
-        // half[J][i][k][b] = Σ_L A_iJkL g_b,L
-        let mut half = [[[[0.0; PAD]; 3]; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                for k in 0..3 {
-                    let row = &tangent[3 * i + j][3 * k..3 * k + 3];
-                    let out = &mut half[j][i][k];
-                    for b in 0..PAD {
-                        out[b] = row[0] * g[0][b] + row[1] * g[1][b] + row[2] * g[2][b];
-                    }
-                }
-            }
-        }
-        for a in 0..10 {
-            let (g0, g1, g2) = (g[0][a], g[1][a], g[2][a]);
-            let start = a / 4 * 4;
-            for i in 0..3 {
-                for k in 0..3 {
-                    let out = &mut self.stiffness[a][i][k][start..];
-                    let (h0, h1, h2) = (
-                        &half[0][i][k][start..],
-                        &half[1][i][k][start..],
-                        &half[2][i][k][start..],
-                    );
-                    for b in 0..out.len() {
-                        out[b] += g0 * h0[b] + g1 * h1[b] + g2 * h2[b];
-                    }
-                }
-            }
-        }
-    }
-
-    /// Adds the lower triangle in the order of [`crate::pattern::entries`].
-    #[inline(never)]
-    fn scatter(&self, targets: &[u32], tangent: &mut [f64]) {
-        let mut at = targets.iter();
-        let mut add = |value: f64| {
-            if let Some(&target) = at.next()
-                && let Some(entry) = tangent.get_mut(target as usize)
-            {
-                *entry += value;
-            }
-        };
-        for a in 0..10 {
-            for i in 0..3 {
-                for k in i..3 {
-                    add(self.stiffness[a][i][k][a]);
-                }
-                for b in a + 1..10 {
-                    for k in 0..3 {
-                        add(self.stiffness[a][i][k][b]);
-                    }
-                }
-            }
-        }
-        for m in 0..4 {
-            for a in 0..10 {
-                for i in 0..3 {
-                    add(self.mixed[m][i][a]);
-                }
-            }
-        }
-        for m in 0..4 {
-            for n in 0..=m {
-                add(self.compliance[m][n]);
-            }
-        }
-    }
-
-    /// Entry of the 34 × 34 matrix with a displacement column.
-    fn entry(&self, row: usize, column: usize) -> f64 {
-        if row >= 30 {
-            return self.mixed[row - 30][column % 3][column / 3];
-        }
-        let (a, b) = (row.min(column), row.max(column));
-        self.stiffness[a / 3][a % 3][b % 3][b / 3]
-    }
-}
-
-/// A_iJkL += p ∂(cof F)_iJ/∂F_kL = p ε_ikm ε_JLN F_mN.
-#[inline(always)]
-fn add_cofactor_tangent(tangent: &mut [[f64; 9]; 9], f: &Mat3, p: f64) {
-    for i in 0..3 {
-        let (k1, k2) = ((i + 1) % 3, (i + 2) % 3);
-        for j in 0..3 {
-            let (l1, l2) = ((j + 1) % 3, (j + 2) % 3);
-            let row = &mut tangent[3 * i + j];
-            // ε_i,k1,k2 = +1 with m the remaining index.
-            row[3 * k1 + l1] += p * f[k2][l2];
-            row[3 * k1 + l2] -= p * f[k2][l1];
-            row[3 * k2 + l1] -= p * f[k1][l2];
-            row[3 * k2 + l2] += p * f[k1][l1];
         }
     }
 }

@@ -61,15 +61,18 @@ pub fn entries() -> impl Iterator<Item = (usize, usize)> {
 }
 
 impl Pattern {
-    /// `hold`: one entry per displacement component `3 node + i`.
+    /// `hold`: one entry per displacement component `3 node + i`; `with_pressure`: an unknown
+    /// at every corner.
     ///
     /// # Errors
     /// A factorisation too large for the memory.
-    pub fn new(mesh: &Mesh, hold: &[Hold]) -> Result<Self, FemError> {
+    pub fn new(mesh: &Mesh, hold: &[Hold], with_pressure: bool) -> Result<Self, FemError> {
         let nodes = mesh.nodes_m().len();
         let tets = mesh.tetrahedra();
         let mut is_corner = vec![false; nodes];
-        tets.iter()
+        let mixed = if with_pressure { tets } else { &[] };
+        mixed
+            .iter()
             .flat_map(|t| &t[..4])
             .for_each(|&i| is_corner[i] = true);
         let weight: Vec<usize> = (0..nodes)

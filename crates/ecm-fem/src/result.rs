@@ -29,6 +29,35 @@ impl Status {
     }
 }
 
+/// Why a load case is [`Status::Unstable`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    /// The smallest eigenvalue of H reaches zero: the platform buckles under the dead wrench.
+    Buckling,
+    /// The tangent at held platform loses a positive pivot where the most compressed point is
+    /// beyond [`CREASE`]: the body creases or wrinkles at its surface.
+    Crease,
+    /// The tangent at held platform loses a positive pivot at moderate compression.
+    Inner,
+}
+
+/// Ratio of the smallest to the largest principal stretch at which the free surface of a
+/// neo-Hookean body creases (Hong, Zhao and Suo 2009: 1/2.4); it wrinkles at 0.296 (Biot 1963).
+pub const CREASE: f64 = 1.0 / 2.4;
+
+impl Reason {
+    /// The words used in files and in Python.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Buckling => "buckling: the stiffness under a dead wrench loses its positivity",
+            Self::Crease => {
+                "crease: the compressed surface loses stability beyond a stretch ratio of 1/2.4"
+            }
+            Self::Inner => "inner: the body loses stability at a held platform",
+        }
+    }
+}
+
 /// One load case: the state reached and what is known about it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaseResult {
@@ -48,6 +77,12 @@ pub struct CaseResult {
     pub smallest_eigenvalue: f64,
     /// Negative pivots beyond the number of pressures: instabilities at held pose.
     pub inner_instabilities: usize,
+    /// With [`Status::Unstable`]: why.
+    pub reason: Option<Reason>,
+    /// Smallest ratio of the smallest to the largest principal stretch at a quadrature point.
+    pub stretch_ratio: f64,
+    /// Where that is, in the undeformed body (centre of its element), m.
+    pub most_compressed_m: [f64; 3],
     /// Largest principal stretch at a quadrature point.
     pub largest_stretch: f64,
     /// Smallest det F at a quadrature point.

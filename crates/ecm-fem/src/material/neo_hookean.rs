@@ -15,7 +15,7 @@ impl NeoHookean {
     /// From Young's modulus and Poisson's ratio.
     ///
     /// # Errors
-    /// E not positive; ν outside (0, 0.4999].
+    /// E not positive; ν outside (0, 0.5]. At 0.5 the volume is kept exactly (κ infinite).
     pub fn new(young_modulus_Pa: f64, poisson_ratio: f64) -> Result<Self, FemError> {
         if !(young_modulus_Pa.is_finite() && young_modulus_Pa > 0.0) {
             return Err(FemError::Parameter {
@@ -24,11 +24,11 @@ impl NeoHookean {
                 expected: "a positive number of Pa",
             });
         }
-        if !(poisson_ratio > 0.0 && poisson_ratio <= 0.4999) {
+        if !(poisson_ratio > 0.0 && poisson_ratio <= 0.5) {
             return Err(FemError::Parameter {
                 name: "poisson_ratio",
                 value: poisson_ratio,
-                expected: "above 0 and at most 0.4999",
+                expected: "above 0 and at most 0.5",
             });
         }
         Ok(Self {

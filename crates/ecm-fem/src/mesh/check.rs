@@ -46,7 +46,7 @@ impl Mesh {
             return Err(FemError::UnusedNode { node, count });
         }
         for (name, list) in [("base", &self.base_nodes), ("top", &self.top_nodes)] {
-            if list.is_empty() {
+            if list.is_empty() && !self.has_no_faces() {
                 return Err(FemError::MissingFace {
                     name,
                     found: "none with nodes".into(),

@@ -4,7 +4,7 @@ mod check;
 mod gmsh;
 mod quadratic;
 mod revolve;
-mod surface;
+pub(crate) mod surface;
 
 pub use revolve::{Profile, Quality};
 
@@ -56,9 +56,34 @@ impl Mesh {
             length_m: 0.0,
             volume_m3: 0.0,
         };
+        if mesh.has_no_faces() {
+            return Err(FemError::MissingFace {
+                name: "base",
+                found: "none with nodes".into(),
+            });
+        }
         mesh.check()?;
         mesh.place()?;
         Ok(mesh)
+    }
+
+    /// A body without platform, left where it is; `length_m` only scales residuals.
+    ///
+    /// # Errors
+    /// As [`Mesh::new`], but for the faces.
+    pub fn without_faces(
+        nodes_m: Vec<[f64; 3]>,
+        tetrahedra: Vec<[usize; 10]>,
+        length_m: f64,
+    ) -> Result<Self, FemError> {
+        Self::in_place(nodes_m, tetrahedra, Vec::new(), Vec::new(), length_m)
+    }
+
+    /// Straight-edged ten-node tetrahedra from corners: mid-edge nodes are added to `nodes_m`.
+    pub fn with_mid_nodes(nodes_m: &mut Vec<[f64; 3]>, corners: &[[usize; 4]]) -> Vec<[usize; 10]> {
+        quadratic::raise(nodes_m, corners, |a, b, x| {
+            [0, 1, 2].map(|k| 0.5 * (x[a][k] + x[b][k]))
+        })
     }
 
     /// As [`Mesh::new`] for a body that is built in place, `length_m` long to the last bit.
@@ -79,6 +104,11 @@ impl Mesh {
         };
         mesh.check()?;
         Ok(mesh)
+    }
+
+    /// Neither face is there: a body that carries no platform.
+    fn has_no_faces(&self) -> bool {
+        self.base_nodes.is_empty() && self.top_nodes.is_empty()
     }
 
     fn check(&mut self) -> Result<(), FemError> {

@@ -1,4 +1,4 @@
-//! Centre of a named face.
+//! Integrals over faces of elements.
 
 use super::FACES;
 
@@ -10,16 +10,22 @@ pub fn centre(nodes: &[[f64; 3]], tets: &[[usize; 10]], named: &[usize]) -> Opti
     for tet in tets {
         for face in &FACES {
             if face.iter().all(|&i| named.binary_search(&tet[i]).is_ok()) {
-                integrate(face.map(|i| nodes[tet[i]]), &mut area, &mut moment);
+                let x = face.map(|i| nodes[tet[i]]);
+                integrate(&x, |n, da| {
+                    area += da;
+                    for k in 0..3 {
+                        moment[k] += da * (0..6).map(|i| n[i] * x[i][k]).sum::<f64>();
+                    }
+                });
             }
         }
     }
     (area > 0.0).then(|| moment.map(|m| m / area))
 }
 
-/// Adds area and first moment of one curved six-node triangle
-/// (six-point rule, exact for degree 4; Dunavant 1985).
-fn integrate(x: [[f64; 3]; 6], area: &mut f64, moment: &mut [f64; 3]) {
+/// Visits the points of one curved six-node triangle with its shape functions and the area
+/// that belongs to the point (six-point rule, exact for degree 4; Dunavant 1985).
+pub fn integrate(x: &[[f64; 3]; 6], mut visit: impl FnMut(&[f64; 6], f64)) {
     let rule = [
         (0.445_948_490_915_965, 0.223_381_589_678_011),
         (0.091_576_213_509_771, 0.109_951_743_655_322),
@@ -60,10 +66,7 @@ fn integrate(x: [[f64; 3]; 6], area: &mut f64, moment: &mut [f64; 3]) {
                 t1[0] * t2[1] - t1[1] * t2[0],
             ];
             let da = 0.5 * weight * normal.iter().map(|c| c * c).sum::<f64>().sqrt();
-            *area += da;
-            for k in 0..3 {
-                moment[k] += da * at(&n, k);
-            }
+            visit(&n, da);
         }
     }
 }

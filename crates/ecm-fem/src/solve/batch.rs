@@ -186,21 +186,24 @@ impl Fem {
             };
             return (result, None);
         }
-        let mut spent = 0;
+        let (mut spent, mut guess_failed) = (0, false);
         if let Some(guess) = starts.guess {
             let (result, state) = self.jump(work, guess, load, watch);
             match result {
                 Ok(result) => return (result, Some(Solved::new(&state, *load))),
-                Err(iterations) => spent += iterations,
+                Err(iterations) => {
+                    spent += iterations;
+                    guess_failed = true;
+                }
             }
         }
-        if let Some(solved) = starts.neighbour {
+        if let Some(solved) = starts.neighbour.filter(|_| !guess_failed) {
             let (mut result, state) = self.follow(
                 work,
                 solved.state(),
                 &solved.load,
                 load,
-                NEIGHBOUR_STEP,
+                (1.0, NEIGHBOUR_STEP),
                 watch,
             );
             if matches!(result.status, Status::Solved | Status::Cancelled) {
@@ -211,7 +214,11 @@ impl Fem {
             spent += result.iterations;
         }
         // What is lost on the way from a neighbour is told from rest, along proportional load.
-        let (mut result, state) = self.follow_from_rest(work, load, watch);
+        let (mut result, state) = if spent > 0 {
+            self.follow_in_halves(work, load, watch)
+        } else {
+            self.follow_from_rest(work, load, watch)
+        };
         result.iterations += spent;
         let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
         (result, keep)

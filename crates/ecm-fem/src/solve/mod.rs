@@ -2,15 +2,17 @@
 
 mod batch;
 mod condense;
+mod held;
 mod newton;
 mod path;
 mod predict;
 #[cfg(test)]
 mod tests;
 
+pub use held::HeldResult;
 pub use newton::Timing;
 
-use crate::assembly::{Body, Field};
+use crate::assembly::{Body, Field, Formulation};
 use crate::element::Rule;
 use crate::material::Material;
 use crate::mesh::Mesh;
@@ -51,6 +53,8 @@ pub struct Settings {
     pub smallest_load_step: f64,
     /// Quadrature ([`Rule::Degree2`]).
     pub rule: Rule,
+    /// Treatment of the pressure ([`Formulation::TaylorHood`]).
+    pub formulation: Formulation,
 }
 
 impl Default for Settings {
@@ -61,6 +65,7 @@ impl Default for Settings {
             step_limit: 0.5,
             smallest_load_step: 1.0 / 32.0,
             rule: Rule::Degree2,
+            formulation: Formulation::TaylorHood,
         }
     }
 }
@@ -148,9 +153,23 @@ impl Fem {
                 expected: "a positive factor",
             });
         }
-        let pattern = Pattern::new(&mesh, hold)?;
+        let mixed = settings.formulation == Formulation::TaylorHood;
+        if !mixed && !material.bulk_modulus_Pa().is_finite() {
+            return Err(FemError::Parameter {
+                name: "the bulk modulus",
+                value: material.bulk_modulus_Pa(),
+                expected: "a finite number without a pressure unknown; use Taylor-Hood",
+            });
+        }
+        let pattern = Pattern::new(&mesh, hold, mixed)?;
         let force_unit_N = material.shear_modulus_Pa() * mesh.volume_m3() / mesh.length_m();
-        let body = Body::new(mesh, material, modulus_scale, settings.rule);
+        let body = Body::new(
+            mesh,
+            material,
+            modulus_scale,
+            settings.rule,
+            settings.formulation,
+        );
         Ok(Self {
             body,
             pattern,
@@ -230,7 +249,7 @@ impl Fem {
             let (what, value) = ("body force component", force_N_m3[index]);
             return Err(FemError::NotFinite { what, index, value });
         }
-        self.body.set_body_force(force_N_m3);
+        self.body.dead_force_N = self.body.volume_load(|_| force_N_m3);
         Ok(self)
     }
 

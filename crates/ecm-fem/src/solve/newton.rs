@@ -59,6 +59,9 @@ pub(super) enum Failure {
     Cancelled,
 }
 
+/// Iterates without inner stability and without progress after which Newton is given up.
+const WANDERING: usize = 3;
+
 /// Smallest share of a Newton step that is tried.
 const SMALLEST_SHARE: f64 = 1.0 / 64.0;
 
@@ -103,7 +106,8 @@ impl Fem {
         };
         let mut iteration = 0;
         let mut previous_share = 1.0;
-        let mut unstable_iterates = 0;
+        let (mut unstable_iterates, mut wandering) = (0, 0);
+        let mut last_residual = f64::INFINITY;
         loop {
             if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 work.ready = false;
@@ -120,7 +124,11 @@ impl Fem {
                 return Ok(iteration);
             }
             unstable_iterates += usize::from(work.balance.inner_instabilities > 0);
-            if iteration == most {
+            wandering += usize::from(
+                work.balance.inner_instabilities > 0 && work.balance.residual > 0.5 * last_residual,
+            );
+            last_residual = work.balance.residual;
+            if iteration == most || wandering == WANDERING {
                 work.ready = false;
                 let failure = if unstable_iterates > 0 {
                     Failure::Unstable

@@ -4,7 +4,7 @@ use super::condense::smallest_eigenvalue;
 use super::newton::{Failure, Workspace};
 use super::{Fem, Load, State, Watch};
 use crate::platform::Platform;
-use crate::result::{CaseResult, Status};
+use crate::result::{CREASE, CaseResult, Reason, Status};
 use crate::tensor::{Mat3, product, transpose};
 use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
@@ -12,6 +12,17 @@ use nalgebra::Matrix3;
 
 /// Newton iterations granted to a guess before the way from a neighbour is taken.
 const JUMP: usize = 10;
+
+/// Share of the way between the last stable and the first unstable equilibrium that is
+/// narrow enough to call the load unstable.
+const BRACKET: f64 = 1.0 / 16.0;
+
+/// Which stiffness has lost its positivity.
+#[derive(Debug, Clone, Copy)]
+enum Lost {
+    Inside,
+    Whole,
+}
 
 impl Fem {
     /// Follows the load from rest; also returns the final state.
@@ -21,75 +32,104 @@ impl Fem {
         load: &Load,
         watch: Watch,
     ) -> (CaseResult, State) {
-        let start = match load {
-            Load::Wrench(_) => Load::Wrench([0.0; 6]),
-            Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
-        };
-        self.follow(
-            work,
-            self.rest(),
-            &start,
-            load,
-            self.settings.smallest_load_step,
-            watch,
-        )
+        let start = self.load_at_rest(load);
+        let steps = (1.0, self.settings.smallest_load_step);
+        self.follow(work, self.rest(), &start, load, steps, watch)
     }
 
-    /// Follows the load from `state`, an equilibrium under `start`, to `load`.
+    /// As [`Fem::follow_from_rest`] for a load that a jump has already failed at: begins halfway.
+    pub(super) fn follow_in_halves(
+        &self,
+        work: &mut Workspace,
+        load: &Load,
+        watch: Watch,
+    ) -> (CaseResult, State) {
+        let start = self.load_at_rest(load);
+        let steps = (0.5, self.settings.smallest_load_step);
+        self.follow(work, self.rest(), &start, load, steps, watch)
+    }
+
+    fn load_at_rest(&self, load: &Load) -> Load {
+        match load {
+            Load::Wrench(_) => Load::Wrench([0.0; 6]),
+            Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
+        }
+    }
+
+    /// Follows the load from `state`, an equilibrium under `start`, to `load`, in steps
+    /// between the two given shares.
     pub(super) fn follow(
         &self,
         work: &mut Workspace,
         mut state: State,
         start: &Load,
         load: &Load,
-        smallest_step: f64,
+        (first_step, smallest_step): (f64, f64),
         watch: Watch,
     ) -> (CaseResult, State) {
         work.ready = false;
-        let (mut reached, mut step) = (0.0, 1.0f64);
+        let (mut reached, mut step) = (0.0, first_step);
         let most = self.settings.iterations;
         let (mut iterations, mut load_steps) = (0, 0);
         let mut last_good = state.clone();
         let mut last_result: Option<CaseResult> = None;
-        let status = loop {
+        let mut may_grow = true;
+        let (status, lost) = loop {
             let next = if reached + step >= 1.0 - 1e-12 {
                 1.0
             } else {
                 reached + step
             };
             let outcome = self.newton(work, &mut state, &between(start, load, next), most, watch);
-            let failure = match outcome {
+            let (failure, lost) = match outcome {
                 Ok(n) => {
                     iterations += n;
                     let result = self.report(work, &state);
                     if self.is_stable(load, &result) {
                         load_steps += 1;
                         reached = next;
-                        step = (2.0 * step).min(1.0 - reached);
+                        let grown = if may_grow { 2.0 * step } else { step };
+                        step = grown.min(1.0 - reached);
+                        may_grow = true;
                         last_good.clone_from(&state);
                         last_result = Some(result);
                         if reached == 1.0 {
-                            break Status::Solved;
+                            break (Status::Solved, None);
                         }
                         continue;
                     }
-                    Status::Unstable
+                    let lost = if result.inner_instabilities > 0 {
+                        Lost::Inside
+                    } else {
+                        Lost::Whole
+                    };
+                    if next - reached <= BRACKET {
+                        break (Status::Unstable, Some(lost));
+                    }
+                    (Status::Unstable, Some(lost))
                 }
                 Err((failure, n)) => {
                     iterations += n;
                     match failure {
-                        Failure::Cancelled => break Status::Cancelled,
-                        Failure::Diverged => Status::NotConverged,
-                        // So close to an equilibrium this is its own instability: a crease
-                        // or a collapse inside the body, beyond which no state is stable.
-                        Failure::Unstable => Status::Unstable,
-                        Failure::Inverted => Status::Inverted,
+                        Failure::Cancelled => break (Status::Cancelled, None),
+                        Failure::Diverged => (Status::NotConverged, None),
+                        Failure::Unstable => {
+                            let compressed = |r: &CaseResult| {
+                                next - reached <= BRACKET && r.stretch_ratio < CREASE
+                            };
+                            if last_result.as_ref().is_some_and(compressed) {
+                                break (Status::Unstable, Some(Lost::Inside));
+                            }
+                            (Status::Unstable, Some(Lost::Inside))
+                        }
+                        Failure::Inverted => (Status::Inverted, None),
                     }
                 }
             };
+            may_grow = false;
             step *= 0.5;
             if step < smallest_step {
-                break failure;
+                break (failure, lost);
             }
             state.clone_from(&last_good);
             work.ready = false;
@@ -99,6 +139,11 @@ impl Fem {
             None => self.start_result(work, &mut last_good, start),
         };
         result.status = status;
+        result.reason = lost.map(|lost| match lost {
+            Lost::Whole => Reason::Buckling,
+            Lost::Inside if result.stretch_ratio < CREASE => Reason::Crease,
+            Lost::Inside => Reason::Inner,
+        });
         result.iterations = iterations;
         result.load_steps = load_steps;
         (result, last_good)
@@ -168,6 +213,7 @@ impl Fem {
         let (at, h) = (Pose::from_array(&pose), Wrench::from_array(&wrench));
         let to = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
         let hessian = to(StiffnessKind::Generalised);
+        let strain = self.strain(state);
         CaseResult {
             status: Status::Solved,
             pose,
@@ -177,7 +223,10 @@ impl Fem {
             hessian,
             smallest_eigenvalue: smallest_eigenvalue(&hessian, self.body.mesh.length_m()),
             inner_instabilities: work.balance.inner_instabilities,
-            largest_stretch: self.largest_stretch(state),
+            reason: None,
+            stretch_ratio: strain.ratio,
+            most_compressed_m: strain.at_m,
+            largest_stretch: strain.largest,
             smallest_jacobian: work.sums.smallest_jacobian,
             iterations: 0,
             load_steps: 0,
@@ -185,20 +234,39 @@ impl Fem {
         }
     }
 
-    fn largest_stretch(&self, state: &State) -> f64 {
-        let elements = 0..self.body.mesh.tetrahedra().len();
-        elements
-            .flat_map(|e| self.body.deformation_gradients(e, &state.field))
-            .map(|f| largest_eigenvalue(&product(&transpose(&f), &f)))
-            .fold(0.0, f64::max)
-            .sqrt()
+    fn strain(&self, state: &State) -> Strain {
+        let mesh = &self.body.mesh;
+        let mut strain = Strain {
+            largest: 0.0,
+            ratio: 1.0,
+            at_m: [0.0; 3],
+        };
+        for (e, tet) in mesh.tetrahedra().iter().enumerate() {
+            for f in self.body.deformation_gradients(e, &state.field) {
+                let (small, large) = extreme_eigenvalues(&product(&transpose(&f), &f));
+                let (small, large) = (small.max(0.0).sqrt(), large.sqrt());
+                strain.largest = strain.largest.max(large);
+                if small / large < strain.ratio {
+                    strain.ratio = small / large;
+                    let corner = |k: usize| tet[..4].iter().map(move |&n| mesh.nodes_m()[n][k]);
+                    strain.at_m = [0, 1, 2].map(|k| 0.25 * corner(k).sum::<f64>());
+                }
+            }
+        }
+        strain
     }
 }
 
-fn largest_eigenvalue(c: &Mat3) -> f64 {
-    Matrix3::from_fn(|i, j| c[i][j])
-        .symmetric_eigenvalues()
-        .max()
+/// Extremes of the principal stretches over all quadrature points.
+struct Strain {
+    largest: f64,
+    ratio: f64,
+    at_m: [f64; 3],
+}
+
+fn extreme_eigenvalues(c: &Mat3) -> (f64, f64) {
+    let values = Matrix3::from_fn(|i, j| c[i][j]).symmetric_eigenvalues();
+    (values.min(), values.max())
 }
 
 /// The load at `share` of the way from `start` to `end`: wrenches along a straight

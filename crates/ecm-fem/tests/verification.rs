@@ -1,0 +1,303 @@
+//! Solutions from outside: manufactured, Cook's membrane, elastica, incompressible limit.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use ecm_fem::element::{Rule, tet10};
+use ecm_fem::tensor::{Mat3, cofactor, determinant};
+use ecm_fem::{
+    Fem, Formulation, HeldResult, Hold, Material, Mesh, NeoHookean, Quality, Settings, Status,
+};
+use std::f64::consts::PI;
+
+/// n[0] × n[1] × n[2] cells of six tetrahedra on the unit cube, moved by `place`.
+fn block(n: [usize; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
+    let at = |i: usize, j: usize, k: usize| (i * (n[1] + 1) + j) * (n[2] + 1) + k;
+    let mut corners = Vec::new();
+    for i in 0..n[0] {
+        for j in 0..n[1] {
+            for k in 0..n[2] {
+                // Kuhn: one tetrahedron per order of the three unit steps.
+                for order in [
+                    [0, 1, 2],
+                    [1, 2, 0],
+                    [2, 0, 1],
+                    [0, 2, 1],
+                    [2, 1, 0],
+                    [1, 0, 2],
+                ] {
+                    let mut c = [i, j, k];
+                    let mut tet = [at(i, j, k); 4];
+                    for (m, axis) in order.into_iter().enumerate() {
+                        c[axis] += 1;
+                        tet[m + 1] = at(c[0], c[1], c[2]);
+                    }
+                    let odd = matches!(order, [0, 2, 1] | [2, 1, 0] | [1, 0, 2]);
+                    if odd {
+                        tet.swap(2, 3);
+                    }
+                    corners.push(tet);
+                }
+            }
+        }
+    }
+    let mut nodes = Vec::new();
+    for i in 0..=n[0] {
+        for j in 0..=n[1] {
+            for k in 0..=n[2] {
+                let share = |a: usize, axis: usize| a as f64 / n[axis] as f64;
+                nodes.push(place([share(i, 0), share(j, 1), share(k, 2)]));
+            }
+        }
+    }
+    let tets = Mesh::with_mid_nodes(&mut nodes, &corners);
+    Mesh::without_faces(nodes, tets, 1.0).unwrap()
+}
+
+/// u(X) of the manufactured solution and its gradient (rows: component).
+fn manufactured(x: [f64; 3]) -> ([f64; 3], Mat3) {
+    let (a, p) = (0.08, PI);
+    let (s, c) = (|v: f64| (p * v).sin(), |v: f64| (p * v).cos());
+    let u = [
+        a * s(x[1]) * c(x[2]),
+        a * s(x[2]) * c(x[0]),
+        a * s(x[0]) * s(x[1]),
+    ];
+    let g = [
+        [0.0, a * p * c(x[1]) * c(x[2]), -a * p * s(x[1]) * s(x[2])],
+        [-a * p * s(x[2]) * s(x[0]), 0.0, a * p * c(x[2]) * c(x[0])],
+        [a * p * c(x[0]) * s(x[1]), a * p * s(x[0]) * c(x[1]), 0.0],
+    ];
+    (u, g)
+}
+
+/// P of the manufactured solution with p = κ (J − 1).
+fn first_piola(x: [f64; 3], material: &NeoHookean) -> Mat3 {
+    let mut f = manufactured(x).1;
+    (0..3).for_each(|k| f[k][k] += 1.0);
+    let jacobian = determinant(&f);
+    let stress = material.respond(&f, jacobian).stress;
+    let (c, p) = (cofactor(&f), material.bulk_modulus_Pa() * (jacobian - 1.0));
+    std::array::from_fn(|i| std::array::from_fn(|j| stress[i][j] + p * c[i][j]))
+}
+
+/// Method of manufactured solutions (Roache 2002): the body force −Div P of a given u on a
+/// cube whose whole boundary follows u; displacement converges with order 3 in L2.
+#[test]
+fn displacement_converges_with_the_third_order() {
+    let error = |n: usize, formulation: Formulation, poisson: f64| -> f64 {
+        let material = NeoHookean::new(1.0, poisson).unwrap();
+        let mesh = block([n; 3], |x| x);
+        let nodes = mesh.nodes_m().to_vec();
+        let mut hold = vec![Hold::Free; 3 * nodes.len()];
+        let mut given = vec![0.0; 3 * nodes.len()];
+        for (i, x) in nodes.iter().enumerate() {
+            if x.iter().any(|v| !(1e-9..1.0 - 1e-9).contains(v)) {
+                hold[3 * i..3 * i + 3].fill(Hold::Prescribed);
+                given[3 * i..3 * i + 3].copy_from_slice(&manufactured(*x).0);
+            }
+        }
+        let settings = Settings {
+            rule: Rule::Degree5,
+            formulation,
+            ..Settings::default()
+        };
+        let fem = Fem::held(mesh, Box::new(material), settings, &hold).unwrap();
+        let h = 1e-4;
+        let force = fem.body().volume_load(|x| {
+            let mut b = [0.0; 3];
+            for j in 0..3 {
+                let moved = |s: f64| {
+                    let mut y = x;
+                    y[j] += s * h;
+                    first_piola(y, &material)
+                };
+                let (up, down) = (moved(1.0), moved(-1.0));
+                (0..3).for_each(|i| b[i] -= (up[i][j] - down[i][j]) / (2.0 * h));
+            }
+            b
+        });
+        let fem = fem.with_dead_force(force).unwrap();
+        let result = fem.solve_held(&given).unwrap();
+        assert_eq!(result.status, Status::Solved);
+        square_error(&fem, &result).sqrt()
+    };
+    for (formulation, poisson) in [
+        (Formulation::TaylorHood, 0.49),
+        (Formulation::Displacement, 0.3),
+    ] {
+        let errors = [3, 6].map(|n| error(n, formulation, poisson));
+        let order = (errors[0] / errors[1]).log2();
+        assert!(order >= 2.8, "{formulation:?}: order {order}, {errors:?}");
+    }
+}
+
+fn square_error(fem: &Fem, result: &HeldResult) -> f64 {
+    let (body, u) = (fem.body(), &result.field.displacement);
+    let rule = body.rule.points();
+    let mut sum = 0.0;
+    for (e, tet) in body.mesh.tetrahedra().iter().enumerate() {
+        for (q, (lambda, _)) in rule.iter().enumerate() {
+            let n = tet10::shape(lambda);
+            let x = [0, 1, 2].map(|k| {
+                (0..10)
+                    .map(|a| n[a] * body.mesh.nodes_m()[tet[a]][k])
+                    .sum::<f64>()
+            });
+            let exact = manufactured(x).0;
+            for k in 0..3 {
+                let found: f64 = (0..10).map(|a| n[a] * u[3 * tet[a] + k]).sum();
+                sum += body.points[e * rule.len() + q].volume_m3 * (found - exact[k]).powi(2);
+            }
+        }
+    }
+    sum
+}
+
+/// Cook's membrane in plane strain at finite strain, μ = 80.194, κ = 400 889.8, dead load 100
+/// over the right edge: 6.93(1) converged; a two-dimensional P2/P1 code gives 6.8001, 6.8741,
+/// 6.9043 on 8, 16, 32 divisions.
+#[test]
+fn cooks_membrane_comes_close_to_its_converged_tip() {
+    let n = 10;
+    let mesh = block([n, n, 1], |s| {
+        let low = 44.0 * s[0];
+        let high = 44.0 + 16.0 * s[0];
+        [48.0 * s[0], low + s[1] * (high - low), s[2]]
+    });
+    let nodes = mesh.nodes_m().to_vec();
+    let mut hold = vec![Hold::Free; 3 * nodes.len()];
+    for (i, x) in nodes.iter().enumerate() {
+        hold[3 * i + 2] = Hold::Prescribed;
+        if x[0] < 1e-9 {
+            hold[3 * i..3 * i + 3].fill(Hold::Prescribed);
+        }
+    }
+    let (mu, kappa): (f64, f64) = (80.194, 400_889.8);
+    let poisson = (3.0 * kappa - 2.0 * mu) / (6.0 * kappa + 2.0 * mu);
+    let material = NeoHookean::new(2.0 * mu * (1.0 + poisson), poisson).unwrap();
+    let fem = Fem::held(mesh, Box::new(material), Settings::default(), &hold).unwrap();
+    let force = fem
+        .body()
+        .surface_load(|x| x[0] > 48.0 - 1e-9, [0.0, 100.0 / 16.0, 0.0]);
+    let fem = fem.with_dead_force(force).unwrap();
+    let result = fem.solve_held(&vec![0.0; 3 * nodes.len()]).unwrap();
+    assert_eq!(result.status, Status::Solved);
+    let tip = nodes
+        .iter()
+        .position(|x| (x[0] - 48.0).abs() < 1e-9 && (x[1] - 60.0).abs() < 1e-9)
+        .unwrap();
+    let uy = result.field.displacement[3 * tip + 1];
+    assert!((6.76..6.94).contains(&uy), "{uy}");
+    let total: f64 = (0..nodes.len())
+        .filter(|&i| nodes[i][0] < 1e-9)
+        .map(|i| result.reaction_N[3 * i + 1])
+        .sum();
+    assert!((total + 100.0).abs() < 1e-5, "{total}");
+}
+
+fn slender() -> (Fem, f64) {
+    let (l, r, e) = (1.0, 0.012, 1e7);
+    let mesh = Mesh::cylinder(l, r, Quality::Standard).unwrap();
+    let fem = Fem::new(mesh, Box::new(NeoHookean::new(e, 0.3).unwrap()), None).unwrap();
+    (fem, e * PI * r.powi(4) / 4.0)
+}
+
+/// Elastica of a cantilever under a dead tip force (Bisshopp and Drucker 1945; Mattiasson
+/// 1981): P L² / EI = 5 gives w / L = 0.71379, u / L = 0.38763, angle 1.21537.
+#[test]
+fn cantilever_follows_the_elastica() {
+    let (fem, ei) = slender();
+    for (load, w, u, angle) in [
+        (1.0, 0.30172, 0.05643, 0.46135),
+        (5.0, 0.71379, 0.38763, 1.21537),
+    ] {
+        let r = fem
+            .solve_wrench(&[0.0, load * ei, 0.0, 0.0, 0.0, 0.0])
+            .unwrap();
+        assert_eq!(r.status, Status::Solved);
+        for (found, exact) in [(r.pose[1], w), (1.0 - r.pose[0], u), (r.pose[5], angle)] {
+            assert!((found - exact).abs() < 0.008 * exact, "{found} {exact}");
+        }
+    }
+}
+
+/// A pure end moment rolls the rod to a circle: with t = M L / EI,
+/// x = L sin t / t, y = L (1 − cos t) / t.
+#[test]
+fn end_moment_bends_to_a_circle() {
+    let (fem, ei) = slender();
+    let t = 0.5 * PI;
+    let r = fem
+        .solve_wrench(&[0.0, 0.0, 0.0, 0.0, 0.0, t * ei])
+        .unwrap();
+    assert_eq!(r.status, Status::Solved);
+    assert!((r.pose[5] / t - 1.0).abs() < 0.008, "{}", r.pose[5]);
+    let t = r.pose[5];
+    assert!((r.pose[0] - t.sin() / t).abs() < 2e-3);
+    assert!((r.pose[1] - (1.0 - t.cos()) / t).abs() < 2e-3);
+}
+
+fn neck(formulation: Formulation, poisson: f64) -> Fem {
+    let mesh = Mesh::cylinder(0.1034, 0.033, Quality::Standard).unwrap();
+    let material = Box::new(NeoHookean::new(0.72e6, poisson).unwrap());
+    let settings = Settings {
+        formulation,
+        ..Settings::default()
+    };
+    Fem::with_settings(mesh, material, None, settings).unwrap()
+}
+
+/// Transverse stiffness at rest, 4000(5) N/m converged: P2/P0 below, P2/P1 above, P2 far above.
+#[test]
+fn elements_bracket_the_stiffness() {
+    let k = |f| neck(f, 0.49).rest_stiffness().unwrap()[1][1] / 4000.0;
+    let (soft, mixed, plain) = (
+        k(Formulation::ConstantPressure),
+        k(Formulation::TaylorHood),
+        k(Formulation::Displacement),
+    );
+    assert!((0.97..1.0).contains(&soft), "{soft}");
+    assert!((1.0..1.015).contains(&mixed), "{mixed}");
+    assert!(plain > 1.02, "{plain}");
+}
+
+/// All three reach the reference wrench and are symmetric there.
+#[test]
+fn every_formulation_solves_the_reference_wrench() {
+    for formulation in [Formulation::ConstantPressure, Formulation::Displacement] {
+        let r = neck(formulation, 0.49)
+            .solve_wrench(&[-40.0, 30.0, 20.0, 1.0, -1.0, 1.0])
+            .unwrap();
+        assert_eq!(r.status, Status::Solved, "{formulation:?}");
+        assert!((r.pose[1] / 0.03011 - 1.0).abs() < 0.03, "{:?}", r.pose);
+    }
+}
+
+/// ν = 0.5: the volume is kept, Newton still ends in a few steps, and the stiffness is the
+/// limit of ν → 0.5.
+#[test]
+fn incompressible_is_no_special_case() {
+    let exact = neck(Formulation::TaylorHood, 0.5);
+    let near = neck(Formulation::TaylorHood, 0.4999);
+    let wrench = [-40.0, 30.0, 20.0, 1.0, -1.0, 1.0];
+    let (a, b) = (
+        exact.solve_wrench(&wrench).unwrap(),
+        near.solve_wrench(&wrench).unwrap(),
+    );
+    assert_eq!(a.status, Status::Solved);
+    assert!(a.iterations <= 9, "{}", a.iterations);
+    for k in 0..6 {
+        assert!((a.pose[k] / b.pose[k] - 1.0).abs() < 3e-3);
+        assert!((a.stiffness[k][k] / b.stiffness[k][k] - 1.0).abs() < 3e-3);
+    }
+    let back = exact.solve_pose(&a.pose).unwrap();
+    for k in 0..6 {
+        assert!((back.wrench[k] - wrench[k]).abs() < 1e-5);
+    }
+    let mesh = Mesh::cylinder(0.1, 0.03, Quality::Standard).unwrap();
+    let material = Box::new(NeoHookean::new(1e6, 0.5).unwrap());
+    let settings = Settings {
+        formulation: Formulation::Displacement,
+        ..Settings::default()
+    };
+    assert!(Fem::with_settings(mesh, material, None, settings).is_err());
+}
