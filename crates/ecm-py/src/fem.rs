@@ -11,6 +11,9 @@ use crate::arrays::{from_matrices, from_rows, rows};
 use crate::door::long_work;
 use crate::errors::FemError;
 
+/// Poses (N, 6) and whether each was found.
+type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
+
 fn fem_error(error: ecm_fem::FemError) -> PyErr {
     FemError::new_err(error.to_string())
 }
@@ -300,7 +303,7 @@ pub fn rod_poses<'py>(
     shear_stiffness_N: f64,
     bending_stiffness_Nm2: f64,
     torsion_stiffness_Nm2: f64,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)> {
+) -> PyResult<RodPoses<'py>> {
     let wrenches = rows::<6>("wrenches", &wrenches)?;
     let rod = Rod {
         length_m,
