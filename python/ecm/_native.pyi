@@ -224,9 +224,11 @@ class EnergyModel:
         degree: int,
         symmetry: Literal["alike", "revolution", "general"] = "alike",
         covariance: _F | None = None,
+        groups: Sequence[str] = ...,
     ) -> EnergyModel:
         """covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
-        by the spread of each."""
+        by the spread of each. groups: broken symmetries, unlike_ends, handedness, precurvature,
+        face_tilt, anisotropy."""
     @staticmethod
     def from_coefficients(
         *,
@@ -235,6 +237,7 @@ class EnergyModel:
         symmetry: Literal["alike", "revolution", "general"],
         scale: _F,
         coefficients: _F,
+        groups: Sequence[str] = ...,
     ) -> EnergyModel: ...
     @staticmethod
     def regressor(
@@ -244,6 +247,7 @@ class EnergyModel:
         degree: int,
         symmetry: Literal["alike", "revolution", "general"],
         scale: _F,
+        groups: Sequence[str] = ...,
     ) -> _F:
         """(N, 6, k): h = regressor @ coefficients."""
     def energy_J(self, poses: _F) -> _F: ...
@@ -267,6 +271,13 @@ class EnergyModel:
     @property
     def terms(self) -> _I:
         """(k, 6) exponents of c_x, |c_perp|^2, |theta_perp|^2, theta_x, a, b; general: of c, theta."""
+    @property
+    def group_terms(self) -> _I:
+        """(g, 7) powers of c_x, theta_x, C = c_y + i c_z, C*, D = -theta_z + i theta_y, D*, and
+        0 for the real part or 1 for the imaginary one; their coefficients follow those of terms."""
+    @property
+    def groups(self) -> list[str]:
+        """Names of the broken symmetries."""
     @property
     def scale(self) -> _F:
         """(2,) length and angle that make the coordinates dimensionless."""
