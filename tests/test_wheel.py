@@ -39,7 +39,7 @@ def test_the_wheel_installs_and_identifies_without_rust(tmp_path: Path) -> None:
     small = (ROOT / "examples" / "quick.toml").read_text(encoding="utf-8")
     (tmp_path / "quick.toml").write_text(small, encoding="utf-8")
     done = subprocess.run(
-        [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out", "--quiet"],
+        [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out"],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

@@ -26,6 +26,7 @@ from ecm.design import Design, choose, diagnosable_plan, paper_plan
 from ecm.errors import MissingExtra
 from ecm.loop import run_loop
 from ecm.models import Model, PhysicsMap, fit_model, load_model, surrogate_of
+from ecm.report.page import require_report
 from ecm.rig import HiddenTable, RigSettings, run_campaign
 from ecm.simulate import Simulated, simulate
 from ecm.stages import Stage, hash_of, write_json
@@ -105,6 +106,10 @@ def identify(
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
     }
+    try:
+        require_report()
+    except MissingExtra as error:
+        job.console.say(f"There will be no report.html: {error}")
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = _simulate(job, summary)
     with job.step("select", "2 Select: a model, and the poses worth measuring"):
@@ -443,11 +448,11 @@ def _report(job: Job, summary: dict[str, Any], times: dict[str, Any]) -> None:
         f"{_described(job.config)}; {summary['simulate']['counts']['kept']} simulated wrench-pose "
         f"pairs, designs of {job.config.design.n} poses, seed {job.seed}."
     )
+    sections = identify_sections(summary, job.figures, times)
     try:
-        sections = identify_sections(summary, job.figures, times)
         write_page(path, "Stiffness identification", lead, sections)
     except MissingExtra as error:
-        job.console.say(f"report.html is not written: {error}")
+        job.console.say(f"{job.out / 'summary.json'}: the numbers; no report.html: {error}")
         return
     job.console.say(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
 
