@@ -3,7 +3,7 @@ wrenches (fx, fy, fz, tau_x, tau_y, tau_z) in N and N m, both in base axes at th
 top frame's origin (see docs/conventions in README). Arrays are float64, C order.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -79,6 +79,19 @@ class Mesh:
     def hourglass(
         *, length_m: float, radius_m: float, waist_radius_m: float, quality: str = "standard"
     ) -> Mesh: ...
+    @staticmethod
+    def stacked_discs(
+        *,
+        length_m: float,
+        radius_m: float,
+        waist_radius_m: float,
+        disc_count: int,
+        quality: str = "standard",
+    ) -> Mesh:
+        """r(x) = waist + (radius - waist) cos^2(pi (discs - 1) x / L)."""
+    @staticmethod
+    def from_arrays(nodes_m: F, tetrahedra: I, *, base_nodes: I, top_nodes: I) -> Mesh:
+        """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
     @staticmethod
     def read(path: str) -> Mesh:
         """Gmsh 4.1 ASCII with named faces `base` and `top`; linear or quadratic tetrahedra."""

@@ -6,6 +6,14 @@ use thiserror::Error;
 /// A wrong mesh, material, load or file: what was found, what was expected, where.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum FemError {
+    /// A material whose parameters do not fit its model.
+    #[error("material {model:?}: {problem}")]
+    Material {
+        /// The model.
+        model: String,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// A file that cannot be read at all.
     #[error("cannot read mesh file {path}: {reason}; check the path and its permissions")]
     Unreadable {

@@ -159,6 +159,7 @@ fn tubes_and_hourglasses_are_solved() {
     for mesh in [
         Mesh::tube(0.1, 0.03, 0.018, Quality::Standard).unwrap(),
         Mesh::hourglass(0.1, 0.03, 0.02, Quality::Standard).unwrap(),
+        Mesh::stacked_discs(0.1, 0.03, 0.022, 3, Quality::Standard).unwrap(),
     ] {
         let fem = Fem::new(mesh, Box::new(neo()), None).unwrap();
         let r = fem

@@ -1,8 +1,10 @@
 //! Meshes, the finite-element solver and the rod.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use ecm_fem::{CaseResult, Load, NeoHookean, Quality, Rod, Watch};
+use ecm_fem::output::vtu;
+use ecm_fem::{CaseResult, Formulation, Load, Quality, Rod, Settings, Watch, material};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -55,6 +57,51 @@ impl Mesh {
     ) -> PyResult<Self> {
         let quality: Quality = quality.parse().map_err(fem_error)?;
         ecm_fem::Mesh::hourglass(length_m, radius_m, waist_radius_m, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// Discs with rounded waists, r(x) = waist + (radius - waist) cos^2(pi (discs - 1) x / L).
+    #[staticmethod]
+    #[pyo3(signature = (*, length_m, radius_m, waist_radius_m, disc_count, quality = "standard"))]
+    fn stacked_discs(
+        length_m: f64,
+        radius_m: f64,
+        waist_radius_m: f64,
+        disc_count: usize,
+        quality: &str,
+    ) -> PyResult<Self> {
+        let quality: Quality = quality.parse().map_err(fem_error)?;
+        ecm_fem::Mesh::stacked_discs(length_m, radius_m, waist_radius_m, disc_count, quality)
+            .map(Self)
+            .map_err(fem_error)
+    }
+
+    /// From arrays: nodes (N, 3), tetrahedra (M, 10), node numbers of both faces.
+    #[staticmethod]
+    #[pyo3(signature = (nodes_m, tetrahedra, *, base_nodes, top_nodes))]
+    fn from_arrays(
+        nodes_m: PyReadonlyArray2<'_, f64>,
+        tetrahedra: PyReadonlyArray2<'_, i64>,
+        base_nodes: PyReadonlyArray1<'_, i64>,
+        top_nodes: PyReadonlyArray1<'_, i64>,
+    ) -> PyResult<Self> {
+        let nodes = rows::<3>("nodes_m", &nodes_m)?;
+        let tetrahedra = tetrahedra.as_array();
+        if tetrahedra.ncols() != 10 {
+            return Err(FemError::new_err(format!(
+                "tetrahedra have {} nodes each, expected 10: corners, then mid-edge nodes 01 12 \
+                 02 03 13 23",
+                tetrahedra.ncols()
+            )));
+        }
+        // A negative number becomes one beyond the last node, which the mesh's checks name.
+        let index = |i: &i64| usize::try_from(*i).unwrap_or(usize::MAX);
+        let elements = (tetrahedra.rows().into_iter())
+            .map(|row| std::array::from_fn(|a| index(&row[a])))
+            .collect();
+        let list = |a: &PyReadonlyArray1<'_, i64>| a.as_array().iter().map(index).collect();
+        ecm_fem::Mesh::new(nodes, elements, list(&base_nodes), list(&top_nodes))
             .map(Self)
             .map_err(fem_error)
     }
@@ -171,6 +218,25 @@ impl FemResults {
         from_matrices(py, &self.0.iter().map(|r| r.stiffness).collect::<Vec<_>>())
     }
 
+    /// H = d(f, J' tau)/dp, (N, 6, 6), symmetric.
+    #[getter]
+    fn hessian<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        from_matrices(py, &self.0.iter().map(|r| r.hessian).collect::<Vec<_>>())
+    }
+
+    /// Why a case is unstable; empty for all others.
+    #[getter]
+    fn reason(&self) -> Vec<&'static str> {
+        let words = |r: &CaseResult| r.reason.map_or("", ecm_fem::Reason::words);
+        self.0.iter().map(words).collect()
+    }
+
+    /// Smallest ratio of the smallest to the largest principal stretch.
+    #[getter]
+    fn stretch_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.stretch_ratio)
+    }
+
     /// Of the Hessian H in scaled coordinates (lengths by L).
     #[getter]
     fn smallest_eigenvalue<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -202,29 +268,102 @@ impl FemResults {
     }
 }
 
-/// Neo-Hookean body clamped at `base`, rigid platform on `top`.
+/// Body clamped at `base`, rigid platform on `top`.
 #[pyclass(frozen, module = "ecm._native")]
 pub struct Fem(ecm_fem::Fem);
+
+fn formulation(element: &str) -> PyResult<Formulation> {
+    match element {
+        "P2/P1" => Ok(Formulation::TaylorHood),
+        "P2/P0" => Ok(Formulation::ConstantPressure),
+        "P2" => Ok(Formulation::Displacement),
+        _ => Err(FemError::new_err(format!(
+            "element = {element:?}: expected \"P2/P1\", \"P2/P0\" or \"P2\""
+        ))),
+    }
+}
+
+#[derive(FromPyObject)]
+enum Numbers {
+    One(f64),
+    Many(Vec<f64>),
+}
+
+impl From<Numbers> for Vec<f64> {
+    fn from(numbers: Numbers) -> Self {
+        match numbers {
+            Numbers::One(value) => vec![value],
+            Numbers::Many(values) => values,
+        }
+    }
+}
 
 #[pymethods]
 impl Fem {
     #[new]
-    #[pyo3(signature = (mesh, *, young_modulus_Pa, poisson_ratio, element_modulus_scale = None))]
-    #[allow(non_snake_case)] // The unit stands in the name.
+    #[pyo3(signature = (
+        mesh, *, young_modulus_Pa = None, poisson_ratio = None, model = None, parameters = None,
+        element_modulus_scale = None, body_force_N_m3 = None, element = "P2/P1"
+    ))]
+    #[allow(non_snake_case, clippy::too_many_arguments)] // The unit stands in the name.
     fn new(
         py: Python<'_>,
         mesh: &Mesh,
-        young_modulus_Pa: f64,
-        poisson_ratio: f64,
+        young_modulus_Pa: Option<f64>,
+        poisson_ratio: Option<f64>,
+        model: Option<&str>,
+        parameters: Option<BTreeMap<String, Numbers>>,
         element_modulus_scale: Option<PyReadonlyArray1<'_, f64>>,
+        body_force_N_m3: Option<[f64; 3]>,
+        element: &str,
     ) -> PyResult<Self> {
         let scale = element_modulus_scale.map(|a| a.as_array().to_vec());
+        let mut values: BTreeMap<String, Vec<f64>> = parameters
+            .unwrap_or_default()
+            .into_iter()
+            .map(|(key, numbers)| (key, numbers.into()))
+            .collect();
+        for (key, value) in [
+            ("young_modulus_Pa", young_modulus_Pa),
+            ("poisson_ratio", poisson_ratio),
+        ] {
+            if let Some(value) = value {
+                values.insert(key.into(), vec![value]);
+            }
+        }
+        let settings = Settings {
+            formulation: formulation(element)?,
+            ..Settings::default()
+        };
         py.detach(|| {
-            let material = NeoHookean::new(young_modulus_Pa, poisson_ratio)?;
-            ecm_fem::Fem::new(mesh.0.clone(), Box::new(material), scale)
+            let material = material::choose(model.unwrap_or("neo_hookean"), &values)?;
+            let fem = ecm_fem::Fem::with_settings(mesh.0.clone(), material, scale, settings)?;
+            match body_force_N_m3 {
+                Some(force) => fem.with_body_force(force),
+                None => Ok(fem),
+            }
         })
         .map(Self)
         .map_err(fem_error)
+    }
+
+    /// Solves one wrench or pose and writes the deformed body for ParaView.
+    #[pyo3(signature = (path, *, wrench = None, pose = None))]
+    fn write_vtu(
+        &self,
+        py: Python<'_>,
+        path: &str,
+        wrench: Option<[f64; 6]>,
+        pose: Option<[f64; 6]>,
+    ) -> PyResult<FemResults> {
+        let load = match (wrench, pose) {
+            (Some(h), None) => Load::Wrench(h),
+            (None, Some(p)) => Load::Pose(p),
+            _ => return Err(FemError::new_err("write_vtu: give either wrench or pose")),
+        };
+        let (result, field) = py.detach(|| self.0.solve_field(&load)).map_err(fem_error)?;
+        std::fs::write(path, vtu(self.0.body(), &field))?;
+        Ok(FemResults(vec![result]))
     }
 
     /// K at rest.

@@ -1,7 +1,7 @@
 //! Gent: W_d = −μ J_m / 2 ln(1 − (Ī₁ − 3) / J_m).
 
 use super::isotropic::{Derivatives, Invariants};
-use super::positive;
+use super::{bulk, positive};
 use crate::FemError;
 
 /// Share of J_m from which the energy goes on as a parabola: a Newton trial may pass
@@ -22,7 +22,7 @@ impl Gent {
     pub fn new(shear_modulus_Pa: f64, lock: f64, bulk_modulus_Pa: f64) -> Result<Self, FemError> {
         positive("shear_modulus_Pa", shear_modulus_Pa)?;
         positive("lock", lock)?;
-        positive("bulk_modulus_Pa", bulk_modulus_Pa)?;
+        bulk(bulk_modulus_Pa)?;
         Ok(Self {
             shear_modulus_Pa,
             lock,

@@ -3,6 +3,7 @@
 //! W(F, p) = W_d(F) + p (J − 1) − p² / (2 κ): a distortional part per material, and
 //! a pressure p that is an unknown of its own; without it, W_d + κ/2 (J − 1)².
 
+mod choose;
 mod fibre;
 mod gent;
 mod isotropic;
@@ -13,6 +14,7 @@ mod ogden;
 mod tests;
 mod yeoh;
 
+pub use choose::{MODELS, choose};
 pub use fibre::Fibre;
 pub use gent::Gent;
 pub use isotropic::{Derivatives, Invariants};
@@ -53,5 +55,17 @@ fn positive(name: &'static str, value: f64) -> Result<(), FemError> {
         name,
         value,
         expected: "a positive number",
+    })
+}
+
+/// A bulk modulus: positive; infinite keeps the volume.
+fn bulk(value: f64) -> Result<(), FemError> {
+    if value > 0.0 {
+        return Ok(());
+    }
+    Err(FemError::Parameter {
+        name: "bulk_modulus_Pa",
+        value,
+        expected: "a positive number of Pa, or infinity for poisson_ratio = 0.5",
     })
 }

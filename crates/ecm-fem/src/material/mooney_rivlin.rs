@@ -1,7 +1,7 @@
 //! Mooney–Rivlin: W_d = C10 (Ī₁ − 3) + C01 (Ī₂ − 3), μ = 2 (C10 + C01).
 
 use super::isotropic::{Derivatives, Invariants};
-use super::positive;
+use super::{bulk, positive};
 use crate::FemError;
 
 /// Two constants and a bulk modulus, Pa.
@@ -17,7 +17,7 @@ impl MooneyRivlin {
     /// C10 + C01 or the bulk modulus not positive, C01 negative.
     pub fn new(c10_Pa: f64, c01_Pa: f64, bulk_modulus_Pa: f64) -> Result<Self, FemError> {
         positive("c10_Pa + c01_Pa", c10_Pa + c01_Pa)?;
-        positive("bulk_modulus_Pa", bulk_modulus_Pa)?;
+        bulk(bulk_modulus_Pa)?;
         if c01_Pa.is_nan() || c01_Pa < 0.0 {
             let expected = "at least 0: a negative one loses stability in compression";
             return Err(FemError::Parameter {

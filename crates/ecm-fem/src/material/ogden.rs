@@ -7,7 +7,7 @@
 //! i ≠ j, (W_i λ_i − W_j λ_j)/(λ_i² − λ_j²) and (W_i λ_j − W_j λ_i)/(λ_i² − λ_j²) on the
 //! off-diagonal ones (Ogden 1984, §6.1; Smith et al. 2019).
 
-use super::{Material, Response, positive};
+use super::{Material, Response, bulk, positive};
 use crate::FemError;
 use crate::tensor::Mat3;
 use nalgebra::Matrix3;
@@ -25,7 +25,7 @@ impl Ogden {
     /// # Errors
     /// No terms, μ_p not positive, α_p zero, bulk modulus not positive.
     pub fn new(terms: Vec<(f64, f64)>, bulk_modulus_Pa: f64) -> Result<Self, FemError> {
-        positive("bulk_modulus_Pa", bulk_modulus_Pa)?;
+        bulk(bulk_modulus_Pa)?;
         if terms.is_empty() {
             return Err(FemError::Size {
                 what: "terms",

@@ -1,7 +1,7 @@
 //! Yeoh: W_d = C1 x + C2 x² + C3 x³ with x = Ī₁ − 3, μ = 2 C1.
 
 use super::isotropic::{Derivatives, Invariants};
-use super::positive;
+use super::{bulk, positive};
 use crate::FemError;
 
 /// Three constants and a bulk modulus, Pa.
@@ -19,7 +19,7 @@ impl Yeoh {
     /// positive for every x ≥ 0.
     pub fn new(c_Pa: [f64; 3], bulk_modulus_Pa: f64) -> Result<Self, FemError> {
         positive("c_Pa[0]", c_Pa[0])?;
-        positive("bulk_modulus_Pa", bulk_modulus_Pa)?;
+        bulk(bulk_modulus_Pa)?;
         let [a, b, c] = [c_Pa[0], 2.0 * c_Pa[1], 3.0 * c_Pa[2]];
         let expected = "such that C1 + 2 C2 x + 3 C3 x^2 > 0 for all x >= 0";
         if !(c >= 0.0 && b.is_finite()) {

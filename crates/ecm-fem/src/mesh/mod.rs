@@ -170,6 +170,25 @@ impl Mesh {
         )
     }
 
+    /// Discs with rounded waists: r(x) = waist + (radius − waist) cos²(π (discs − 1) x / L).
+    ///
+    /// # Errors
+    /// A length or radius that is not positive, fewer than 2 or more than 40 discs.
+    pub fn stacked_discs(
+        length_m: f64,
+        radius_m: f64,
+        waist_radius_m: f64,
+        discs: usize,
+        quality: Quality,
+    ) -> Result<Self, FemError> {
+        let profile = Profile::StackedDiscs {
+            radius_m,
+            waist_radius_m,
+            discs,
+        };
+        revolve::mesh(length_m, &profile, quality)
+    }
+
     /// A Gmsh 4.1 ASCII file with physical groups `base` and `top`.
     ///
     /// # Errors

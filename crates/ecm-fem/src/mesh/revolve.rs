@@ -72,6 +72,15 @@ pub enum Profile {
         /// Radius at half length.
         waist_radius_m: f64,
     },
+    /// Discs with rounded waists: r(x) = waist + (radius − waist) cos²(π (discs − 1) x / L).
+    StackedDiscs {
+        /// Radius of the discs.
+        radius_m: f64,
+        /// Radius between them.
+        waist_radius_m: f64,
+        /// Number of discs, the halves at both ends included.
+        discs: usize,
+    },
 }
 
 impl Profile {
@@ -89,6 +98,15 @@ impl Profile {
                 radius_m,
                 waist_radius_m,
             } => waist_radius_m + (radius_m - waist_radius_m) * (2.0 * x_over_l - 1.0).powi(2),
+            Self::StackedDiscs {
+                radius_m,
+                waist_radius_m,
+                discs,
+            } => {
+                let turns = (discs.max(&1) - 1) as f64;
+                let wave = (0.5 * TAU * turns * x_over_l).cos();
+                waist_radius_m + (radius_m - waist_radius_m) * wave * wave
+            }
         }
     }
 
@@ -128,6 +146,22 @@ impl Profile {
             } => {
                 positive("radius_m", *radius_m)?;
                 positive("waist_radius_m", *waist_radius_m)
+            }
+            Self::StackedDiscs {
+                radius_m,
+                waist_radius_m,
+                discs,
+            } => {
+                positive("radius_m", *radius_m)?;
+                positive("waist_radius_m", *waist_radius_m)?;
+                if (2..=40).contains(discs) {
+                    return Ok(());
+                }
+                Err(FemError::Parameter {
+                    name: "disc_count",
+                    value: *discs as f64,
+                    expected: "2 to 40",
+                })
             }
         }
     }
@@ -254,6 +288,20 @@ struct Sizes {
 fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
     let slender = length_m / (2.0 * profile.outer_m(0.0));
     let along = |per_diameter: f64| ((per_diameter * slender).round() as usize).clamp(4, 60);
+    if let (Profile::StackedDiscs { discs, .. }, Quality::Standard | Quality::Fine) =
+        (profile, quality)
+    {
+        // The waists ask for resolution, not only the rims: no grading along the body.
+        let fine = quality == Quality::Fine;
+        let (rings, around, each) = if fine { (3, 14, 8) } else { (2, 10, 6) };
+        return Sizes {
+            rings,
+            around,
+            layers: each * (discs - 1),
+            layer_grading: 1.0,
+            ring_grading: 0.4,
+        };
+    }
     match quality {
         Quality::Standard => Sizes {
             rings: 2,
