@@ -64,7 +64,10 @@ def compare(
         if report is not None:
             write_comparison(report, found)
         rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
+        silent = never_excited(table)
         for item in found.components:
+            if item.name in silent:
+                continue
             interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
             unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
             rows.append(
@@ -74,5 +77,5 @@ def compare(
         console.say(columns(rows))
         console.say()
         console.say(found.sentence())
-        for sentence in excitation_sentences(never_excited(table)):
+        for sentence in excitation_sentences(silent):
             console.say(sentence)
