@@ -37,13 +37,19 @@ def fit(
             "--model",
             metavar="NAME",
             help="poly:D, linear, quadratic, cubic, energy4..6, energyD-revolution, "
-            "energyD-general, physics, or a TOML with [mechanism].",
+            "energyD-general, energyD+GROUP, physics, or a TOML with [mechanism].",
         ),
     ] = "cubic",
     pcr: Annotated[
-        float | None,
-        typer.Option("--pcr", metavar="B", min=0.0, help="Drop singular values below B (poly)."),
+        str | None,
+        typer.Option("--pcr", metavar="B", help="B, B/sqrtN, rank:R or press (poly)."),
     ] = None,
+    zero_at_home: Annotated[
+        bool, typer.Option("--zero-at-home", help="No wrench at the undeformed pose.")
+    ] = False,
+    stable: Annotated[
+        bool, typer.Option("--stable", help="A stable rest at the undeformed pose.")
+    ] = False,
     meta: Meta = None,
     skip_bad_rows: SkipBadRows = False,
     json: Json = None,
@@ -57,7 +63,15 @@ def fit(
     with Console(quiet=quiet) as console:
         output(out, json)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        fitted = fit_named(table, model, pcr=pcr, threads=threads, console=console)
+        fitted = fit_named(
+            table,
+            model,
+            pcr=pcr,
+            threads=threads,
+            console=console,
+            zero_at_home=zero_at_home,
+            stable=stable,
+        )
         fitted.save(out)
         summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
         save_json(json, summary | {"warnings": list(table.warnings)})

@@ -48,7 +48,14 @@ def _mechanism(path: Path) -> Mechanism:
 
 
 def fit_named(
-    table: Table, name: str, *, pcr: float | None, threads: int, console: Console
+    table: Table,
+    name: str,
+    *,
+    pcr: float | str | None,
+    threads: int,
+    console: Console,
+    zero_at_home: bool = False,
+    stable: bool = False,
 ) -> Model:
     """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
     from ecm.models import fit_model
@@ -60,11 +67,19 @@ def fit_named(
         name, mechanism = "physics", _mechanism(Path(name))
     if name == "physics":
         console.say("FEM poses for the physics model (kept for the next time) ...")
-    return fit_model(table, name, pcr=pcr, mechanism=mechanism, threads=threads)
+    return fit_model(
+        table,
+        name,
+        pcr=pcr,
+        mechanism=mechanism,
+        threads=threads,
+        zero_at_home=zero_at_home,
+        stable=stable,
+    )
 
 
 def fit_summary(
-    fitted: Model, table: Table, name: str, *, pcr: float | None = None, seed: int = 0
+    fitted: Model, table: Table, name: str, *, pcr: float | str | None = None, seed: int = 0
 ) -> dict[str, Any]:
     """Error on the fitted and on held-out rows, absolute and as a share of the spread."""
     measured = table.measured()
@@ -154,7 +169,13 @@ def _list(shares: dict[str, float]) -> str:
 
 
 def predicted_columns(
-    model: Model, table: Table, stiffness: bool, kind: str, console: Console
+    model: Model,
+    table: Table,
+    stiffness: bool,
+    kind: str,
+    console: Console,
+    *,
+    leverage: bool = False,
 ) -> dict[str, F]:
     """Wrench, its sd where known, and the stiffness; a warning for poses far outside."""
     poses = table.matrix(model.inputs)
@@ -172,6 +193,11 @@ def predicted_columns(
             for j, coordinate in enumerate(model.inputs)
         }
         columns |= {name: found[name] for name in STIFFNESS if name in found}
+    if leverage:
+        known = model.leverage(poses)
+        if known is not None:
+            columns["leverage"] = known
+        columns["extrapolates"] = model.extrapolates(poses).astype(np.float64)
     _warn_outside(model, table, console)
     return columns
 

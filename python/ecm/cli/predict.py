@@ -49,6 +49,9 @@ def predict(
     stiffness_kind: Annotated[
         StiffnessKind, typer.Option("--stiffness-kind", help="Which of the three stiffnesses.")
     ] = StiffnessKind.partial,
+    leverage: Annotated[
+        bool, typer.Option("--leverage", help="Add the columns leverage and extrapolates (0, 1).")
+    ] = False,
     meta: Meta = None,
     skip_bad_rows: SkipBadRows = False,
     json: Json = None,
@@ -64,7 +67,9 @@ def predict(
         load_effects()
         opened = open_model(model)
         table = load([poses], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
-        columns = predicted_columns(opened, table, stiffness, stiffness_kind.value, console)
+        columns = predicted_columns(
+            opened, table, stiffness, stiffness_kind.value, console, leverage=leverage
+        )
         table.with_columns(columns).write(out)
         save_json(json, {"schema": 1, "rows": len(table), "columns": list(columns)})
         console.say(f"{out}: {len(table)} rows, {len(columns)} predicted columns")

@@ -4,6 +4,7 @@ from ecm.models.files import load_model, model_document, save_model
 from ecm.models.fit import CrossValidation, cross_validate, fit_model
 from ecm.models.ladder import Rung
 from ecm.models.maps import (
+    GROUPS,
     EnergyMap,
     PolynomialMap,
     StiffnessMap,
@@ -14,6 +15,7 @@ from ecm.models.model import Model
 from ecm.models.physics import PhysicsMap, physics_map, surrogate_of
 
 __all__ = [
+    "GROUPS",
     "CrossValidation",
     "EnergyMap",
     "Model",

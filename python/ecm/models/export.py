@@ -110,7 +110,7 @@ def _folded(model: Model) -> tuple[EnergyMap, F]:
                 length_m=length,
                 degree=degree,
                 symmetry=symmetry,
-            )  # fmt: skip
+            )
         )
         error = np.sqrt(((fitted.predict(poses[1::2]) - wrenches[1::2]) ** 2).mean(axis=0))
         share = float(np.max(error / noise))

@@ -14,14 +14,17 @@ from ecm.compare.estimate import usable_sd
 from ecm.compare.folds import row_groups
 from ecm.compare.noise import Noise, declared_noise
 from ecm.errors import InputError
+from ecm.models.leverage import leverages
 from ecm.models.maps import (
     EnergyMap,
     PolynomialMap,
     StiffnessMap,
     parse_energy_name,
+    parse_groups,
     parse_polynomial_name,
 )
 from ecm.models.model import Model
+from ecm.models.pcr import singular_threshold
 from ecm.models.physics import PhysicsMap, physics_map
 from ecm.models.training import domain_of, training_of
 
@@ -31,15 +34,21 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
+_MAX_REWEIGHTINGS = 6
+_MOVED = 0.01
+"""Reweighting ends when no coefficient moves by this share of its standard deviation."""
+
 
 def fit_model(
     table: Table,
     name: str,
     *,
-    pcr: float | None = None,
+    pcr: float | str | None = None,
     mechanism: Mechanism | None = None,
     physics: PhysicsMap | None = None,
     threads: int = 0,
+    zero_at_home: bool = False,
+    stable: bool = False,
 ) -> Model:
     """The model of that name (interfaces.md) fitted to the measured rows of a table.
 
@@ -47,25 +56,44 @@ def fit_model(
     ----------
     name
         `poly:D`, `linear`, `quadratic`, `cubic`, `energyD`, `energyD-revolution`,
-        `energyD-general`, `physics`.
+        `energyD-general`, `physics`; an energy with groups as `energy4+anisotropy+face_tilt`.
     pcr
-        Threshold of principal component regression, polynomials only.
+        Threshold of principal component regression, polynomials only: B, or `B/sqrtN`, `rank:R`,
+        `press` (pcr.py).
     mechanism, physics
         Of the physics model; default the table's `[mechanism]`.
+    zero_at_home, stable
+        No wrench, and a stable rest, at the undeformed pose (constraints.py).
     """
+    fitted = _fitted(table, name, pcr=pcr, body=(mechanism, physics), threads=threads)
+    if zero_at_home or stable:
+        from ecm.models.constraints import constrained
+
+        fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
+    return fitted
+
+
+def _fitted(
+    table: Table,
+    name: str,
+    *,
+    pcr: float | str | None,
+    body: tuple[Mechanism | None, PhysicsMap | None],
+    threads: int,
+) -> Model:
     if pcr is not None and (name == "physics" or name.startswith("energy")):
         raise InputError(f"model {name}: a PCR threshold belongs to polynomials; leave it out")
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")
     if name == "physics":
-        return _fit_physics(measured, mechanism, physics, threads)
+        return _fit_physics(measured, *body, threads)
     if name.startswith("energy"):
         return _fit_energy(measured, name)
     return _fit_polynomial(measured, parse_polynomial_name(name), pcr)
 
 
-def _fit_polynomial(table: Table, degree: int, pcr: float | None) -> Model:
+def _fit_polynomial(table: Table, degree: int, pcr: float | str | None) -> Model:
     inputs, outputs = table.pose_columns, table.wrench_columns
     if not inputs or not outputs:
         what = "pose" if not inputs else "wrench"
@@ -77,7 +105,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | None) -> Model:
         wrenches,
         degree,
         method="least_squares" if pcr is None else "pcr",
-        threshold=0.0 if pcr is None else pcr,
+        threshold=0.0 if pcr is None else singular_threshold(pcr, poses, wrenches, degree),
     )
     base = PolynomialMap(model, inputs, outputs)
     residual = wrenches - base.predict(poses)
@@ -98,7 +126,8 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | None) -> Model:
 
 
 def _fit_energy(table: Table, name: str) -> Model:
-    degree, symmetry = parse_energy_name(name)
+    stem, groups = parse_groups(name)
+    degree, symmetry = parse_energy_name(stem)
     length = table.meta.mechanism.get("length_m")
     if length is None:
         raise InputError(
@@ -109,20 +138,29 @@ def _fit_energy(table: Table, name: str) -> Model:
     wrenches = np.ascontiguousarray(table.wrenches)
     noise = declared_noise(table)
     first = _native.EnergyModel.fit(
-        poses, wrenches, length_m=float(length), degree=degree, symmetry=symmetry
+        poses, wrenches, length_m=float(length), degree=degree, symmetry=symmetry, groups=groups
     )
     from ecm.effects import Rows
 
-    # The row's covariance needs a stiffness: take it from a first fit.
-    covariance = noise.covariance(Rows(table, EnergyMap(first)))
-    model = _native.EnergyModel.fit(
-        poses,
-        wrenches,
-        length_m=float(length),
-        degree=degree,
-        symmetry=symmetry,
-        covariance=np.ascontiguousarray(covariance),
-    )
+    # Errors in variables: the pose noise acts through the stiffness, which is that of the fit
+    # before, until the coefficients stay.
+    model, before = first, first.coefficients
+    for _ in range(_MAX_REWEIGHTINGS):
+        covariance = noise.covariance(Rows(table, EnergyMap(model)))
+        model = _native.EnergyModel.fit(
+            poses,
+            wrenches,
+            length_m=float(length),
+            degree=degree,
+            symmetry=symmetry,
+            groups=groups,
+            covariance=np.ascontiguousarray(covariance),
+        )
+        sd = np.sqrt(np.diag(model.covariance))
+        moved = float(np.max(np.abs(model.coefficients - before) / np.where(sd > 0.0, sd, 1.0)))
+        before = model.coefficients
+        if moved < _MOVED:
+            break
     return _model(EnergyMap(model), noise, np.asarray(model.covariance), table)
 
 
@@ -146,11 +184,15 @@ def _fit_physics(
 
 
 def _model(base: StiffnessMap, noise: Noise, covariance: F | None, table: Table) -> Model:
+    training = training_of(table)
+    if covariance is not None and noise.components is None and base.inputs == POSE:
+        found = leverages(base, covariance, noise, np.ascontiguousarray(table.poses))
+        training["largest_leverage"] = float(found.max())
     return Model(
         base=base,
         noise=noise,
         covariance=covariance,
-        training=training_of(table),
+        training=training,
         domain=domain_of(table, base.inputs),
         length_m=base.length_m or table.meta.length_m,
     )

@@ -182,9 +182,9 @@ class EnergyMap:
 
     @property
     def name(self) -> str:
-        """`energyD`, `energyD-revolution` or `energyD-general`."""
+        """`energyD`, `energyD-revolution` or `energyD-general`, then `+group` for each group."""
         suffix = "" if self.model.symmetry == "alike" else f"-{self.model.symmetry}"
-        return f"energy{self.model.degree}{suffix}"
+        return "+".join([f"energy{self.model.degree}{suffix}", *self.model.groups])
 
     @property
     def kind(self) -> Literal["polynomial", "energy", "physics"]:
@@ -232,6 +232,7 @@ class EnergyMap:
             degree=self.model.degree,
             symmetry=cast(Symmetry, self.model.symmetry),
             scale=self.model.scale,
+            groups=self.model.groups,
         )
 
     def with_coefficients(self, coefficients: F) -> EnergyMap:
@@ -243,11 +244,13 @@ class EnergyMap:
                 symmetry=cast(Symmetry, self.model.symmetry),
                 scale=self.model.scale,
                 coefficients=np.ascontiguousarray(coefficients),
+                groups=self.model.groups,
             )
         )
 
     def document(self) -> dict[str, Any]:
         """Terms, scales and coefficients."""
+        groups = {"groups": self.model.groups} if self.model.groups else {}
         return {
             "kind": "energy",
             "name": self.name,
@@ -256,8 +259,9 @@ class EnergyMap:
             "length_m": self.model.length_m,
             "degree": self.model.degree,
             "symmetry": self.model.symmetry,
+            **groups,
             "normalisation": {"scale": self.model.scale.tolist()},
-            "terms": np.asarray(self.model.terms).tolist(),
+            "terms": [*self.model.terms.tolist(), *self.model.group_terms.tolist()],
             "coefficients": self.model.coefficients.tolist(),
         }
 
@@ -271,6 +275,7 @@ class EnergyMap:
                 symmetry=cast(Symmetry, document["symmetry"]),
                 scale=np.asarray(document["normalisation"]["scale"], dtype=np.float64),
                 coefficients=np.asarray(document["coefficients"], dtype=np.float64),
+                groups=list(document.get("groups", ())),
             )
         )
 
@@ -286,6 +291,21 @@ def parse_energy_name(name: str) -> tuple[int, Symmetry]:
             "or -general"
         )
     return int(digits), cast(Symmetry, symmetry)
+
+
+GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
+"""Broken symmetries that an energy may be given terms for (docs/models.md)."""
+
+
+def parse_groups(name: str) -> tuple[str, tuple[str, ...]]:
+    """`energy6+anisotropy+face_tilt`: the energy's own name, and the groups."""
+    stem, *groups = name.split("+")
+    for group in groups:
+        if group not in GROUPS:
+            raise InputError(f"model {name!r}: no group {group!r}; there are {', '.join(GROUPS)}")
+    if len(set(groups)) < len(groups):
+        raise InputError(f"model {name!r}: a group is named twice; name each once")
+    return stem, tuple(groups)
 
 
 def parse_polynomial_name(name: str) -> int:

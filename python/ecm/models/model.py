@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.columns import POSE
 from ecm.compare.folds import informative
 from ecm.compare.noise import Noise
 from ecm.effects import Effect, Missing, Rows, get_effect
@@ -108,6 +109,44 @@ class Model:
         columns = self.base.columns(np.ascontiguousarray(poses))
         variance = np.einsum("nmk,kl,nml->nm", columns, self.covariance, columns)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
+
+    def leverage(self, poses: F) -> F | None:
+        """(N,) uncertainty of the prediction over the noise of one row, where known."""
+        from ecm.models.leverage import leverages
+
+        if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
+            return None
+        return leverages(self.base, self.covariance, self.noise, np.ascontiguousarray(poses))
+
+    def extrapolates(self, poses: F) -> NDArray[np.bool_]:
+        """(N,) whether the model is asked beyond its training data.
+
+        A leverage above the largest of the training rows; where that is not known, a pose column
+        outside its range there.
+        """
+        leverage = self.leverage(poses)
+        limit = self.training.get("largest_leverage")
+        if leverage is not None and limit is not None:
+            return np.asarray(leverage > limit * (1.0 + 1e-9))
+        outside = np.zeros(len(poses), dtype=np.bool_)
+        for j, name in enumerate(self.inputs):
+            low, high = self.domain.get(name, (-np.inf, np.inf))
+            outside |= (poses[:, j] < low) | (poses[:, j] > high)
+        return outside
+
+    def stiffness_sd(self, poses: F) -> F | None:
+        """(N, m, n) standard deviation of K = dh/dp from the coefficients, where known."""
+        if self.covariance is None:
+            return None
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        sd = np.empty((len(poses), len(self.outputs), len(self.inputs)))
+        for j in range(len(self.inputs)):
+            step = np.zeros(len(self.inputs))
+            step[j] = 1e-5
+            slope = (self.base.columns(poses + step) - self.base.columns(poses - step)) / 2e-5
+            variance = np.einsum("nmk,kl,nml->nm", slope, self.covariance, slope)
+            sd[:, :, j] = np.sqrt(np.maximum(variance, 0.0))
+        return sd
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n) stiffness of the base and of the effects of physics on the pose."""

@@ -1,0 +1,46 @@
+"""How far a prediction rests on data: leverage in units of one row's noise.
+
+With Phi (m, k) the columns of a pose, P the covariance of the coefficients and Sigma the noise of
+one row there, the leverage is the largest eigenvalue of Sigma^-1/2 Phi P Phi' Sigma^-1/2: 1 says
+that the prediction is as uncertain as one measurement in its worst direction. A free polynomial is
+fitted output by output: there it is the largest ratio of the components' own variances, which
+hold the misfit of the polynomial too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE
+from ecm.compare.noise import Noise, whiteners
+from ecm.models.maps import StiffnessMap
+
+F = NDArray[np.float64]
+_BLOCK = 500
+
+
+def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
+    """(N,) leverage of poses (N, 6)."""
+    from ecm.effects import Rows
+    from ecm.meta import Meta
+    from ecm.table import Table
+
+    # P = R R', so that only the columns' images are needed, block by block.
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    known = {} if base.length_m is None else {"length_m": base.length_m}
+    found = []
+    for start in range(0, len(poses), _BLOCK):
+        part = np.ascontiguousarray(poses[start : start + _BLOCK])
+        columns = {name: part[:, j] for j, name in enumerate(POSE)}
+        rows = Rows(Table(columns, Meta(mechanism=known), "poses"), base)
+        images, of_row = base.columns(part) @ root, noise.covariance(rows)
+        if base.kind == "polynomial":
+            shares = (images**2).sum(axis=2) / np.einsum("njj->nj", of_row)
+            found.append(shares.max(axis=1))
+            continue
+        whitened = whiteners(of_row) @ images
+        gram = whitened @ np.swapaxes(whitened, 1, 2)
+        found.append(np.linalg.eigvalsh(gram)[:, -1])
+    return np.concatenate(found) if found else np.zeros(0)
