@@ -24,7 +24,7 @@ def _layout(**own: Any) -> dict[str, Any]:
         "font": {"family": "system-ui, DejaVu Sans, Arial, sans-serif", "size": 13, "color": INK},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
-        "margin": {"l": 64, "r": 16, "t": 36, "b": 48},
+        "margin": {"l": 64, "r": 16, "t": 60, "b": 48},
         "height": 420,
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
     }

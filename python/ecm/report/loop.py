@@ -131,7 +131,7 @@ def ranking_table(diagnosis: Mapping[str, Any]) -> TableBlock:
     """The first rows of the ranking."""
     return TableBlock(
         "The effects in order of what each would explain alone.",
-        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "expected fall of the error"),
+        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "expected fall of error / noise"),
         [
             [
                 row["id"],
@@ -140,7 +140,7 @@ def ranking_table(diagnosis: Mapping[str, Any]) -> TableBlock:
                 number(row["size"], 3),
                 number(row["sd"], 2),
                 row["unit"],
-                f"{100.0 * row['expected_fall']:.1f} %",
+                number(row["expected_fall"], 2),
             ]
             for row in diagnosis["ranking"][:_SHOWN]
         ],
