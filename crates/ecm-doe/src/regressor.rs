@@ -94,7 +94,7 @@ impl Model {
 
     /// Regressor of an energy model at `poses` (m, rad).
     ///
-    /// The torque rows are divided by the length, so that all six rows are forces.
+    /// Each row is divided by its component's noise, [`COMPONENT_SD`].
     ///
     /// # Errors
     /// A length that is not positive, a degree out of range, numbers that are not finite.
@@ -105,14 +105,12 @@ impl Model {
         length_m: f64,
     ) -> Result<Regressor, ModelError> {
         let exponents = terms::terms(symmetry, degree)?;
-        let scale = energy_scale(poses, length_m);
+        let scale = [length_m, 1.0];
         let mut rows = fit::regressor(poses, length_m, symmetry, &exponents, scale)?;
         let terms = exponents.len();
         for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
-            if r % 6 >= 3 {
-                for v in row {
-                    *v /= length_m;
-                }
+            for v in row {
+                *v /= COMPONENT_SD[r % 6];
             }
         }
         Ok(Regressor {
@@ -123,15 +121,9 @@ impl Model {
     }
 }
 
-/// Length and angle that make the coordinates of about size one; any positive pair serves,
-/// because a determinant does not depend on the scale of the columns.
-fn energy_scale(poses: &[[f64; 6]], length_m: f64) -> [f64; 2] {
-    let angle = poses
-        .iter()
-        .flat_map(|p| &p[3..])
-        .fold(0.0f64, |a, v| a.max(v.abs()));
-    [0.3 * length_m, if angle > 1e-6 { angle } else { 1.0 }]
-}
+/// One reading's noise of the six components, N and N m: an instrument of the paper's kind, whose
+/// fx carries the pose noise of the stiff axis.
+pub const COMPONENT_SD: [f64; 6] = [0.9, 0.3, 0.3, 0.010, 0.012, 0.012];
 
 /// Smallest and largest of each of the `columns` columns.
 pub fn column_ranges(points: &[f64], columns: usize) -> (Vec<f64>, Vec<f64>) {

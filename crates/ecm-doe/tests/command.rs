@@ -134,9 +134,9 @@ fn other_columns_and_lists() {
 fn measured_wrenches_stay_behind() {
     let dir = folder("wrench");
     let path = dir.join("t.csv");
-    let mut table = "fx_N,x_m,sd_fx_N,theta_x_rad,leds,run\n".to_owned();
+    let mut table = "fx_N,x_m,sd_fx_N,theta_x_rad,leds,run,time_s\n".to_owned();
     for i in 0..30 {
-        writeln!(table, "1.5,0.0{},0.1,0.{},{i},7", i % 6, i / 6).unwrap();
+        writeln!(table, "1.5,0.0{},0.1,0.{},{i},7,9", i % 6, i / 6).unwrap();
     }
     std::fs::write(&path, table).unwrap();
     let p = path.to_str().unwrap();

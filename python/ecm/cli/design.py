@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ecm.cli.console import Console
 from ecm.cli.options import (
+    HiddenThreads,
     Json,
-    Meta,
     Out,
     Quiet,
     Seed,
-    SkipBadRows,
-    Threads,
     load,
+    load_effects,
     output,
     save_json,
 )
 
+if TYPE_CHECKING:
+    from ecm.design import BaseForDesign, Separable
+    from ecm.effects import Effect
+    from ecm.table import Table
+
 
 class Criterion(str, Enum):
-    """Criteria of this version."""
+    """What the design is to be good at."""
 
     d = "d"
+    i = "i"
+    a = "a"
+    g = "g"
+    di = "di"
     maximin = "maximin"
 
 
@@ -47,36 +56,98 @@ def design(
     candidates: Annotated[Path, typer.Argument(metavar="CANDIDATES", help="Table of poses.")],
     n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")],
     out: Out,
-    criterion: Annotated[Criterion, typer.Option("--criterion", help="d: D-optimal.")] = (
-        Criterion.d
-    ),
+    criterion: Annotated[
+        Criterion,
+        typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin."),
+    ] = Criterion.d,
     model: Annotated[
-        str, typer.Option("--model", metavar="NAME", help="For D: poly:D, cubic, energyD.")
-    ] = "cubic",
+        str | None,
+        typer.Option("--model", metavar="NAME", help="cubic, poly:D, energyD, physics."),
+    ] = None,
     preset: Annotated[
         Preset | None, typer.Option("--preset", help="Protocol; default: the rows alone.")
     ] = None,
-    meta: Meta = None,
-    skip_bad_rows: SkipBadRows = False,
+    effects: Annotated[
+        str | None, typer.Option("--effects", metavar="IDS", help="To be told apart: ID,ID.")
+    ] = None,
+    include: Annotated[
+        str | None, typer.Option("--include", metavar="ROWS", help="Must be in, e.g. 1,5-9.")
+    ] = None,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option("--exclude", metavar="ROWS|REGION", help="E.g. 7 or x_m<0.09&y_m>0."),
+    ] = None,
+    augment: Annotated[
+        Path | None, typer.Option("--augment", metavar="FILE", help="Poses already measured.")
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option("--base", metavar="MODEL", help="Nominal: weighs rows by their noise."),
+    ] = None,
+    share: Annotated[float, typer.Option("--share", min=0.0, max=1.0, hidden=True)] = 0.5,
+    metres_per_radian: Annotated[
+        float | None, typer.Option("--metres-per-radian", hidden=True)
+    ] = None,
+    how_many: Annotated[
+        bool, typer.Option("--how-many", help="Also n against expected error, up to N.")
+    ] = False,
+    starts: Annotated[int, typer.Option("--starts", min=1, hidden=True)] = 10,
+    iterations: Annotated[
+        int,
+        typer.Option(
+            "--iterations", metavar="N", min=0, help="Budget; 0: 10 s.", show_default=False
+        ),
+    ] = 0,
+    time_limit: Annotated[float, typer.Option("--time-limit", min=0.0, hidden=True)] = 0.0,
+    meta: Annotated[Path | None, typer.Option("--meta", hidden=True)] = None,
+    skip_bad_rows: Annotated[bool, typer.Option("--skip-bad-rows", hidden=True)] = False,
     json: Json = None,
     seed: Seed = 0,
-    threads: Threads = 0,
+    threads: HiddenThreads = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Choose the poses worth measuring and write the plan of a campaign."""
-    from ecm.design import choose, diagnosable_plan, paper_plan
+    """Choose the poses worth measuring (all options: docs/designs.md)."""
+    from ecm.design import choose, diagnosable_plan, paper_plan, plain_plan
 
     with Console(quiet=quiet) as console:
         output(out, json)
+        wanted = _effects(effects, preset)
         table = load([candidates], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
-        chosen = choose(
-            table.matrix(table.pose_columns),
-            n,
-            criterion=criterion.value,
-            model=model,
-            length_m=table.meta.length_m,
-            seed=seed,
+        # Free polynomials absorb the effects.
+        name = model or ("cubic" if not effects else "energy4")
+        nominal = _nominal(
+            table,
+            base=base,
+            model=name,
+            needed=bool(effects),
+            free=preset is Preset.diagnosable,
             threads=threads,
+            console=console,
+        )
+        names = table.pose_columns
+        poses = table.matrix(names)
+        options: dict[str, Any] = {
+            "criterion": criterion.value,
+            "model": name,
+            "length_m": table.meta.length_m,
+            "base": nominal if base is not None or name == "physics" or effects else None,
+            "seed": seed,
+            "threads": threads,
+        }
+        chosen = choose(
+            poses,
+            n,
+            **options,
+            starts=starts,
+            iterations=iterations,
+            time_limit_s=time_limit,
+            include=_included(include, table),
+            exclude=_excluded(exclude, table),
+            measured=_measured(augment, table, console),
+            effects=wanted if effects else (),
+            share=share,
+            metres_per_radian=metres_per_radian,
+            columns=names,
             progress=console.bar("design"),
         )
         if preset is Preset.diagnosable:
@@ -84,22 +155,139 @@ def design(
         elif preset is Preset.paper:
             plan = paper_plan(table, chosen, seed=seed)
         else:
-            plan = table.select(chosen.indices).drop(*table.wrench_columns)
+            plan = plain_plan(table, chosen, seed=seed)
         plan.write(out)
+        told = _told(plan, nominal, wanted, preset)
+        curve = _curve(poses, n, options, how_many, console)
         save_json(
             json,
             {
                 "schema": 1,
                 "seed": seed,
                 "criterion": chosen.criterion,
-                "model": model,
+                "model": None if criterion is Criterion.maximin else name,
                 "n": len(chosen.indices),
-                "rows": chosen.indices.tolist(),
+                "rows": (chosen.indices + 1).tolist(),
                 "value": chosen.value,
                 "bound": chosen.bound,
                 "efficiency": chosen.efficiency,
                 "status": chosen.status,
+                "reproducible": time_limit == 0.0,
+                "effects": [item.to_dict() for item in told],
+                "how_many": curve,
             },
         )
         console.say(chosen.sentence())
+        if time_limit > 0.0:
+            console.say("with a time limit another run may give another design")
+        for item in told:
+            console.say("  " + item.sentence())
         console.say(f"{out}: {len(plan)} rows")
+
+
+def _effects(text: str | None, preset: Preset | None) -> tuple[Effect, ...]:
+    """The effects to be told apart: those named, or all of the catalogue."""
+    from ecm.effects import all_effects, get_effect
+    from ecm.errors import InputError
+
+    if text is None:
+        return all_effects() if preset is Preset.diagnosable else ()
+    if preset is not Preset.diagnosable:
+        raise InputError(
+            "--effects: needs --preset diagnosable, whose protocol tells effects apart; add it"
+        )
+    load_effects()
+    return tuple(get_effect(id.strip()) for id in dict.fromkeys(text.split(",")))
+
+
+def _nominal(
+    table: Table,
+    *,
+    base: str | None,
+    model: str,
+    needed: bool,
+    free: bool,
+    threads: int,
+    console: Console,
+) -> BaseForDesign | None:
+    """The nominal base where it is asked for; else where it costs nothing."""
+    from ecm.cli.models import open_model
+    from ecm.columns import WRENCH
+    from ecm.design import nominal_base
+    from ecm.errors import InputError
+
+    if base is not None:
+        return nominal_base(table, open_model(base))
+    if needed or model == "physics":
+        if model == "physics":
+            console.say("FEM at two Poisson ratios (kept for the next time) ...")
+        return nominal_base(table, poisson=model == "physics", threads=threads)
+    if not free:
+        return None
+    try:
+        if table.wrench_columns == WRENCH or table.meta.body() is not None:
+            return nominal_base(table, threads=threads)
+    except InputError:
+        pass
+    console.say(
+        "which effects this plan can name is not known without a nominal stiffness; give --base "
+        "MODEL, or a [mechanism] beside the candidates"
+    )
+    return None
+
+
+def _included(text: str | None, table: Table) -> Sequence[int]:
+    from ecm.design.rows import row_list
+
+    return [] if text is None else [int(row) for row in row_list("--include", text, len(table))]
+
+
+def _excluded(texts: list[str] | None, table: Table) -> list[int]:
+    """Rows of lists and regions, and those that are no poses: home checks, unloaded readings."""
+    from ecm.design.rows import list_or_region
+
+    rows = set()
+    if table.has("kind"):
+        rows = {i for i, kind in enumerate(table.text("kind")) if kind not in ("", "pose")}
+    for text in texts or []:
+        rows |= set(list_or_region("--exclude", text, table).tolist())
+    return sorted(rows)
+
+
+def _measured(path: Path | None, table: Table, console: Console) -> Any:
+    if path is None:
+        return None
+    done = load([path], console, need="predict").measured()
+    return done.matrix(table.pose_columns)
+
+
+def _told(
+    plan: Table,
+    nominal: BaseForDesign | None,
+    effects: Sequence[Effect],
+    preset: Preset | None,
+) -> list[Separable]:
+    from ecm.design import separable
+
+    if preset is not Preset.diagnosable or nominal is None:
+        return []
+    return separable(plan, nominal, effects)
+
+
+def _curve(
+    poses: Any, n: int, options: dict[str, Any], wanted: bool, console: Console
+) -> list[dict[str, Any]]:
+    """n against expected error up to N, printed with its knee."""
+    from ecm.design import how_many
+
+    if not wanted:
+        return []
+    model_options = dict(options)
+    if model_options["criterion"] == "maximin":
+        model_options["criterion"] = "d"
+    sizes = how_many(poses, most=n, **model_options, progress=console.bar("how many"))
+    console.say("     n   error of h   of K (in units of one reading's noise)")
+    for size in sizes:
+        mark = "  <- knee" if size.knee else ""
+        console.say(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")
+    return [size.to_dict() for size in sizes]

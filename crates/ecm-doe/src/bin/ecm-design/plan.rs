@@ -40,7 +40,8 @@ fn render(table: &Table, rows: &[usize], poses: bool) -> Result<Vec<u8>, csv::Er
     let has = |name: &str| table.header.iter().any(|h| h == name);
     // What was measured and how the row was visited before says nothing about the plan.
     let replaced = |name: &str| {
-        let measured = WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name));
+        let measured = WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name))
+            || ["time_s", "repeat"].contains(&name);
         poses && (measured || ADDED.iter().any(|(a, _)| *a == name))
     };
     let numbered = poses && !has("pose_id");
