@@ -126,6 +126,16 @@ class FemResults:
     def stiffness(self) -> _F:
         """K = dh/dp, (N, 6, 6)."""
     @property
+    def hessian(self) -> _F:
+        """H = d(f, J' tau)/dp, (N, 6, 6), symmetric."""
+    @property
+    def reason(self) -> list[str]:
+        """Why a case is unstable (buckling, crease, inner); empty for all others."""
+    @property
+    def stretch_ratio(self) -> _F:
+        """Smallest ratio of the smallest to the largest principal stretch; surfaces of
+        neo-Hookean bodies crease below 1/2.4."""
+    @property
     def smallest_eigenvalue(self) -> _F:
         """Of the Hessian H in scaled coordinates (lengths by L)."""
     @property
@@ -143,12 +153,26 @@ class Fem:
         cls,
         mesh: Mesh,
         *,
-        young_modulus_Pa: float,
-        poisson_ratio: float,
+        young_modulus_Pa: float | None = None,
+        poisson_ratio: float | None = None,
+        model: str | None = None,
+        parameters: Mapping[str, float | list[float]] | None = None,
         element_modulus_scale: _F | None = None,
+        body_force_N_m3: tuple[float, float, float] | None = None,
+        element: Literal["P2/P1", "P2/P0", "P2"] = "P2/P1",
     ) -> Fem:
-        """Neo-Hookean body clamped at `base`, rigid platform on `top`.
-        element_modulus_scale: (M,) factor on E per tetrahedron."""
+        """Body clamped at `base`, rigid platform on `top`.
+        model: neo_hookean (default), mooney_rivlin, yeoh, ogden, gent with their parameters
+        (docs/fem.md). element_modulus_scale: (M,) factor on the moduli per tetrahedron.
+        body_force_N_m3: density times gravity, base axes."""
+    def write_vtu(
+        self,
+        path: str,
+        *,
+        wrench: Sequence[float] | None = None,
+        pose: Sequence[float] | None = None,
+    ) -> FemResults:
+        """Solves one load and writes displacement, stretch, stress for ParaView."""
     def rest_stiffness(self) -> _F: ...
     def solve_wrenches(
         self, wrenches: _F, *, threads: int = 0, progress: _Progress = None
