@@ -90,7 +90,7 @@ class Mesh:
     ) -> Mesh:
         """r(x) = waist + (radius - waist) cos^2(pi (discs - 1) x / L)."""
     @staticmethod
-    def from_arrays(nodes_m: F, tetrahedra: I, *, base_nodes: I, top_nodes: I) -> Mesh:
+    def from_arrays(nodes_m: _F, tetrahedra: _I, *, base_nodes: _I, top_nodes: _I) -> Mesh:
         """(N, 3) and (M, 10) arrays, node numbers of the two faces."""
     @staticmethod
     def read(path: str) -> Mesh:
