@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import FemError, InputError
+from ecm.material import Material
 from ecm.settings import read_settings
 from ecm.stages import hash_of
 from ecm.toml_file import check_keys, nearest
@@ -20,11 +21,12 @@ from ecm.toml_file import check_keys, nearest
 if TYPE_CHECKING:
     from ecm._native import Fem, Mesh
 
-BUILTIN = ("cylinder", "tube", "hourglass", "rod")
+BUILTIN = ("cylinder", "tube", "hourglass", "stacked_discs", "rod")
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "cylinder": ("radius_m",),
     "tube": ("radius_m", "inner_radius_m"),
     "hourglass": ("radius_m", "waist_radius_m"),
+    "stacked_discs": ("radius_m", "waist_radius_m", "disc_count"),
     "rod": ("radius_m",),
 }
 _SECTIONS = (
@@ -41,7 +43,7 @@ class Mechanism:
     """An elastic body between two rigid plates; the default is the neck of the paper."""
 
     builtin: str = "cylinder"
-    """cylinder, tube, hourglass or rod; empty for a mesh of your own or where only L is known."""
+    """cylinder, tube, hourglass, stacked_discs, rod; empty for a mesh or where only L is known."""
     length_m: float = 0.1034
     """Distance of the two faces, undeformed."""
     radius_m: float = 0.033
@@ -49,11 +51,15 @@ class Mechanism:
     inner_radius_m: float = 0.0
     """Inner radius of the tube."""
     waist_radius_m: float = 0.0
-    """Smallest radius of the hourglass."""
+    """Smallest radius of the hourglass, or between stacked discs."""
+    disc_count: int = 0
+    """Number of stacked discs, the half ones at both ends included."""
     young_modulus_Pa: float = 0.65e6
     """E at small strain; 0: unknown."""
     poisson_ratio: float = 0.49
-    """nu, below 0.5."""
+    """nu, at most 0.5."""
+    material: Material | None = None
+    """Another law than neo-Hookean; E and nu above are then its moduli at small strain."""
     density_kg_m3: float = 0.0
     """0: own weight is not considered."""
     free_length_m: float = 0.0
@@ -84,9 +90,9 @@ class Mechanism:
             raise InputError(f"length_m = {self.length_m}: expected a positive length in metres")
         if self.length_m > 10.0:
             raise InputError(f"length_m = {self.length_m}: looks like millimetres; give metres")
-        if not 0.0 <= self.poisson_ratio < 0.5:
+        if not 0.0 <= self.poisson_ratio <= 0.5:
             raise InputError(
-                f"poisson_ratio = {self.poisson_ratio}: expected at least 0 and below 0.5 "
+                f"poisson_ratio = {self.poisson_ratio}: expected at least 0 and at most 0.5 "
                 "(0.49 for rubber)"
             )
         if 0.0 < self.young_modulus_Pa < 100.0:
@@ -98,7 +104,7 @@ class Mechanism:
         self._check_dimensions()
 
     def _check_dimensions(self) -> None:
-        if self.builtin in ("cylinder", "tube", "hourglass") and self.radius_m <= 0.0:
+        if self.builtin in BUILTIN[:-1] and self.radius_m <= 0.0:
             raise InputError(f"radius_m = {self.radius_m}: expected a positive radius in metres")
         if self.builtin and self.radius_m > 10.0 * self.length_m:
             raise InputError(
@@ -110,7 +116,10 @@ class Mechanism:
                 f"inner_radius_m = {self.inner_radius_m}: expected above 0 and below radius_m = "
                 f"{self.radius_m}"
             )
-        if self.builtin == "hourglass" and not 0.0 < self.waist_radius_m <= self.radius_m:
+        if self.builtin == "stacked_discs" and not 2 <= self.disc_count <= 40:
+            raise InputError(f"disc_count = {self.disc_count}: expected 2 to 40")
+        waisted = self.builtin in ("hourglass", "stacked_discs")
+        if waisted and not 0.0 < self.waist_radius_m <= self.radius_m:
             raise InputError(
                 f"waist_radius_m = {self.waist_radius_m}: expected above 0 and at most radius_m = "
                 f"{self.radius_m}"
@@ -138,7 +147,7 @@ class Mechanism:
         values: dict[str, Any] = {
             key: value for key, value in table.items() if key not in ("mesh", "material")
         }
-        values |= _material(table.get("material"), place)
+        values |= _material(table, place)
         if "mesh" in table:
             if not isinstance(table["mesh"], str):
                 raise InputError(f"{place}: mesh = {table['mesh']!r}: expected a file name")
@@ -155,7 +164,8 @@ class Mechanism:
                 )
         elif values["builtin"] in _DIMENSIONS:
             _require(table, place)
-        return read_settings(Mechanism, values, place)
+        material = values.pop("material", None)
+        return replace(read_settings(Mechanism, values, place), material=material)
 
     def to_dict(self) -> dict[str, Any]:
         """The `[mechanism]` table that gives this mechanism back."""
@@ -169,13 +179,20 @@ class Mechanism:
             if field.name == "mesh_file":
                 if value is not None:
                     table["mesh"] = str(value)
+            elif field.name == "material":
+                if value is not None:
+                    table["material"] = value.to_dict()
+                    del table["young_modulus_Pa"], table["poisson_ratio"]
             elif value and (field.name in always or value != default[field.name]):
                 table[field.name] = value
         return table
 
     def with_modulus(self, young_modulus_Pa: float) -> Mechanism:
-        """The same body of another modulus."""
-        return replace(self, young_modulus_Pa=young_modulus_Pa)
+        """The same body of another modulus; all moduli of its material in proportion."""
+        material = self.material
+        if material is not None:
+            material = material.scaled(young_modulus_Pa / material.young_modulus_Pa)
+        return replace(self, young_modulus_Pa=young_modulus_Pa, material=material)
 
     @property
     def has_body(self) -> bool:
@@ -209,28 +226,56 @@ class Mechanism:
                 waist_radius_m=self.waist_radius_m,
                 quality=self.quality,
             )
+        if self.builtin == "stacked_discs":
+            return Mesh.stacked_discs(
+                length_m=self.length_m,
+                radius_m=self.radius_m,
+                waist_radius_m=self.waist_radius_m,
+                disc_count=self.disc_count,
+                quality=self.quality,
+            )
         raise InputError(
             '[mechanism] gives no shape: add builtin = "cylinder" with radius_m, or mesh = '
             '"file.msh"'
         )
 
-    def fem(self, element_modulus_scale: NDArray[np.float64] | None = None) -> Fem:
-        """The neo-Hookean body clamped at its base with a rigid platform on top.
+    def fem(
+        self,
+        element_modulus_scale: NDArray[np.float64] | None = None,
+        *,
+        gravity_m_s2: tuple[float, float, float] | None = None,
+    ) -> Fem:
+        """The body clamped at its base with a rigid platform on top.
 
         Parameters
         ----------
         element_modulus_scale
-            (M,) factor on E per tetrahedron.
+            (M,) factor on all moduli per tetrahedron.
+        gravity_m_s2
+            In base axes; with density_kg_m3 the body's own weight. None: weightless.
         """
         from ecm._native import Fem
 
         if self.young_modulus_Pa <= 0.0:
             raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
+        weight = None
+        if gravity_m_s2 is not None:
+            x, y, z = (self.density_kg_m3 * g for g in gravity_m_s2)
+            weight = (x, y, z)
+        if self.material is not None:
+            return Fem(
+                self.mesh(),
+                model=self.material.model,
+                parameters=dict(self.material.parameters),
+                element_modulus_scale=element_modulus_scale,
+                body_force_N_m3=weight,
+            )
         return Fem(
             self.mesh(),
             young_modulus_Pa=self.young_modulus_Pa,
             poisson_ratio=self.poisson_ratio,
             element_modulus_scale=element_modulus_scale,
+            body_force_N_m3=weight,
         )
 
     def rod_sections(self) -> dict[str, float]:
@@ -257,7 +302,7 @@ class Mechanism:
                 + ", ".join(_SECTIONS)
             )
         outer = self.radius_m
-        if self.builtin == "hourglass":
+        if self.builtin in ("hourglass", "stacked_discs"):
             outer = 0.5 * (self.radius_m + self.waist_radius_m)
         return self._sections_of(outer, self.inner_radius_m if self.builtin == "tube" else 0.0)
 
@@ -287,7 +332,15 @@ class Mechanism:
 
     def key(self) -> str:
         """Hash of shape and material; of a mesh, of its content and not of where it lies."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
+        # Settings that came later count only where they are given: older results stay valid.
+        later = {"material": None, "disc_count": 0}
+        values = {
+            f.name: getattr(self, f.name)
+            for f in fields(self)
+            if f.name != "mesh_file" and (f.name, getattr(self, f.name)) not in later.items()
+        }
+        if self.material is not None:
+            values["material"] = self.material.to_dict()
         content = ""
         if self.mesh_file is not None:
             content = hashlib.sha256(_mesh_bytes(self.mesh_file)).hexdigest()
@@ -297,7 +350,6 @@ class Mechanism:
 MECHANISM_KEYS = (
     *(field.name for field in fields(Mechanism) if field.name != "mesh_file"),
     "mesh",
-    "material",
 )
 
 
@@ -312,18 +364,31 @@ def _require(values: Mapping[str, Any], place: str) -> None:
             )
 
 
-def _material(table: Any, place: str) -> dict[str, Any]:
-    if table is None:
+def _material(table: Mapping[str, Any], place: str) -> dict[str, Any]:
+    material = table.get("material")
+    if material is None:
         return {}
-    if not isinstance(table, Mapping):
+    if not isinstance(material, Mapping):
         raise InputError(
-            f'{place}: material = {table!r}: expected {{ model = "neo_hookean", ... }}'
+            f'{place}: material = {material!r}: expected {{ model = "neo_hookean", ... }}'
         )
-    check_keys(table, ("model", "young_modulus_Pa", "poisson_ratio"), f"{place} material")
-    model = table.get("model", "neo_hookean")
-    if model != "neo_hookean":
-        raise InputError(f"{place}: material model '{model}' is not known; known: neo_hookean")
-    return {key: value for key, value in table.items() if key != "model"}
+    if material.get("model", "neo_hookean") == "neo_hookean" and not {
+        key for key in material if key.startswith(("fibre", "bulk"))
+    }:
+        check_keys(material, ("model", "young_modulus_Pa", "poisson_ratio"), f"{place} material")
+        return {key: value for key, value in material.items() if key != "model"}
+    try:
+        law = Material.from_dict(material)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+    for name in ("young_modulus_Pa", "poisson_ratio"):
+        if name in table:
+            raise InputError(f"{place}: found {name} and material: {name} belongs into material")
+    return {
+        "material": law,
+        "young_modulus_Pa": law.young_modulus_Pa,
+        "poisson_ratio": law.poisson_ratio,
+    }
 
 
 def _mesh_length(path: Path) -> float:

@@ -8,9 +8,11 @@ its limit is the admissible rotation times `screen_margin`.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +24,12 @@ from ecm.meta import Meta
 from ecm.stages import Stage
 from ecm.table import POSE, WRENCH, Table
 
+if TYPE_CHECKING:
+    from ecm._native import Fem
+
 F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
+_Report = Callable[[int, int], object] | None
 
 # Table I of the paper: N, N m; compression negative.
 TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
@@ -121,6 +127,7 @@ def simulate(
     seed: int = 0,
     threads: int = 0,
     directory: Path | None = None,
+    scheduler: str | None = None,
     progress: Progress = None,
 ) -> Simulated:
     """n admissible wrench-pose pairs by FEM.
@@ -133,6 +140,9 @@ def simulate(
         What is admissible; default |theta| <= 0.8 rad under wrenches of the paper's Table I.
     directory
         Where finished chunks are kept; a later call with the same settings goes on there.
+    scheduler
+        Address of a Dask scheduler (tcp://host:8786) whose workers solve the chunks; the pairs
+        are the same to the last bit. Needs the extra `cluster`.
     progress
         Called with pairs kept, n, and a word.
     """
@@ -149,28 +159,22 @@ def simulate(
         }
         stage = Stage(directory, "simulate", settings)
     draws = _Draws(mechanism, workspace, seed)
-    fem = None
+    solve = _solver(mechanism, threads, scheduler)
     parts: list[dict[str, F]] = []
     kept = solved = unstable = failed = chunk = 0
+    ahead: deque[tuple[F, NDArray[np.int64]]] = deque()
     while kept < n:
-        wrenches, serial = draws.next(_CHUNK)
+        _go_ahead(ahead, chunk, draws, solve, stage)
+        wrenches, serial = ahead.popleft()
         part = stage.load_part(chunk) if stage is not None else None
         if part is None:
-            fem = mechanism.fem() if fem is None else fem
             before = kept
 
             def report(done: int, total: int, before: int = before) -> None:
                 if progress is not None:
                     progress(min(n, before + done * (n - before > 0)), n, "solving")
 
-            results = fem.solve_wrenches(
-                wrenches, threads=threads, progress=None if progress is None else report
-            )
-            part = {
-                "ok": np.array([s == "solved" for s in results.status]),
-                "unstable": np.array([s == "unstable" for s in results.status]),
-                **{name: np.asarray(getattr(results, name)) for name in _ARRAYS},
-            }
+            part = solve.finish(chunk, wrenches, None if progress is None else report)
             if stage is not None:
                 stage.save_part(chunk, part)
         ok, lost = part["ok"].astype(bool), part["unstable"].astype(bool)
@@ -199,6 +203,7 @@ def simulate(
                 f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
                 "widen the [workspace] limits or shrink the wrench box"
             )
+    solve.close()
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in _ARRAYS}
     counts = {
         "drawn": draws.drawn,
@@ -214,6 +219,58 @@ def simulate(
         counts=counts,
         mechanism=mechanism,
     )
+
+
+def solve_chunk(fem: Fem, wrenches: F, threads: int, report: _Report = None) -> dict[str, F]:
+    """Everything that is kept of one chunk of wrenches."""
+    results = fem.solve_wrenches(wrenches, threads=threads, progress=report)
+    return {
+        "ok": np.array([s == "solved" for s in results.status]),
+        "unstable": np.array([s == "unstable" for s in results.status]),
+        **{name: np.asarray(getattr(results, name)) for name in _ARRAYS},
+    }
+
+
+def _go_ahead(
+    ahead: deque[tuple[F, NDArray[np.int64]]], chunk: int, draws: _Draws, solve: Any, stage: Any
+) -> None:
+    """Workers go on with later chunks while `chunk` is waited for."""
+    while len(ahead) < solve.ahead:
+        ahead.append(draws.next(_CHUNK))
+        number = chunk + len(ahead) - 1
+        if stage is None or stage.load_part(number) is None:
+            solve.begin(number, ahead[-1][0])
+
+
+class _Here:
+    """Solves chunks in this process."""
+
+    ahead = 1
+
+    def __init__(self, mechanism: Mechanism, threads: int) -> None:
+        self._mechanism = mechanism
+        self._threads = threads
+        self._fem: Fem | None = None
+
+    def begin(self, chunk: int, wrenches: F) -> None:
+        """Nothing: the work is done when it is waited for."""
+
+    def finish(self, chunk: int, wrenches: F, report: _Report) -> dict[str, F]:
+        """The chunk's results."""
+        if self._fem is None:
+            self._fem = self._mechanism.fem()
+        return solve_chunk(self._fem, wrenches, self._threads, report)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def _solver(mechanism: Mechanism, threads: int, scheduler: str | None) -> Any:
+    if scheduler is None:
+        return _Here(mechanism, threads)
+    from ecm.cluster import Cluster
+
+    return Cluster(mechanism, threads, scheduler)
 
 
 class _Draws:

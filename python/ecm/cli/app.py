@@ -16,6 +16,7 @@ from ecm.cli import (
     export,
     fit,
     identify,
+    material,
     new,
     predict,
     refit,
@@ -67,6 +68,7 @@ for _module in (
     refit,
     reveal,
     effects,
+    material,
     export,
     new,
 ):

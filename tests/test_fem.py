@@ -1,0 +1,162 @@
+"""The finite elements from Python: materials, own weight, VTU, sensitivities, many machines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm._native import Fem, FemError, Mesh
+from ecm.errors import InputError
+from ecm.mechanism import Mechanism
+from ecm.sensitivity import wrench_sensitivities
+
+WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
+NECK = {"builtin": "cylinder", "length_m": 0.1034, "radius_m": 0.033}
+
+
+def test_a_yeoh_solid_without_higher_terms_is_neo_hookean() -> None:
+    plain = Mechanism()
+    mu = plain.young_modulus_Pa / (2.0 * (1.0 + plain.poisson_ratio))
+    material = {"model": "yeoh", "c1_Pa": 0.5 * mu, "c2_Pa": 0.0, "c3_Pa": 0.0}
+    yeoh = Mechanism.from_dict(NECK | {"material": material})
+    assert yeoh.young_modulus_Pa == pytest.approx(plain.young_modulus_Pa, rel=1e-12)
+    assert Mechanism.from_dict(yeoh.to_dict()) == yeoh
+    a, b = (m.fem().solve_wrenches(WRENCH) for m in (plain, yeoh))
+    np.testing.assert_allclose(a.poses, b.poses, rtol=1e-8, atol=1e-10)
+    assert yeoh.key() != plain.key()
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        {"model": "mooney_rivlin", "c10_Pa": 8e4, "c01_Pa": 3e4},
+        {"model": "ogden", "mu_Pa": [1.6e5, 6e4], "alpha": [1.7, -2.0]},
+        {"model": "gent", "shear_modulus_Pa": 2.2e5, "j_m": 30.0, "poisson_ratio": 0.495},
+        {
+            "model": "neo_hookean",
+            "young_modulus_Pa": 0.65e6,
+            "fibre_direction": [1.0, 0.0, 0.0],
+            "fibre_k1_Pa": 5e4,
+            "fibre_k2": 1.0,
+        },
+    ],
+)
+def test_materials_scale_with_their_modulus(material: dict[str, object]) -> None:
+    body = Mechanism.from_dict(NECK | {"material": material})
+    double = body.with_modulus(2.0 * body.young_modulus_Pa)
+    poses = body.fem().solve_wrenches(WRENCH)
+    assert poses.status == ["solved"]
+    scaled = double.fem().solve_wrenches(2.0 * WRENCH)
+    np.testing.assert_allclose(scaled.poses, poses.poses, rtol=1e-8, atol=1e-10)
+
+
+def test_wrong_materials_are_refused() -> None:
+    for material, word in (
+        ({"model": "gent", "shear_modulus_Pa": 2e5}, "j_m"),
+        ({"model": "gent", "shear_modulus_Pa": 2e5, "jm": 3.0}, "unknown key 'jm'"),
+        ({"model": "yeoh", "c1_Pa": "a", "c2_Pa": 0.0, "c3_Pa": 0.0}, "expected a number"),
+    ):
+        with pytest.raises(InputError, match=word):
+            Mechanism.from_dict(NECK | {"material": material})
+    broken = Mechanism.from_dict(
+        NECK | {"material": {"model": "yeoh", "c1_Pa": 1e5, "c2_Pa": -1e5, "c3_Pa": 1.0}}
+    )
+    with pytest.raises(FemError, match="C1"):
+        broken.fem()
+
+
+def test_elements_bracket_and_unknown_ones_are_refused() -> None:
+    mesh = Mesh.cylinder(length_m=0.1034, radius_m=0.033)
+    stiffness = [
+        Fem(mesh, young_modulus_Pa=0.72e6, poisson_ratio=0.49, element=element).rest_stiffness()[
+            1, 1
+        ]
+        for element in ("P2/P0", "P2/P1", "P2")
+    ]
+    assert stiffness[0] < 4000.0 < stiffness[1] < stiffness[2]
+    with pytest.raises(FemError, match="P2/P1"):
+        Fem(mesh, young_modulus_Pa=0.72e6, poisson_ratio=0.49, element="P1")  # type: ignore[arg-type]
+
+
+def test_arrays_make_a_mesh() -> None:
+    mesh = Mesh.cylinder(length_m=0.1, radius_m=0.03)
+    faces = {"base_nodes": mesh.base_nodes, "top_nodes": mesh.top_nodes}
+    again = Mesh.from_arrays(mesh.nodes_m, mesh.tetrahedra, **faces)
+    assert again.volume_m3 == pytest.approx(mesh.volume_m3)
+    wrong = mesh.tetrahedra.copy()
+    wrong[3, 2] = -1
+    with pytest.raises(FemError, match="tetrahedron 3"):
+        Mesh.from_arrays(mesh.nodes_m, wrong, **faces)
+    with pytest.raises(FemError, match="expected 10"):
+        Mesh.from_arrays(mesh.nodes_m, np.ascontiguousarray(wrong[:, :4]), **faces)
+
+
+def test_own_weight_sags() -> None:
+    body = replace(Mechanism(), density_kg_m3=1100.0)
+    rest = np.zeros((1, 6))
+    hanging = body.fem(gravity_m_s2=(-9.81, 0.0, 0.0)).solve_wrenches(rest)
+    # A free column sags by rho g L^2 / (2 E); the bonded one a little less.
+    free = 1100.0 * 9.81 * body.length_m**2 / (2.0 * body.young_modulus_Pa)
+    assert 0.8 < (body.length_m - hanging.poses[0, 0]) / free < 1.0
+
+
+def test_results_say_why_and_how_far() -> None:
+    found = (
+        Mechanism().fem().solve_wrenches(np.array([[-260.0, 0.0, 0.0, 0.0, 0.0, 0.0], WRENCH[0]]))
+    )
+    assert found.status == ["unstable", "solved"]
+    assert found.reason[0].startswith("buckling")
+    assert found.reason[1] == ""
+    np.testing.assert_allclose(found.hessian[1], found.hessian[1].T, rtol=1e-6, atol=1e-6)
+    assert 0.3 < found.stretch_ratio[1] < 1.0
+
+
+def test_vtu_holds_the_deformed_body(tmp_path: Path) -> None:
+    path = tmp_path / "neck.vtu"
+    fem = Mechanism().fem()
+    found = fem.write_vtu(str(path), wrench=WRENCH[0].tolist())
+    assert found.status == ["solved"]
+    text = path.read_text(encoding="utf-8")
+    assert all(f'Name="{name}"' in text for name in ("displacement_m", "stress_Pa"))
+    with pytest.raises(FemError, match="either wrench or pose"):
+        fem.write_vtu(str(path))
+
+
+def test_sensitivities_obey_the_scaling_of_the_energy() -> None:
+    """U = E L^3 u(c / L, theta; r / L, nu): forces scale with E L^2 when poses and radius do."""
+    body = Mechanism()
+    fem = body.fem()
+    solved = fem.solve_wrenches(WRENCH)
+    poses = solved.poses
+    by = wrench_sensitivities(body, poses)
+    wrench = WRENCH[0]
+    np.testing.assert_allclose(by["young_modulus_Pa"][0] * body.young_modulus_Pa, wrench, rtol=1e-6)
+    # Euler's theorem: L dh/dL + r dh/dr + K x = (2, 3) h for forces and moments.
+    stiffness = solved.stiffness[0]
+    found = (
+        by["length_m"][0] * body.length_m
+        + by["radius_m"][0] * body.radius_m
+        + stiffness[:, :3] @ poses[0, :3]
+    )
+    np.testing.assert_allclose(found[:3], 2.0 * wrench[:3], atol=2e-3 * 60.0)
+    np.testing.assert_allclose(found[3:], 3.0 * wrench[3:], atol=2e-3 * 3.0)
+
+
+def test_stacked_discs_are_softer_than_the_cylinder() -> None:
+    discs = Mechanism.from_dict(
+        NECK
+        | {
+            "builtin": "stacked_discs",
+            "waist_radius_m": 0.025,
+            "disc_count": 4,
+            "young_modulus_Pa": 0.65e6,
+        }
+    )
+    assert Mechanism.from_dict(discs.to_dict()) == discs
+    soft, plain = discs.fem().rest_stiffness(), Mechanism().fem().rest_stiffness()
+    assert (np.diag(soft) < 0.9 * np.diag(plain)).all()
+    with pytest.raises(InputError, match="disc_count"):
+        replace(discs, disc_count=1)
