@@ -73,6 +73,7 @@ def choose(
     base: BaseForDesign | None = None,
     effects: Sequence[Effect] = (),
     share: float = 0.5,
+    method: Literal["search", "paper"] = "search",
     metres_per_radian: float | None = None,
     columns: Sequence[str] = POSE,
     progress: Progress = None,
@@ -95,6 +96,8 @@ def choose(
         Weighs every row by the instruments' noise at its pose.
     effects
         The design determines their parameters too, as far as the poses can.
+    method
+        search: the best there is; paper: Fedorov's exchange for d, simple exchange for maximin.
     columns
         Names of the coordinates, for `metres_per_radian`.
     """
@@ -116,6 +119,7 @@ def choose(
             np.ascontiguousarray((poses - middle) * scale), n + len(inside), starts=starts,
             iterations=iterations, seed=seed, threads=threads, time_limit_s=time_limit_s,
             include=inside, exclude=outside, measured=done, progress=progress,
+            method="exchange" if method == "paper" else "search",
         )  # fmt: skip
     else:
         rows = regressor(
@@ -126,6 +130,7 @@ def choose(
             iterations=iterations, seed=seed, threads=threads, time_limit_s=time_limit_s,
             include=inside, exclude=outside, measured=rows.measured, prior=rows.prior,
             replicates=replicates, share=share, progress=progress,
+            method="fedorov" if method == "paper" else "search",
             criterion=cast(Literal["d", "i", "a", "g", "di"], criterion),
         )  # fmt: skip
     return Design(

@@ -15,7 +15,12 @@ from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
 
 F = NDArray[np.float64]
 Figures = Mapping[str, F]
-_NAMES = {"d": "D-optimal", "maximin": "maximin"}
+_NAMES = {
+    "d": "D-optimal",
+    "maximin": "maximin",
+    "d by the paper's exchange": "D-optimal, Fedorov's exchange alone",
+    "maximin by the paper's exchange": "maximin, simple exchange alone",
+}
 _HEADER = ("fx N", "fy N", "fz N", "τx N m", "τy N m", "τz N m")
 
 
