@@ -97,7 +97,7 @@ fn wrong_documents_are_refused_with_the_key() {
         (
             "kind",
             |d| d["kind"] = json!("spline"),
-            "polynomial, energy or physics",
+            "polynomial, energy, physics",
         ),
         ("length_m", |d| d["length_m"] = json!(0.0), "above 0"),
         (

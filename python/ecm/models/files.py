@@ -13,7 +13,9 @@ from ecm import _native
 from ecm.compare.noise import Noise
 from ecm.effects import with_shape
 from ecm.errors import InputError
+from ecm.models.backbone import backbone_from_document
 from ecm.models.ladder import Rung
+from ecm.models.learned import learned_from_document
 from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics import PhysicsMap
@@ -138,6 +140,10 @@ def _base_of(document: dict[str, Any]) -> StiffnessMap:
         return EnergyMap.from_document(document)
     if kind == "physics":
         return PhysicsMap.from_document(document)
+    if kind in ("gp", "mlp"):
+        return learned_from_document(document)
+    if kind in ("rod", "constant-curvature"):
+        return backbone_from_document(document)
     raise InputError(f"model kind {kind!r}: expected polynomial, energy or physics")
 
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
+BASELINES = ("rod", "constant-curvature", "gp", "mlp")
+"""Maps of the literature, for comparison."""
 _MAX_REWEIGHTINGS = 6
 _MOVED = 0.01
 """Reweighting ends when no coefficient moves by this share of its standard deviation."""
@@ -81,7 +83,7 @@ def _fitted(
     body: tuple[Mechanism | None, PhysicsMap | None],
     threads: int,
 ) -> Model:
-    if pcr is not None and (name == "physics" or name.startswith("energy")):
+    if pcr is not None and (name in ("physics", *BASELINES) or name.startswith("energy")):
         raise InputError(f"model {name}: a PCR threshold belongs to polynomials; leave it out")
     measured = table.measured()
     if len(measured) == 0:
@@ -90,6 +92,8 @@ def _fitted(
         return _fit_physics(measured, *body, threads)
     if name.startswith("energy"):
         return _fit_energy(measured, name)
+    if name in BASELINES:
+        return _fit_baseline(measured, name)
     return _fit_polynomial(measured, parse_polynomial_name(name), pcr)
 
 
@@ -162,6 +166,35 @@ def _fit_energy(table: Table, name: str) -> Model:
         if moved < _MOVED:
             break
     return _model(EnergyMap(model), noise, np.asarray(model.covariance), table)
+
+
+def _fit_baseline(table: Table, name: str) -> Model:
+    """Maps of the literature: no covariance, hence no standard deviations."""
+    from ecm.models.backbone import fit_constant_curvature, fit_rod
+    from ecm.models.learned import fit_gp, fit_mlp
+
+    base: StiffnessMap
+    if name in ("gp", "mlp"):
+        inputs, outputs = table.pose_columns, table.wrench_columns
+        if not inputs or not outputs:
+            raise InputError(f"{table.source}: a fit needs a pose and a wrench column")
+        data = table.matrix(inputs), table.matrix(outputs), inputs, outputs
+        base = fit_gp(*data) if name == "gp" else fit_mlp(*data)
+    else:
+        length = table.meta.length_m
+        if length is None:
+            raise InputError(
+                f"{table.source}: {name} needs the mechanism's length; "
+                "give [mechanism] length_m in the data's TOML"
+            )
+        spread = table.wrenches.std(axis=0)
+        weights = np.where(spread > 0.0, spread, 1.0)
+        pairs = np.ascontiguousarray(table.poses), np.ascontiguousarray(table.wrenches)
+        if name == "rod":
+            base = fit_rod(*pairs, length)
+        else:
+            base = fit_constant_curvature(*pairs, length, weights)
+    return _model(base, declared_noise(table), None, table)
 
 
 def _fit_physics(

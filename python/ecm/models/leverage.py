@@ -26,8 +26,9 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     from ecm.meta import Meta
     from ecm.table import Table
 
+    free = base.kind == "polynomial"
     # P = R R', so that only the columns' images are needed, block by block.
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = (np.zeros(0), np.zeros(0)) if free else np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     known = {} if base.length_m is None else {"length_m": base.length_m}
     found = []
@@ -35,12 +36,24 @@ def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
         part = np.ascontiguousarray(poses[start : start + _BLOCK])
         columns = {name: part[:, j] for j, name in enumerate(POSE)}
         rows = Rows(Table(columns, Meta(mechanism=known), "poses"), base)
-        images, of_row = base.columns(part) @ root, noise.covariance(rows)
-        if base.kind == "polynomial":
-            shares = (images**2).sum(axis=2) / np.einsum("njj->nj", of_row)
+        columns_of, of_row = base.columns(part), noise.covariance(rows)
+        if free:
+            shares = _own_variances(columns_of, covariance) / np.einsum("njj->nj", of_row)
             found.append(shares.max(axis=1))
             continue
-        whitened = whiteners(of_row) @ images
+        whitened = whiteners(of_row) @ (columns_of @ root)
         gram = whitened @ np.swapaxes(whitened, 1, 2)
         found.append(np.linalg.eigvalsh(gram)[:, -1])
     return np.concatenate(found) if found else np.zeros(0)
+
+
+def _own_variances(columns: F, covariance: F) -> F:
+    """(N, m) x' P_jj x: each output has coefficients of its own, in blocks."""
+    m = columns.shape[1]
+    k = columns.shape[2] // m
+    found = np.empty(columns.shape[:2])
+    for j in range(m):
+        block = slice(j * k, (j + 1) * k)
+        x = columns[:, j, block]
+        found[:, j] = np.einsum("nk,nk->n", x @ covariance[block, block], x)
+    return found

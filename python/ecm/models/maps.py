@@ -29,8 +29,8 @@ class StiffnessMap(Protocol):
         """As on the command line."""
 
     @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """Family of the map."""
+    def kind(self) -> str:
+        """Family of the map: polynomial, energy, physics, or a baseline's own name."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -108,20 +108,7 @@ class PolynomialMap:
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); kinds other than `partial` need all six columns on both sides."""
         partial = self.model.jacobian(np.ascontiguousarray(poses))
-        if kind == "partial":
-            return partial
-        if self.inputs != POSE or self.outputs != WRENCH:
-            raise InputError(
-                f"stiffness kind {kind} needs a model of all six pose and six wrench columns; "
-                f"this one has {len(self.inputs)} and {len(self.outputs)}: ask for partial"
-            )
-        return _native.convert_stiffness(
-            partial,
-            np.ascontiguousarray(poses),
-            self.predict(poses),
-            source="partial",
-            target=cast(StiffnessKind, kind),
-        )
+        return partial_to(kind, partial, poses, self)
 
     def columns(self, poses: F) -> F:
         """Block diagonal: the same regressor for each output."""
@@ -280,6 +267,24 @@ class EnergyMap:
         )
 
 
+def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
+    """(N, m, n) another kind of stiffness from K = dh/dp; needs all six columns on both sides."""
+    if kind == "partial":
+        return partial
+    if base.inputs != POSE or base.outputs != WRENCH:
+        raise InputError(
+            f"stiffness kind {kind} needs a model of all six pose and six wrench columns; "
+            f"this one has {len(base.inputs)} and {len(base.outputs)}: ask for partial"
+        )
+    return _native.convert_stiffness(
+        np.ascontiguousarray(partial),
+        np.ascontiguousarray(poses),
+        base.predict(poses),
+        source="partial",
+        target=cast(StiffnessKind, kind),
+    )
+
+
 def parse_energy_name(name: str) -> tuple[int, Symmetry]:
     """Degree and symmetry of `energyD`, `energyD-revolution`, `energyD-general`."""
     stem, _, suffix = name.partition("-")
@@ -317,6 +322,6 @@ def parse_polynomial_name(name: str) -> int:
     if not digits.isdigit() or not 1 <= int(digits) <= 6:
         raise InputError(
             f"model {name!r}: expected poly:D with D from 1 to 6, linear, quadratic, cubic, "
-            "energy4, energy6, energy4-general or physics"
+            "energy4, energy6, energy4-general, physics, rod, constant-curvature, gp or mlp"
         )
     return int(digits)

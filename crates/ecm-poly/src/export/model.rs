@@ -33,6 +33,14 @@ impl Model {
             return PolynomialModel::from_coefficients(degree, &lower, &upper, &coefficients)
                 .map(|model| Model::Polynomial(Box::new(model)));
         }
+        let kind = document.get("kind").and_then(Value::as_str).unwrap_or("");
+        if !matches!(kind, "energy" | "physics") {
+            return Err(ModelError::Setting {
+                name: "kind",
+                found: format!("{kind:?}"),
+                expected: "a polynomial, an energy or a physics model: others are not exported",
+            });
+        }
         let name = document
             .get("symmetry")
             .and_then(Value::as_str)

@@ -60,11 +60,14 @@ pub fn document(map: &Document) -> Result<(), ModelError> {
             }
             energy(map)?;
         }
+        "gp" | "mlp" | "rod" | "constant-curvature" => {
+            inside(map, "parameters")?;
+        }
         _ => {
             return Err(wrong(
                 "kind",
                 map.get("kind"),
-                "polynomial, energy or physics",
+                "polynomial, energy, physics, gp, mlp, rod or constant-curvature",
             ));
         }
     }

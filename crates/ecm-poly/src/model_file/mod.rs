@@ -3,7 +3,7 @@
 //! | key | meaning |
 //! |---|---|
 //! | `format`, `version` | `"ecm-model"`, 1; added by [`seal_model`] where they are missing |
-//! | `kind` | `polynomial`, `energy` or `physics` (an energy that stands for FEM, times a factor) |
+//! | `kind` | `polynomial`, `energy` or `physics` (an energy that stands for FEM, times a factor); `gp`, `mlp`, `rod`, `constant-curvature`, which hold only `parameters` |
 //! | `inputs`, `outputs` | columns of the measurement table |
 //! | `length_m` | undeformed length; `null` for a polynomial |
 //! | `degree` | highest degree of a term |
@@ -21,12 +21,14 @@
 pub mod canonical;
 mod check;
 mod layout;
+mod unique;
 
 use std::string::{String, ToString};
 
 use serde_json::{Map, Value};
 
 use crate::error::ModelError;
+use crate::model_file::unique::Unique;
 
 /// The one version of the format that this crate writes and reads.
 pub const VERSION: u64 = 1;
@@ -73,7 +75,7 @@ pub fn open_model(text: &str) -> Result<Map<String, Value>, ModelError> {
 }
 
 fn parse(text: &str) -> Result<Map<String, Value>, ModelError> {
-    let value: Value = serde_json::from_str(text).map_err(|error| ModelError::Json {
+    let Unique(value) = serde_json::from_str(text).map_err(|error| ModelError::Json {
         key: last_key(text, error.line(), error.column()),
         message: error.to_string(),
     })?;

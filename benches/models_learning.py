@@ -1,0 +1,331 @@
+"""How many poses does each model need: learning tables on FEM data of the neck.
+
+    python benches/models_learning.py --out out/learning            (its own FEM data, minutes)
+    python benches/models_learning.py --data SIMULATED.csv --out out/learning
+
+Plain cubic and energies of degree 4, 5, 6 from 10 to 1400 poses, drawn at random or D-optimal, without
+noise and with the rig's; then bodies that are not quite symmetric, with and without groups.
+Writes tables.md and figures.json into the folder of --out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.columns import POSE, WRENCH
+from ecm.compare.noise import Noise, whiteners
+from ecm.effects import Rows
+from ecm.errors import EcmError
+from ecm.meta import Instrument, Meta
+from ecm.models import fit_model
+from ecm.table import Table
+
+F = NDArray[np.float64]
+I = NDArray[np.int64]
+L, RADIUS, MODULUS, POISSON = 0.1034, 0.033, 0.65e6, 0.49
+TEST = 300
+SIZES = (10, 20, 50, 100, 200, 1400)
+MODELS = ("cubic", "energy4", "energy5", "energy6")
+RIG = Noise(source="declared")
+NO_NOISE = Noise(1e-9, 1e-8, 1e-4, 1e-5, source="declared")
+BROKEN = ("anisotropy", "precurvature", "face_tilt")
+DRAWS = 8
+
+
+def table_of(poses: F, wrenches: F, noise: Noise = NO_NOISE) -> Table:
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    instrument = Instrument(
+        pose_position_sd_m=noise.position_sd_m,
+        pose_rotation_sd_rad=noise.rotation_sd_rad,
+        force_sd_N=noise.force_sd_N,
+        torque_sd_Nm=noise.torque_sd_Nm,
+    )
+    return Table(columns, Meta(mechanism={"length_m": L}, instrument=instrument), "bench")
+
+
+def measured(poses: F, wrenches: F, noise: Noise, seed: list[int]) -> tuple[F, F]:
+    """With the noise of pose (rotations as increments in base axes) and of wrench."""
+    random = np.random.default_rng(seed)
+    turn = noise.rotation_sd_rad * random.standard_normal((len(poses), 3))
+    jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    change = np.hstack(
+        [
+            noise.position_sd_m * random.standard_normal((len(poses), 3)),
+            np.linalg.solve(jacobian, turn[:, :, None])[:, :, 0],
+        ]
+    )
+    sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
+    return poses + change, wrenches + sd * random.standard_normal(wrenches.shape)
+
+
+def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
+    """D-optimal rows for a model; None where there are fewer equations than coefficients."""
+    if model == "cubic":
+        regressor = _native.polynomial_regressor(poses, 3, poses.min(axis=0), poses.max(axis=0))
+        if n < regressor.shape[1]:
+            return None
+        found = _native.d_optimal(regressor, n, starts=1, seed=0, time_limit_s=6.0)
+    else:
+        base = fit_model(table_of(poses, wrenches), model).base
+        columns = base.columns(poses) / wrenches.std(axis=0)[:, None]
+        flat = columns.reshape(-1, columns.shape[2])
+        flat = flat / np.linalg.norm(flat, axis=0)
+        if 6 * n < flat.shape[1]:
+            return None
+        found = _native.d_optimal(
+            np.ascontiguousarray(flat), n, rows_per_pose=6, starts=1, seed=0, time_limit_s=6.0
+        )
+    return np.asarray(found.indices)
+
+
+class Body:
+    """Pairs of one body, the last of them held out."""
+
+    def __init__(self, poses: F, wrenches: F, test: int = TEST) -> None:
+        order = np.random.default_rng(0).permutation(len(poses))
+        self.test, self.pool = order[:test], order[test:]
+        self.poses, self.wrenches = poses, wrenches
+        reference = fit_model(table_of(poses, wrenches), "energy6").base
+        rows = Rows(table_of(poses[self.test], wrenches[self.test]), reference)
+        self.whitener = whiteners(RIG.covariance(rows))
+
+    def errors(self, model: str, rows: I, noise: Noise | None, seed: int) -> tuple[F, float]:
+        """(6,) RMSE and the whitened one on exact held-out pairs, of a fit to these rows."""
+        poses, wrenches = self.poses[rows], self.wrenches[rows]
+        if noise is not None:
+            poses, wrenches = measured(poses, wrenches, noise, [seed, len(rows)])
+        table = table_of(poses, wrenches, NO_NOISE if noise is None else noise)
+        try:
+            base = fit_model(table, model).base
+        except EcmError:
+            return np.full(6, np.inf), np.inf
+        left = base.predict(self.poses[self.test]) - self.wrenches[self.test]
+        white = np.einsum("nij,nj->ni", self.whitener, left)
+        return np.sqrt((left**2).mean(axis=0)), float(np.sqrt((white**2).mean()))
+
+    def line(self, model: str, n: int, noise: Noise | None, design: bool) -> dict[str, object]:
+        """One row of a table: median and quartiles over draws."""
+        pool = self.pool
+        n = min(n, len(pool))
+        if design:
+            picked = designed(self.poses[pool].copy(), self.wrenches[pool].copy(), model, n)
+            rows = [] if picked is None else [pool[picked]] * (1 if noise is None else DRAWS)
+        else:
+            rows = [
+                np.sort(np.random.default_rng([d, n]).permutation(pool)[:n])
+                for d in range(DRAWS if n < len(pool) else 1 if noise is None else 3)
+            ]
+        found = [self.errors(model, r, noise, d) for d, r in enumerate(rows)]
+        if not found:
+            found = [(np.full(6, np.inf), np.inf)]
+        each = np.array([f[0] for f in found])
+        white = np.array([f[1] for f in found])
+        quartiles = np.percentile(white, [25, 75]) if np.isfinite(white).all() else [np.inf] * 2
+        return {
+            "model": model,
+            "poses": n,
+            "rmse": np.median(each, axis=0).tolist(),
+            "whitened": float(np.median(white)),
+            "quartiles": [float(q) for q in quartiles],
+        }
+
+
+def bent_mesh(kind: str, folder: Path) -> _native.Mesh:
+    """The neck's mesh with moved nodes, through a Gmsh file."""
+    mesh = _native.Mesh.cylinder(length_m=L, radius_m=RADIUS)
+    x = mesh.nodes_m.copy()
+    share = x[:, 0] / L
+    if kind == "precurvature":  # 1 mm in the middle, ends square
+        x[:, 1] += 1e-3 * np.sin(np.pi * share) ** 2
+    if kind == "face_tilt":  # the top face leans by one degree
+        x[:, 0] += np.tan(np.deg2rad(1.0)) * share * x[:, 1]
+    path = folder / f"{kind}.msh"
+    path.write_text(_gmsh_text(x, mesh), encoding="utf-8")
+    return _native.Mesh.read(str(path))
+
+
+def _gmsh_text(nodes: F, mesh: _native.Mesh) -> str:
+    """Gmsh 4.1 with the faces base and top and the body; quadratic elements, Gmsh's node order."""
+    tets = mesh.tetrahedra + 1  # 01 12 02 03 13 23 here; Gmsh: 01 12 02 03 23 13
+    tets = tets[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]
+    faces = {}
+    corners = {
+        (0, 1, 2): (4, 5, 6),
+        (0, 1, 3): (4, 9, 7),
+        (0, 2, 3): (6, 8, 7),
+        (1, 2, 3): (5, 8, 9),
+    }
+    for tag, members in ((1, mesh.base_nodes), (2, mesh.top_nodes)):
+        inside = set((members + 1).tolist())
+        faces[tag] = [
+            [int(t[i]) for i in (*three, *middle)]
+            for t in tets
+            for three, middle in corners.items()
+            if all(int(t[i]) in inside for i in three)
+        ]
+    count = len(nodes)
+    text = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", "3"]
+    text += ['2 1 "base"', '2 2 "top"', '3 3 "body"', "$EndPhysicalNames", "$Entities", "0 0 2 1"]
+    text += ["1 -1 -1 -1 1 1 1 1 1 0", "2 -1 -1 -1 1 1 1 1 2 0", "1 -1 -1 -1 1 1 1 1 3 2 1 2"]
+    text += ["$EndEntities", "$Nodes", f"1 {count} 1 {count}", f"3 1 0 {count}"]
+    text += [str(i + 1) for i in range(count)]
+    text += [" ".join(repr(float(v)) for v in row) for row in nodes]
+    total = len(tets) + sum(map(len, faces.values()))
+    text += ["$EndNodes", "$Elements", f"3 {total} 1 {total}"]
+    number = 1
+    for tag, listed in faces.items():
+        text.append(f"2 {tag} 9 {len(listed)}")
+        for face in listed:
+            text.append(" ".join(map(str, [number, *face])))
+            number += 1
+    text.append(f"3 1 11 {len(tets)}")
+    for row in tets.tolist():
+        text.append(" ".join(map(str, [number, *row])))
+        number += 1
+    return "\n".join([*text, "$EndElements", ""])
+
+
+def broken_body(kind: str, wrenches: F, folder: Path) -> tuple[F, F]:
+    """Pairs of a body that is not quite symmetric; kept in the folder."""
+    path = folder / f"{kind}.npz"
+    if path.exists():
+        kept = np.load(path)
+        return kept["poses"], kept["wrenches"]
+    scale = None
+    if kind == "anisotropy":
+        mesh = _native.Mesh.cylinder(length_m=L, radius_m=RADIUS)
+        centres = mesh.nodes_m[mesh.tetrahedra[:, :4]].mean(axis=1)
+        scale = 1.0 + 0.02 * np.cos(2.0 * np.arctan2(centres[:, 2], centres[:, 1]))
+    else:
+        mesh = bent_mesh(kind, folder)
+    fem = _native.Fem(
+        mesh, young_modulus_Pa=MODULUS, poisson_ratio=POISSON, element_modulus_scale=scale
+    )
+    found = fem.solve_wrenches(np.ascontiguousarray(wrenches))
+    ok = np.array([s == "solved" for s in found.status])
+    np.savez(path, poses=found.poses[ok], wrenches=found.wrenches[ok])
+    return found.poses[ok], found.wrenches[ok]
+
+
+def shown(lines: list[dict[str, object]]) -> list[str]:
+    """A markdown table."""
+    text = [
+        "| model | poses | fx | fy | fz (N) | tau_x | tau_y | tau_z (N m) | over noise | quartiles |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for line in lines:
+        rmse: list[float] = line["rmse"]  # type: ignore[assignment]
+        if not np.isfinite(rmse).all():
+            text.append(f"| {line['model']} | {line['poses']} |" + " too few |" + " |" * 7)
+            continue
+        low, high = line["quartiles"]  # type: ignore[misc]
+        text.append(
+            f"| {line['model']} | {line['poses']} | "
+            + " | ".join(f"{v:.2g}" for v in rmse)
+            + f" | {line['whitened']:.3g} | {low:.2g}..{high:.2g} |"
+        )
+    return text
+
+
+def floor_line(lines: list[dict[str, object]]) -> list[str]:
+    """The fewest poses whose held-out error with noise is within 5 % of the floor."""
+    limit = np.sqrt(1.05**2 - 1.0)
+    text = []
+    for model in dict.fromkeys(str(line["model"]) for line in lines):
+        enough = [
+            int(line["poses"])  # type: ignore[call-overload]
+            for line in lines
+            if line["model"] == model and float(line["whitened"]) <= limit  # type: ignore[arg-type]
+        ]
+        text.append(f"{model}: {min(enough) if enough else 'more than 1400'}")
+    return text
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--broken", type=int, default=460, help="pairs per unsymmetric body")
+    arguments = parser.parse_args()
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    if arguments.data is None:
+        from ecm.mechanism import Mechanism
+        from ecm.simulate import simulate
+
+        body = Mechanism.from_dict(
+            {"builtin": "cylinder", "length_m": L, "radius_m": RADIUS,
+             "young_modulus_Pa": MODULUS, "poisson_ratio": POISSON}, "bench",
+        )  # fmt: skip
+        pairs = simulate(body, 1700, directory=out / "fem")
+        poses, wrenches = pairs.poses, pairs.wrenches
+    else:
+        from ecm.table import read_table
+
+        data = read_table([arguments.data])
+        poses, wrenches = data.poses.copy(), data.wrenches.copy()
+    neck = Body(poses, wrenches)
+    figures: dict[str, object] = {"rows": len(poses)}
+    text = []
+    for title, noise, design in (
+        ("random poses, no noise", None, False),
+        ("D-optimal poses, no noise", None, True),
+        ("random poses, the rig's noise", RIG, False),
+        ("D-optimal poses, the rig's noise", RIG, True),
+    ):
+        start = time.perf_counter()
+        lines = [
+            neck.line(model, n, noise, design)
+            for model in MODELS
+            for n in SIZES
+            if not (design and n > 200)
+        ]
+        figures[title] = lines
+        text += [f"### Neck, {title}", "", *shown(lines), ""]
+        if noise is not None:
+            text += ["Within 5 % of the noise floor from: " + "; ".join(floor_line(lines)), ""]
+        print(f"{title}: {time.perf_counter() - start:.0f} s", flush=True)
+        (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
+    reach = np.linalg.norm(_native.mid_frame(poses, L)[:, :3], axis=1)
+    lines = []
+    for limit in (0.015, 0.020, 0.025, 0.030, 0.045):
+        part = Body(poses[reach < limit], wrenches[reach < limit], test=60)
+        for model, n in (("cubic", 200), ("energy4", 10), ("energy4", 50), ("energy6", 50)):
+            found = part.line(model, n, None, False)
+            found["model"] = f"{model}, \\|c\\| < {1e3 * limit:.0f} mm"
+            lines.append(found)
+    figures["reach"] = lines
+    text += [
+        "### Neck, by the reach of the workspace, random poses, no noise",
+        "",
+        *shown(lines),
+        "",
+    ]
+    (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
+    for kind in BROKEN:
+        uneven = Body(*broken_body(kind, wrenches[: arguments.broken], out), test=60)
+        lines = [
+            uneven.line(model, n, noise, False)
+            for noise in (None, RIG)
+            for model in ("cubic", "energy4", f"energy4+{kind}", "energy6", f"energy6+{kind}")
+            for n in (50, 200, 400)
+        ]
+        figures[kind] = lines
+        half = len(lines) // 2
+        for title, part_lines in (("no noise", lines[:half]), ("the rig's noise", lines[half:])):
+            text += [f"### Neck with {kind}, random poses, {title}", "", *shown(part_lines), ""]
+        print(kind, flush=True)
+        (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
+    (out / "figures.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
+    print((out / "tables.md").read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,247 @@
+"""Maps of the literature without mechanics: a Gaussian process and a small neural network.
+
+Fitted by scikit-learn (extra `learn`), evaluated by numpy alone: a model file needs no extra.
+Their stiffness is the derivative of what they predict; nothing makes it symmetric.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError, MissingExtra
+from ecm.models.maps import StiffnessMap, partial_to
+
+F = NDArray[np.float64]
+_HIDDEN = (32, 32)
+
+
+@dataclass(frozen=True)
+class _Learned:
+    """Inputs and outputs scaled to zero mean and unit variance; what both maps share."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_scale: F
+    """(2, n) mean and standard deviation."""
+    output_scale: F
+    """(2, m)."""
+
+    @property
+    def length_m(self) -> float | None:
+        """Not needed."""
+        return None
+
+    @property
+    def error(self) -> F:
+        """Zero: it stands for the data."""
+        return np.zeros(len(self.outputs))
+
+    def columns(self, poses: F) -> F:
+        """Not linear in anything: it cannot be refitted together with effects."""
+        raise InputError(
+            f"a {type(self).__name__.removesuffix('Map').lower()} model is a baseline and "
+            "cannot be refitted with effects; take an energy or a polynomial"
+        )
+
+    def with_coefficients(self, coefficients: F) -> Any:
+        """As `columns`."""
+        return self.columns(coefficients)
+
+    def _scaled(self, poses: F) -> F:
+        scaled = (np.asarray(poses, dtype=np.float64) - self.input_scale[0]) / self.input_scale[1]
+        return np.asarray(scaled)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, m, n); other kinds need all six columns on both sides."""
+        slope = self._slope(self._scaled(poses))
+        slope = slope * self.output_scale[1][:, None] / self.input_scale[1]
+        return partial_to(kind, slope, poses, cast(StiffnessMap, self))
+
+    def predict(self, poses: F) -> F:
+        """(N, n) to (N, m)."""
+        value = self._value(self._scaled(poses))
+        return np.asarray(value * self.output_scale[1] + self.output_scale[0])
+
+    def _value(self, x: F) -> F:
+        raise NotImplementedError
+
+    def _slope(self, x: F) -> F:
+        raise NotImplementedError
+
+    def _document(self, kind: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "kind": kind,
+            "name": kind,
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "length_m": None,
+            "parameters": {
+                "input_scale": self.input_scale.tolist(),
+                "output_scale": self.output_scale.tolist(),
+                **parameters,
+            },
+        }
+
+
+@dataclass(frozen=True)
+class GpMap(_Learned):
+    """Posterior mean of a process with a squared exponential kernel, one length per input."""
+
+    points: F
+    """(N, n) scaled training poses."""
+    lengths: F
+    """(n,)."""
+    weights: F
+    """(N, m)."""
+
+    name = "gp"
+    kind = "gp"
+
+    @property
+    def coefficients(self) -> F:
+        """One weight per training pose and output."""
+        return np.asarray(self.weights.ravel())
+
+    def _kernel(self, x: F) -> F:
+        a, b = x / self.lengths, self.points / self.lengths
+        square = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2.0 * a @ b.T
+        return np.asarray(np.exp(-0.5 * np.maximum(square, 0.0)))
+
+    def _value(self, x: F) -> F:
+        return np.asarray(self._kernel(x) @ self.weights)
+
+    def _slope(self, x: F) -> F:
+        # d k(x, p)/dx_j = (p_j - x_j) / l_j^2 k
+        k = self._kernel(x)
+        through = np.stack([k @ (self.weights * p[:, None]) for p in self.points.T], axis=2)
+        here = (k @ self.weights)[:, :, None] * x[:, None, :]
+        return np.asarray((through - here) / self.lengths**2)
+
+    def document(self) -> dict[str, Any]:
+        """Points, lengths and weights."""
+        return self._document(
+            "gp",
+            {
+                "points": self.points.tolist(),
+                "lengths": self.lengths.tolist(),
+                "weights": self.weights.tolist(),
+            },
+        )
+
+
+@dataclass(frozen=True)
+class MlpMap(_Learned):
+    """Layers of tanh, the last one linear."""
+
+    layers: tuple[tuple[F, F], ...]
+    """Matrix (in, out) and shift (out) of each."""
+
+    name = "mlp"
+    kind = "mlp"
+
+    @property
+    def coefficients(self) -> F:
+        """All weights and shifts."""
+        return np.concatenate([part.ravel() for layer in self.layers for part in layer])
+
+    def _value(self, x: F) -> F:
+        for matrix, shift in self.layers[:-1]:
+            x = np.tanh(x @ matrix + shift)
+        matrix, shift = self.layers[-1]
+        return np.asarray(x @ matrix + shift)
+
+    def _slope(self, x: F) -> F:
+        slope = np.broadcast_to(np.eye(x.shape[1]), (len(x), x.shape[1], x.shape[1]))
+        for matrix, shift in self.layers[:-1]:
+            x = np.tanh(x @ matrix + shift)
+            slope = (matrix.T @ slope) * (1.0 - x**2)[:, :, None]
+        return np.asarray(self.layers[-1][0].T @ slope)
+
+    def document(self) -> dict[str, Any]:
+        """The layers."""
+        layers = [{"matrix": m.tolist(), "shift": s.tolist()} for m, s in self.layers]
+        return self._document("mlp", {"layers": layers})
+
+
+def learned_from_document(document: dict[str, Any]) -> GpMap | MlpMap:
+    """The map of an opened model file."""
+    found = document["parameters"]
+
+    def array(value: Any) -> F:
+        return np.asarray(value, dtype=np.float64)
+
+    shared = (
+        tuple(document["inputs"]),
+        tuple(document["outputs"]),
+        array(found["input_scale"]),
+        array(found["output_scale"]),
+    )
+    if document["kind"] == "gp":
+        parts = (array(found[key]) for key in ("points", "lengths", "weights"))
+        return GpMap(*shared, *parts)
+    layers = tuple((array(layer["matrix"]), array(layer["shift"])) for layer in found["layers"])
+    return MlpMap(*shared, layers)
+
+
+def fit_gp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GpMap:
+    """Lengths and noise by the largest likelihood, the same kernel for all outputs."""
+    process, kernels = _sklearn("gaussian_process"), _sklearn("gaussian_process.kernels")
+    scale_in, scale_out = _scales(poses), _scales(wrenches)
+    x, y = (poses - scale_in[0]) / scale_in[1], (wrenches - scale_out[0]) / scale_out[1]
+    n = x.shape[1]
+    kernel = kernels.ConstantKernel(10.0, (1e-3, 1e5)) * kernels.RBF(
+        np.full(n, 3.0), (1e-1, 1e3)
+    ) + kernels.WhiteKernel(1e-4, (1e-10, 1e1))
+    # Lengths from at most 300 rows, the weights from all: the likelihood costs N^3 a step.
+    part = np.random.default_rng(0).permutation(len(x))[:300]
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = process.GaussianProcessRegressor(kernel, alpha=1e-10, random_state=0)
+        found.fit(x[part], y[part])
+    fitted = found.kernel_
+    size = float(fitted.k1.k1.constant_value)
+    lengths = np.broadcast_to(np.asarray(fitted.k1.k2.length_scale, dtype=np.float64), (n,)).copy()
+    shared = (inputs, outputs, scale_in, scale_out)
+    bare = GpMap(*shared, x, lengths, np.zeros_like(y))
+    gram = size * bare._kernel(x)
+    gram[np.diag_indices(len(x))] += float(fitted.k2.noise_level) + 1e-10
+    return GpMap(*shared, x, lengths, size * np.linalg.solve(gram, y))
+
+
+def fit_mlp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> MlpMap:
+    """Two hidden layers of 32, fitted by L-BFGS with a little weight decay."""
+    network = _sklearn("neural_network")
+    scale_in, scale_out = _scales(poses), _scales(wrenches)
+    x, y = (poses - scale_in[0]) / scale_in[1], (wrenches - scale_out[0]) / scale_out[1]
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = network.MLPRegressor(
+            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4, max_iter=3000, tol=1e-9,
+            max_fun=20000, random_state=0,
+        ).fit(x, y)  # fmt: skip
+    layers = tuple(
+        (np.asarray(m, dtype=np.float64), np.asarray(s, dtype=np.float64))
+        for m, s in zip(found.coefs_, found.intercepts_, strict=True)
+    )
+    return MlpMap(inputs, outputs, scale_in, scale_out, layers)
+
+
+def _scales(values: F) -> F:
+    spread = values.std(axis=0)
+    return np.stack([values.mean(axis=0), np.where(spread > 0.0, spread, 1.0)])
+
+
+def _sklearn(module: str) -> Any:
+    try:
+        return importlib.import_module(f"sklearn.{module}")
+    except ImportError:
+        raise MissingExtra("scikit-learn", "learn", "fitting gp and mlp models") from None
