@@ -3,7 +3,8 @@
 //! `cargo run --release -p ecm-doe --example benchmark [seeds]`
 //!
 //! 1700 candidates uniform in [-1, 1]^6 (numpy's default_rng(0)), 84 cubic terms, n = 200, two
-//! threads. Times depend on the machine and its load: read them beside each other.
+//! threads. Times depend on the machine and its load: read them beside each other. Processor
+//! seconds (both threads, Linux) depend less on what else runs.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[path = "../tests/common/mod.rs"]
@@ -24,8 +25,8 @@ fn main() {
     let points = common::uniform(0, 1700, 6);
     let rows = cubic(&points);
     println!(
-        "{:<38} {:>9} {:>9} {:>9} {:>9} {:>9}",
-        "", "least", "median", "largest", "bound", "seconds"
+        "{:<42} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
+        "", "least", "median", "largest", "bound", "seconds", "cpu s"
     );
     let d = |name: &str, threads, method, starts, iterations, limit| {
         row(
@@ -147,22 +148,35 @@ fn cubic(points: &[f64]) -> Vec<f64> {
 
 /// Least, median and largest figure, the bound and the median time of some seeds.
 fn row(name: &str, seeds: u64, figure: impl Fn(&Design) -> f64, run: impl Fn(u64) -> Design) {
-    let (mut values, mut times, mut bound) = (Vec::new(), Vec::new(), 0.0);
+    let (mut values, mut times, mut work, mut bound) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
     for seed in 0..seeds {
-        let clock = Instant::now();
+        let (clock, before) = (Instant::now(), processor_seconds());
         let design = run(seed);
+        work.push(processor_seconds() - before);
         times.push(clock.elapsed().as_secs_f64());
         values.push(figure(&design));
         bound = design.bound;
     }
     values.sort_by(f64::total_cmp);
     times.sort_by(f64::total_cmp);
+    work.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     println!(
-        "{name:<38} {:>9.5} {:>9.5} {:>9.5} {bound:>9.5} {:>9.3}",
+        "{name:<42} {:>9.5} {:>9.5} {:>9.5} {bound:>9.5} {:>9.3} {:>9.3}",
         values[0],
         values[middle],
         values[values.len() - 1],
-        times[middle]
+        times[middle],
+        work[middle]
     );
+}
+
+/// User time of this process so far, NaN where /proc does not tell.
+fn processor_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split(' ').collect();
+    fields
+        .get(12)
+        .and_then(|t| t.parse::<f64>().ok())
+        .map_or(f64::NAN, |ticks| ticks / 100.0)
 }

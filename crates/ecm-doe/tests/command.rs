@@ -408,6 +408,78 @@ fn bad_rows_can_be_left_out() {
     assert!(text(&result.stderr).contains("1 rows with bad cells"));
 }
 
+/// A million rows: read, thinned for the distances, and some of them written.
+#[test]
+fn a_million_rows() {
+    let dir = folder("million");
+    let path = dir.join("t.csv");
+    let mut table = "a,b\n".to_owned();
+    let mut state = 1u64;
+    for _ in 0..1_000_000 {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        writeln!(table, "0.{},0.{}", state >> 44, (state >> 20) & 0xfffff).unwrap();
+    }
+    std::fs::write(&path, table).unwrap();
+    let base = [
+        path.to_str().unwrap(),
+        "--n",
+        "8",
+        "--iterations",
+        "2",
+        "--starts",
+        "1",
+    ];
+    for more in [["--model", "linear"], ["--criterion", "maximin"]] {
+        let result = design(&[&base[..], &more].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", text(&result.stderr));
+        assert_eq!(text(&result.stdout).lines().count(), 9);
+        assert!(text(&result.stderr).contains("of 1000000 candidates"));
+    }
+}
+
+/// Bytes of a table changed, cut or doubled at random: a plan or a message, never a panic.
+#[test]
+fn damaged_tables_end_with_a_plan_or_a_message() {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let dir = folder("damaged");
+    let whole = std::fs::read(candidates(&dir, 30)).unwrap();
+    let path = dir.join("d.csv");
+    let mut codes = std::collections::BTreeMap::new();
+    for case in 0..120 {
+        let mut bytes = whole.clone();
+        for _ in 0..rng.random_range(1..4) {
+            let at = rng.random_range(0..bytes.len());
+            let end = (at + rng.random_range(1..60)).min(bytes.len());
+            match rng.random_range(0..5) {
+                0 => bytes[at] = rng.random_range(0..=255u8),
+                1 => bytes[at] = b",\"\n\r;e-"[rng.random_range(0..7)],
+                2 => drop(bytes.drain(at..end)),
+                3 => bytes.extend_from_within(at..end),
+                _ => bytes.truncate(at.max(1)),
+            }
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        let mut arguments = vec![path.to_str().unwrap(), "--n", "9", "--model", "linear"];
+        arguments.extend(["--iterations", "2", "--starts", "1"]);
+        if case % 2 == 0 {
+            arguments.push("--skip-bad-rows");
+        }
+        let result = design(&arguments);
+        let said = text(&result.stderr);
+        assert!(
+            !said.contains("panicked") && !said.is_empty(),
+            "case {case}: {said}"
+        );
+        let code = result.status.code().unwrap();
+        assert!(code == 0 || code == 2, "case {case}: {code} {said}");
+        *codes.entry(code).or_insert(0) += 1;
+    }
+    assert!(codes.len() == 2, "both ends are tried: {codes:?}");
+}
+
 #[test]
 fn help_man_page_and_completions() {
     let help = design(&["--help"]);

@@ -7,7 +7,7 @@ mod common;
 use ecm_doe::regressor::Model;
 use ecm_doe::{
     Control, DSettings, DesignError, InformationMatrix, MaximinSettings, Method, Problem,
-    SpacingMethod, d_optimal, maximin,
+    SpacingMethod, compound_optimal, d_optimal, g_optimal, i_optimal, maximin,
 };
 use proptest::prelude::*;
 
@@ -216,7 +216,18 @@ fn threads_do_not_change_the_design() {
             ..MaximinSettings::default()
         };
         let m = maximin(&points, 6, &s, &Control::new()).unwrap();
+        let linear = DSettings {
+            n: 12,
+            starts: 3,
+            iterations: 8,
+            threads,
+            ..DSettings::default()
+        };
+        let control = Control::new();
         [
+            i_optimal(&six, 6, 22, None, &linear, &control).unwrap(),
+            g_optimal(&six, 6, 22, &linear, &control).unwrap(),
+            compound_optimal(&six, 6, 22, 0.5, &linear, &control).unwrap(),
             d(&rows, 1, 84, 120, Method::Search),
             d(&rows, 1, 84, 120, Method::Fedorov),
             d(&six, 6, 22, 10, Method::Search),
