@@ -3,8 +3,8 @@
     python benches/models_learning.py --out out/learning            (its own FEM data, minutes)
     python benches/models_learning.py --data SIMULATED.csv --out out/learning
 
-Plain cubic and energies of degree 4, 5, 6 from 10 to 1400 poses, drawn at random or D-optimal, without
-noise and with the rig's; then bodies that are not quite symmetric, with and without groups.
+Plain cubic and energies of degree 4, 5, 6 from 10 to 1400 poses, drawn at random or D-optimal,
+without noise and with the rig's; then bodies that are not quite symmetric, with and without groups.
 Writes tables.md and figures.json into the folder of --out.
 """
 
@@ -217,7 +217,7 @@ def broken_body(kind: str, wrenches: F, folder: Path) -> tuple[F, F]:
 def shown(lines: list[dict[str, object]]) -> list[str]:
     """A markdown table."""
     text = [
-        "| model | poses | fx | fy | fz (N) | tau_x | tau_y | tau_z (N m) | over noise | quartiles |",
+        "| model | poses | fx | fy | fz | tau_x | tau_y | tau_z | over noise | quartiles |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for line in lines:

@@ -32,7 +32,10 @@ fn read(text: &str) -> bool {
         let Ok(document) = open_model(candidate) else {
             continue;
         };
-        let small = document["terms"].as_array().is_none_or(|t| t.len() < 300);
+        let small = document
+            .get("terms")
+            .and_then(Value::as_array)
+            .is_none_or(|t| t.len() < 300);
         if let (true, Ok(model)) = (small, Model::from_document(&document)) {
             let (n, _) = model.shape();
             let _ = model.value_and_jacobian(&vec![0.1; n]);

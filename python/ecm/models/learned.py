@@ -225,8 +225,8 @@ def fit_mlp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = network.MLPRegressor(
-            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4, max_iter=3000, tol=1e-9,
-            max_fun=20000, random_state=0,
+            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4,
+            max_iter=3000, tol=1e-9, max_fun=20000, random_state=0,
         ).fit(x, y)  # fmt: skip
     layers = tuple(
         (np.asarray(m, dtype=np.float64), np.asarray(s, dtype=np.float64))
