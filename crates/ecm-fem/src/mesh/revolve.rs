@@ -41,6 +41,17 @@ impl std::str::FromStr for Quality {
         match word {
             "standard" => Ok(Self::Standard),
             "fine" => Ok(Self::Fine),
+            // rings x layers x around, graded as the standard mesh: for studies of convergence.
+            _ if word.split('x').count() == 3 && word.split('x').all(counts) => {
+                let n: Vec<usize> = word.split('x').filter_map(|v| v.parse().ok()).collect();
+                Ok(Self::Custom {
+                    rings: n[0],
+                    layers: n[1],
+                    around: n[2],
+                    layer_grading_per_mille: 250,
+                    ring_grading_per_mille: 200,
+                })
+            }
             _ => Err(FemError::Word {
                 name: "quality",
                 value: word.into(),
@@ -48,6 +59,10 @@ impl std::str::FromStr for Quality {
             }),
         }
     }
+}
+
+fn counts(word: &str) -> bool {
+    matches!(word.parse(), Ok(1..=200usize))
 }
 
 /// Outline of the solid.
