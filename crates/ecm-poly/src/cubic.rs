@@ -103,18 +103,15 @@ impl<R: Real> Cubic<R> {
         let p: Vec6<R> = core::array::from_fn(|i| point[i] - self.centre[i]);
         let c = &self.coefficients;
         let mut h = c[0];
-        for i in 0..6 {
-            let mut slope = c[1 + i];
-            for j in i..6 {
-                let place = start(i, j);
-                let mut q = c[place];
-                for k in j..6 {
-                    accumulate::<R, A>(&mut q, p[k], &c[place + 1 + k - j]);
-                }
-                accumulate::<R, A>(&mut slope, p[j], &q);
-            }
-            accumulate::<R, A>(&mut h, p[i], &slope);
+        // Each pair is a function of its own constants: everything unrolls.
+        macro_rules! rows {
+            ($($i:literal: $($j:literal)*;)*) => {$({
+                let mut slope = c[1 + $i];
+                $(accumulate::<R, A>(&mut slope, p[$j], &inner::<R, A, $i, $j>(c, &p));)*
+                accumulate::<R, A>(&mut h, p[$i], &slope);
+            })*};
         }
+        rows!(0: 0 1 2 3 4 5; 1: 1 2 3 4 5; 2: 2 3 4 5; 3: 3 4 5; 4: 4 5; 5: 5;);
         h
     }
 
@@ -151,6 +148,20 @@ impl<R: Real> Cubic<R> {
         let k = core::array::from_fn(|j| core::array::from_fn(|i| g[i][j]));
         (core::array::from_fn(|j| h[j]), k)
     }
+}
+
+/// B_ij + Σ_{k≥j} p_k C_ijk.
+#[inline(always)]
+fn inner<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
+    c: &[Lanes<R>; TERMS],
+    p: &Vec6<R>,
+) -> Lanes<R> {
+    let place = const { start(I, J) };
+    let mut q = c[place];
+    for k in J..6 {
+        accumulate::<R, A>(&mut q, p[k], &c[place + 1 + k - J]);
+    }
+    q
 }
 
 #[inline(always)]
