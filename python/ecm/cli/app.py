@@ -26,8 +26,7 @@ from ecm.cli import (
 
 app = typer.Typer(
     name="ecm",
-    help="Stiffness maps of elastic continuum mechanisms: from a mesh and a few\n"
-    "measurements to a model, and to the physical effect it still lacks.",
+    help="Stiffness of continuum mechanisms: mesh and measurements to model and effect.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -50,9 +49,7 @@ def options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and exit.")
     ] = False,
 ) -> None:
-    """Stiffness maps of elastic continuum mechanisms: from a mesh and a few
-    measurements to a model, and to the physical effect it still lacks.
-    """
+    """Stiffness of continuum mechanisms: mesh and measurements to model and effect."""
 
 
 for _module in (
