@@ -26,7 +26,7 @@ from ecm.cli import (
 
 app = typer.Typer(
     name="ecm",
-    help="Stiffness of continuum mechanisms: mesh and measurements to model and effect.",
+    help="Stiffness of continuum mechanisms: from a mesh to a model and its effects.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -49,7 +49,7 @@ def options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and exit.")
     ] = False,
 ) -> None:
-    """Stiffness of continuum mechanisms: mesh and measurements to model and effect."""
+    """Stiffness of continuum mechanisms: from a mesh to a model and its effects."""
 
 
 for _module in (
