@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ecm._native import Mesh
+from programs import need_program
 
 
 def _benchmark() -> ModuleType:
@@ -41,7 +42,6 @@ def test_felupe_gives_the_same_pose() -> None:
 
 
 def test_calculix_gives_the_same_pose() -> None:
-    if not PEERS.have_calculix():
-        pytest.skip("CalculiX (ccx, Debian's calculix-ccx) is not installed")
+    need_program("ccx")
     own = PEERS.ours(MESH, "P2").pose
     assert _far(PEERS.calculix(MESH, np.array(own[3:]), 1e-5).pose, own) < 2e-4

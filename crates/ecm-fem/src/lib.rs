@@ -27,8 +27,8 @@
 //! 357 solved, 143 creased, none else; the last stable states of the creased ones have ratios
 //! of 0.19 to 0.40, and equilibria just beyond converge with one or two negative pivots. Loss
 //! comes earlier on meshes that resolve the rim (91, 81, 78 % of one load on 1275, 1207, 2700
-//! nodes), as it must for creases, which have no length of their own. A line search on the
-//! residual changes none of 60 outcomes. 217 of the solved states are beyond the threshold
+//! nodes), as it must for creases, which have no length of their own. A crude line search
+//! on the residual changed at most one of 60 outcomes. 217 of the solved states are beyond the threshold
 //! too: stable against small disturbances on their mesh, perhaps not against a large one
 //! ([`CaseResult::stretch_ratio`] tells). Contact within a crease is not modelled.
 //!
