@@ -7,11 +7,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from pathlib import Path
 
 import pytest
-
-SHARED_DATA = Path(__file__).parent.parent.parent / "shared" / "data"
 
 
 def need_program(*names: str) -> str:
@@ -24,11 +21,3 @@ def need_program(*names: str) -> str:
     if os.environ.get("ECM_REQUIRE_PROGRAMS") == "1":
         pytest.fail(message)
     pytest.skip(message)
-
-
-def need_data(name: str) -> Path:
-    """A folder of real measurements beside the checkout."""
-    folder = SHARED_DATA / name
-    if not folder.exists():
-        pytest.skip(f"../shared/data/{name} is not beside this checkout")
-    return folder

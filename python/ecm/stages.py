@@ -67,6 +67,15 @@ def hash_of(*values: Any) -> str:
     return hashlib.sha256(document.encode()).hexdigest()
 
 
+def cache_directory() -> Path:
+    """Where results outlive a command: ECM_CACHE, else XDG_CACHE_HOME/ecm, else ~/.cache/ecm."""
+    own = os.environ.get("ECM_CACHE")
+    if own:
+        return Path(own)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "ecm"
+
+
 @contextmanager
 def atomic(path: Path) -> Iterator[IO[bytes]]:
     """A binary file that appears under `path` complete, or not at all."""

@@ -26,7 +26,25 @@ def _twist(frame: str) -> tuple[Parameter, ...]:
     )
 
 
-class TipFrameMisalignment(EffectBase):
+class _FrameMisalignment(EffectBase):
+    """What the two frames share: the wrench was turned with the measured rotation, or not."""
+
+    side = "measurement"
+
+    def __init__(self, wrench_axes: str = "measured") -> None:
+        self._wrench_axes = wrench_axes
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the wrench was turned to base axes with the measured rotation."""
+        return {"wrench_axes": self._wrench_axes}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Wrench turned with the measured rotation, or right in itself."""
+        return (type(self)("measured"), type(self)("base"))
+
+
+class TipFrameMisalignment(_FrameMisalignment):
     """The marker on the platform is not where it is said to be: p_true = p exp(-(d, w)).
 
     Wrenches that were turned to base axes with the measured rotation turn with the error.
@@ -36,10 +54,6 @@ class TipFrameMisalignment(EffectBase):
     physics = "The measured top frame is a shifted and turned copy of the real one."
     parameters = _twist("tip")
     signature = "constant twist in body axes, -K_s B (d, w)"
-    side = "measurement"
-
-    def __init__(self, wrench_axes: str = "measured") -> None:
-        self._wrench_axes = wrench_axes
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -49,15 +63,6 @@ class TipFrameMisalignment(EffectBase):
             "length_error": "calliper",
             "base_frame_misalignment": "re-seat the marker",
         }
-
-    @property
-    def shape(self) -> Shape:
-        """Whether the wrench was turned to base axes with the measured rotation."""
-        return {"wrench_axes": self._wrench_axes}
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Wrench turned with the measured rotation, or right in itself."""
-        return (TipFrameMisalignment("measured"), TipFrameMisalignment("base"))
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(p exp(-(d, w))), turned with the error where the wrench was."""
@@ -70,17 +75,13 @@ class TipFrameMisalignment(EffectBase):
         return wrench - rows.wrench
 
 
-class BaseFrameMisalignment(EffectBase):
+class BaseFrameMisalignment(_FrameMisalignment):
     """The base frame is not where it is said to be: p_true = exp(-(d, w)) p."""
 
     id = "base_frame_misalignment"
     physics = "The measured base frame is a shifted and turned copy of the real one."
     parameters = _twist("base")
     signature = "constant twist in base axes, -K_s (d + w x r, w)"
-    side = "measurement"
-
-    def __init__(self, wrench_axes: str = "measured") -> None:
-        self._wrench_axes = wrench_axes
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -90,15 +91,6 @@ class BaseFrameMisalignment(EffectBase):
             "face_tilt": "survey the base",
             "tip_frame_misalignment": "re-seat the marker",
         }
-
-    @property
-    def shape(self) -> Shape:
-        """Whether the wrench was turned to base axes with the measured rotation."""
-        return {"wrench_axes": self._wrench_axes}
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Wrench turned with the measured rotation, or right in itself."""
-        return (BaseFrameMisalignment("measured"), BaseFrameMisalignment("base"))
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-(d, w)) p), turned with the error where the wrench was."""

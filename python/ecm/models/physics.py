@@ -7,7 +7,7 @@ given pose is too, so one factor covers every error of E exactly.
 from __future__ import annotations
 
 import json
-import os
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,6 +19,7 @@ from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
 from ecm.models.maps import EnergyMap, Symmetry
+from ecm.stages import cache_directory, write_atomically
 
 if TYPE_CHECKING:
     from ecm.mechanism import Mechanism
@@ -151,7 +152,7 @@ def physics_map(mechanism: Mechanism, *, threads: int = 0, cache: Path | None = 
             "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
             "mesh, and young_modulus_Pa"
         )
-    directory = _cache_directory() if cache is None else cache
+    directory = cache_directory() if cache is None else cache
     path = directory / f"physics-{_VERSION}-{mechanism.key()}.json"
     found = _read(path)
     if found is not None:
@@ -175,14 +176,6 @@ def _symmetry(mechanism: Mechanism) -> Symmetry:
     return "alike" if mechanism.mesh_file is None else "general"
 
 
-def _cache_directory() -> Path:
-    own = os.environ.get("ECM_CACHE")
-    if own:
-        return Path(own)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "ecm"
-
-
 def _read(path: Path) -> PhysicsMap | None:
     """A cached map; None where there is none or it cannot be read."""
     try:
@@ -193,10 +186,5 @@ def _read(path: Path) -> PhysicsMap | None:
 
 def _write(path: Path, built: PhysicsMap) -> None:
     """Best effort: a cache that cannot be written only costs time."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(json.dumps(built.document()), encoding="utf-8")
-        temporary.replace(path)
-    except OSError:
-        return
+    with suppress(OSError):
+        write_atomically(path, json.dumps(built.document()))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -13,15 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
-
-
-def directory() -> Path:
-    """ECM_CACHE, else XDG_CACHE_HOME/ecm, else ~/.cache/ecm."""
-    named = os.environ.get("ECM_CACHE")
-    if named:
-        return Path(named)
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "ecm"
+from ecm.stages import atomic
 
 
 def digest(label: str, array: NDArray[np.float64]) -> str:
@@ -48,17 +38,8 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
         Where the folder cannot be written.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, **arrays)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        with atomic(path) as stream:
+            np.savez(stream, **arrays)
     except OSError as error:
         raise ComputationError(
             f"{path.parent}: solved poses cannot be kept there: {error.strerror}. Name a folder "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ecm.errors import InputError
-from ecm.rig import cache, truth
+from ecm.rig import truth
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import Hidden
@@ -17,6 +17,7 @@ from ecm.rig.plan import outside, requests
 from ecm.rig.record import HEADER, Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import lay_out
+from ecm.stages import cache_directory, write_atomically
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -58,8 +59,6 @@ def run_campaign(
     Table
         Its `warnings` hold the poses that were skipped, with the reason.
     """
-    from ecm.stages import write_atomically
-
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -72,7 +71,7 @@ def run_campaign(
         source,
         hide=hide,
         seed=seed,
-        folder=cache.directory() if folder is None else folder,
+        folder=cache_directory() if folder is None else folder,
         progress=progress,
     )
     if out is None:
