@@ -73,11 +73,33 @@ fn main() -> Result<(), FemError> {
     let fem = Fem::new(mesh, Box::new(NeoHookean::new(e, nu)?), None)?;
     let start = Instant::now();
     let cpu = cpu_seconds();
-    let results = fem.solve_all(&loads, Watch::default())?;
+    let (mut known, mut guess) = (Vec::new(), None);
+    while known.len() < count {
+        let until = count.min((2 * known.len()).max(16));
+        let group = &loads[known.len()..until];
+        let found = fem.solve_from(group, guess.as_ref(), Watch::default(), &|_, _| {})?;
+        let part = |solved: bool| {
+            let newton: Vec<usize> = (found.iter().map(|o| &o.result))
+                .filter(|r| (r.status == Status::Solved) == solved)
+                .map(|r| r.iterations)
+                .collect();
+            let mean = newton.iter().sum::<usize>() as f64 / newton.len().max(1) as f64;
+            let most = newton.iter().max().unwrap_or(&0);
+            format!("{} cases {mean:.2} (most {most})", newton.len())
+        };
+        println!(
+            "  Newton to case {until:4}: solved {}, else {}",
+            part(true),
+            part(false)
+        );
+        known.extend(found);
+        guess = fem.learn(&known, false).or(guess);
+    }
+    let results: Vec<_> = known.iter().map(|o| &o.result).collect();
     let cpu = cpu_seconds() - cpu;
     let seconds = start.elapsed().as_secs_f64();
     let mean = |f: &dyn Fn(&ecm_fem::CaseResult) -> f64| {
-        results.iter().map(f).sum::<f64>() / results.len() as f64
+        results.iter().map(|r| f(r)).sum::<f64>() / results.len() as f64
     };
     let angle = |r: &ecm_fem::CaseResult| (3..6).map(|k| r.pose[k] * r.pose[k]).sum::<f64>().sqrt();
     println!(

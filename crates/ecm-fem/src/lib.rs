@@ -69,4 +69,4 @@ pub use pattern::Hold;
 pub use platform::Platform;
 pub use result::{CREASE, CaseResult, Reason, Status};
 pub use rod::Rod;
-pub use solve::{Fem, HeldResult, Load, Settings, Timing, Watch};
+pub use solve::{Fem, Finished, Guess, HeldResult, Load, Outcome, Settings, Timing, Watch};

@@ -1,16 +1,13 @@
-//! Many load cases, each from a guess by the solved ones, or its nearest neighbour.
+//! Many load cases, each from a guess by the ones solved before.
 //!
-//! The cases are sorted so that every case is far from all before it (farthest point
-//! first, beginning next to rest), and solved in waves: all cases of a wave start from
-//! states of earlier waves. Waves depend on the cases alone, so the number of threads
-//! changes nothing, not even the last bit.
+//! Cases are solved in groups; every case of a group starts from the same [`Guess`],
+//! learned from all groups before it, and knows nothing of its neighbours in the group.
+//! Groups depend on the cases alone, so the number of threads changes nothing, not even
+//! the last bit.
 
 use super::newton::Workspace;
-use super::predict::{Predictor, degree_for};
-use super::{Fem, Load, State, Watch};
+use super::{Fem, Guess, Load, Watch};
 use crate::FemError;
-use crate::assembly::Field;
-use crate::platform::Platform;
 use crate::result::{CaseResult, Status};
 use crate::rod::Rod;
 use ecm_se3::Pose;
@@ -18,210 +15,173 @@ use rayon::prelude::*;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-/// Largest wave; early waves hold a quarter of what is solved before them.
-const WAVE: usize = 64;
+/// First group; every further one doubles what is solved.
+const FIRST: usize = 16;
 
-/// Smallest load step from a neighbour, as a share of the way; below, the way from rest is taken.
-const NEIGHBOUR_STEP: f64 = 0.25;
-
-/// A solved state; single precision is ample for a start.
-pub(super) struct Solved {
-    displacement: Vec<f32>,
-    pressure: Vec<f32>,
-    platform: Platform,
-    load: Load,
+/// A load case: its result, and its state for [`Fem::learn`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The result.
+    pub result: CaseResult,
+    /// Pose, displacements and pressures of the result's state on its bent axis.
+    pub field: Vec<f32>,
 }
 
-impl Solved {
-    fn new(state: &State, load: Load) -> Self {
-        let narrow = |v: &[f64]| v.iter().map(|&x| x as f32).collect();
-        Self {
-            displacement: narrow(&state.field.displacement),
-            pressure: narrow(&state.field.pressure),
-            platform: state.platform,
-            load,
-        }
-    }
-
-    /// Pose, displacements and pressures one after the other.
-    pub(super) fn components(&self) -> impl Iterator<Item = f64> + '_ {
-        let field = self.displacement.iter().chain(&self.pressure);
-        self.platform
-            .pose()
-            .into_iter()
-            .chain(field.map(|&x| f64::from(x)))
-    }
-
-    fn state(&self) -> State {
-        let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
-        State {
-            field: Field {
-                displacement: wide(&self.displacement),
-                pressure: wide(&self.pressure),
-            },
-            platform: self.platform,
-        }
-    }
-}
-
-/// Where a case may start from, best first.
-struct Starts<'a> {
-    guess: Option<State>,
-    neighbour: Option<&'a Solved>,
-    rest: &'a CaseResult,
-}
+/// Called with row and outcome of each load case as soon as it is done, on its thread.
+pub type Finished<'a> = &'a (dyn Fn(usize, &Outcome) + Sync);
 
 impl Fem {
-    /// Solves all loads (all wrenches or all poses) on rayon's current pool; one
-    /// result per load, in their order.
+    /// Solves all loads (all wrenches or all poses) on rayon's current pool, learning from
+    /// the solved ones; one result per load, in their order.
     ///
     /// # Errors
     /// A load that is not finite, with its row.
     pub fn solve_all(&self, loads: &[Load], watch: Watch) -> Result<Vec<CaseResult>, FemError> {
-        for (row, load) in loads.iter().enumerate() {
-            self.check_load(row, load)?;
-        }
-        let (rest_result, _) = self.follow_from_rest(
-            &mut Workspace::new(self),
-            &Load::Wrench([0.0; 6]),
-            Watch::default(),
-        );
-        let points = self.points(loads, &rest_result);
-        let (order, nearest) = farthest_first(&points);
-        let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
-        let mut solved: Vec<Option<Solved>> = loads.iter().map(|_| None).collect();
-        let mut results: Vec<Option<CaseResult>> = vec![None; loads.len()];
-        let mut predictor: Option<Predictor> = None;
+        self.check_loads(loads)?;
+        let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
+        let order = farthest_first(&points);
+        let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
+        let mut guess = None;
         let mut done = 0;
         while done < order.len() {
-            let wave = &order[done..order.len().min(done + (done / 4).clamp(1, WAVE))];
-            let known: Vec<_> = order[..done]
-                .iter()
-                .filter_map(|&i| solved[i].as_ref().map(|state| (&points[i], state)))
-                .collect();
-            // A new fit when the degree can rise or half as many cases again are known.
-            let used = predictor.as_ref().map_or(0, |p| p.cases);
-            if degree_for(known.len()) > degree_for(used) || 2 * known.len() > 3 * used {
-                predictor = Predictor::fit(&known).or(predictor);
+            let group = &order[done..order.len().min((2 * done).max(FIRST))];
+            let found = self.solve_group(loads, group, guess.as_ref(), watch, &|_, _| {});
+            for (&case, outcome) in group.iter().zip(found) {
+                outcomes[case] = Some(outcome);
             }
-            let outcome: Vec<(CaseResult, Option<Solved>)> = wave
-                .par_iter()
-                .map(|&case| {
-                    let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
-                    let start =
-                        self.nearest_solved(case, &order[..done], &points, &solved, &nearest);
-                    let guess = predictor.as_ref().map(|p| p.state(&points[case], self));
-                    let starts = Starts {
-                        guess,
-                        neighbour: start,
-                        rest: &rest_result,
-                    };
-                    let outcome = self.solve_case(&mut work, &loads[case], starts, watch);
-                    give(&spare, work);
-                    if let Some(counter) = watch.done {
-                        counter.fetch_add(1, Ordering::Relaxed);
-                    }
-                    outcome
-                })
-                .collect();
-            for (&case, (result, state)) in wave.iter().zip(outcome) {
-                results[case] = Some(result);
-                solved[case] = state;
+            done += group.len();
+            if done < order.len() {
+                let known: Vec<Outcome> = order[..done]
+                    .iter()
+                    .filter_map(|&i| outcomes[i].clone())
+                    .collect();
+                guess = self
+                    .learn(&known, matches!(loads[0], Load::Pose(_)))
+                    .or(guess);
             }
-            done += wave.len();
         }
-        Ok(results.into_iter().flatten().collect())
+        Ok(outcomes.into_iter().flatten().map(|o| o.result).collect())
     }
 
-    /// Mid-frame coordinates (c / L, θ) of each load's pose; for a wrench, of the pose that
-    /// the rod with this body's stiffness at rest takes. Over them states are nearly
-    /// linear, over wrenches they are not.
-    fn points(&self, loads: &[Load], rest: &CaseResult) -> Vec<[f64; 6]> {
-        let length = self.body.mesh.length_m();
-        let rod = Rod::like(&rest.stiffness, length);
-        loads
+    /// Solves all loads on rayon's current pool, each by itself from the same guess, or
+    /// without one from rest.
+    ///
+    /// # Errors
+    /// A load that is not finite, with its row.
+    pub fn solve_from(
+        &self,
+        loads: &[Load],
+        guess: Option<&Guess>,
+        watch: Watch,
+        finished: Finished,
+    ) -> Result<Vec<Outcome>, FemError> {
+        self.check_loads(loads)?;
+        let all: Vec<usize> = (0..loads.len()).collect();
+        Ok(self.solve_group(loads, &all, guess, watch, finished))
+    }
+
+    /// A guess from solved cases and the last stable states of unstable ones, all of
+    /// them wrench-driven or (`poses`) pose-driven; `None` when they are too few.
+    pub fn learn(&self, known: &[Outcome], poses: bool) -> Option<Guess> {
+        let useful = |o: &&Outcome| {
+            matches!(o.result.status, Status::Solved | Status::Unstable) && !o.field.is_empty()
+        };
+        let known: Vec<&Outcome> = known.iter().filter(useful).collect();
+        let points: Vec<_> = (known.par_iter())
+            .map(|o| {
+                self.point(&if poses {
+                    Load::Pose(o.result.pose)
+                } else {
+                    Load::Wrench(o.result.wrench)
+                })
+            })
+            .collect();
+        let samples: Vec<_> = points
+            .iter()
+            .zip(&known)
+            .map(|(p, o)| (p, o.field.as_slice()))
+            .collect();
+        Guess::fit(&samples)
+    }
+
+    fn check_loads(&self, loads: &[Load]) -> Result<(), FemError> {
+        (loads.iter().enumerate()).try_for_each(|(row, load)| self.check_load(row, load))
+    }
+
+    fn solve_group(
+        &self,
+        loads: &[Load],
+        group: &[usize],
+        guess: Option<&Guess>,
+        watch: Watch,
+        finished: Finished,
+    ) -> Vec<Outcome> {
+        let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
+        // One case at a time: a creased one costs ten times a solved one.
+        group
             .par_iter()
-            .map(|load| {
-                let pose = match load {
-                    Load::Wrench(h) => rod.pose(h).0,
-                    Load::Pose(p) => *p,
-                };
-                let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(&pose), length);
-                std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
+            .with_max_len(1)
+            .map(|&case| {
+                let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
+                let outcome = self.solve_case(&mut work, &loads[case], guess, watch);
+                give(&spare, work);
+                finished(case, &outcome);
+                if let Some(counter) = watch.done {
+                    counter.fetch_add(1, Ordering::Relaxed);
+                }
+                outcome
             })
             .collect()
-    }
-
-    fn nearest_solved<'a>(
-        &self,
-        case: usize,
-        earlier: &[usize],
-        points: &[[f64; 6]],
-        solved: &'a [Option<Solved>],
-        from_rest: &[f64],
-    ) -> Option<&'a Solved> {
-        let mut best = (from_rest[case], None);
-        for &other in earlier {
-            if let Some(state) = &solved[other] {
-                let d = square_distance(&points[case], &points[other]);
-                if d < best.0 {
-                    best = (d, Some(state));
-                }
-            }
-        }
-        best.1
     }
 
     fn solve_case(
         &self,
         work: &mut Workspace,
         load: &Load,
-        starts: Starts,
+        guess: Option<&Guess>,
         watch: Watch,
-    ) -> (CaseResult, Option<Solved>) {
+    ) -> Outcome {
         if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             let result = CaseResult {
                 status: Status::Cancelled,
-                ..starts.rest.clone()
+                ..self.result_at_rest().clone()
             };
-            return (result, None);
+            return Outcome {
+                result,
+                field: Vec::new(),
+            };
         }
-        let (mut spent, mut guess_failed) = (0, false);
-        if let Some(guess) = starts.guess {
-            let (result, state) = self.jump(work, guess, load, watch);
-            match result {
-                Ok(result) => return (result, Some(Solved::new(&state, *load))),
-                Err(iterations) => {
-                    spent += iterations;
-                    guess_failed = true;
-                }
-            }
-        }
-        if let Some(solved) = starts.neighbour.filter(|_| !guess_failed) {
-            let (mut result, state) = self.follow(
-                work,
-                solved.state(),
-                &solved.load,
-                load,
-                (1.0, NEIGHBOUR_STEP),
-                watch,
-            );
-            if matches!(result.status, Status::Solved | Status::Cancelled) {
-                result.iterations += spent;
-                let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
-                return (result, keep);
-            }
-            spent += result.iterations;
-        }
-        // What is lost on the way from a neighbour is told from rest, along proportional load.
-        let (mut result, state) = if spent > 0 {
-            self.follow_in_halves(work, load, watch)
-        } else {
-            self.follow_from_rest(work, load, watch)
+        let (result, state) = match guess {
+            Some(guess) => self.solve_guessed(work, load, guess, watch),
+            None => self.follow_from_rest(work, load, watch),
         };
-        result.iterations += spent;
-        let keep = (result.status == Status::Solved).then(|| Solved::new(&state, *load));
-        (result, keep)
+        let field = self.flatten(&state);
+        Outcome { result, field }
+    }
+
+    pub(super) fn result_at_rest(&self) -> &CaseResult {
+        self.at_rest.get_or_init(|| {
+            let load = Load::Wrench([0.0; 6]);
+            self.follow_from_rest(&mut Workspace::new(self), &load, Watch::default())
+                .0
+        })
+    }
+
+    /// Mid-frame coordinates (c / L, θ) of a load's pose; for a wrench, of the pose that
+    /// the rod with this body's stiffness at rest takes. Over them states are nearly
+    /// linear, over wrenches they are not.
+    pub(super) fn point(&self, load: &Load) -> [f64; 6] {
+        let length = self.body.mesh.length_m();
+        let pose = match load {
+            Load::Wrench(h) => {
+                Rod::like(&self.result_at_rest().stiffness, length)
+                    .pose(h)
+                    .0
+            }
+            Load::Pose(p) => *p,
+        };
+        let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(&pose), length);
+        std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
     }
 }
 
@@ -239,21 +199,16 @@ fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     (0..6).map(|k| (a[k] - b[k]).powi(2)).sum()
 }
 
-/// Farthest-point order after rest (the origin), and each point's square distance to rest.
-fn farthest_first(points: &[[f64; 6]]) -> (Vec<usize>, Vec<f64>) {
-    let from_rest: Vec<f64> = points
+/// The case nearest to rest (the origin), then always the one farthest from all before it:
+/// any first part of the order covers the whole range.
+fn farthest_first(points: &[[f64; 6]]) -> Vec<usize> {
+    let mut gap: Vec<f64> = points
         .iter()
         .map(|p| square_distance(p, &[0.0; 6]))
         .collect();
     let mut order = Vec::with_capacity(points.len());
-    let mut gap = from_rest.clone();
     let mut left: Vec<usize> = (0..points.len()).collect();
-    // The first case is the one nearest to rest: the shortest way from there.
-    let first = left
-        .iter()
-        .copied()
-        .min_by(|&a, &b| from_rest[a].total_cmp(&from_rest[b]));
-    let mut next = first;
+    let mut next = (left.iter().copied()).min_by(|&a, &b| gap[a].total_cmp(&gap[b]));
     while let Some(case) = next {
         order.push(case);
         left.retain(|&i| i != case);
@@ -265,5 +220,5 @@ fn farthest_first(points: &[[f64; 6]]) -> (Vec<usize>, Vec<f64>) {
             .copied()
             .max_by(|&a, &b| gap[a].total_cmp(&gap[b]).then(b.cmp(&a)));
     }
-    (order, from_rest)
+    order
 }

@@ -1,6 +1,6 @@
 //! Bodies under dead forces and prescribed displacements, without a wrench on a platform.
 
-use super::newton::{Failure, Workspace};
+use super::newton::{Failure, WANDERING, Workspace};
 use super::{Fem, Load, Settings, Watch};
 use crate::FemError;
 use crate::assembly::Field;
@@ -8,6 +8,7 @@ use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::pattern::{Hold, NONE};
 use crate::result::Status;
+use std::sync::OnceLock;
 
 /// What a body under dead forces ends with.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +58,7 @@ impl Fem {
     pub fn with_dead_force(mut self, force_N: Vec<f64>) -> Result<Self, FemError> {
         self.check_components("dead force", &force_N)?;
         self.body.dead_force_N = force_N;
+        self.at_rest = OnceLock::new();
         Ok(self)
     }
 
@@ -82,7 +84,7 @@ impl Fem {
                     state.field.displacement[component] = next * displacement_m[component];
                 }
             }
-            let most = self.settings.iterations;
+            let most = (self.settings.iterations, WANDERING);
             let outcome = self.newton(&mut work, &mut state, &load, most, Watch::default());
             let failure = match outcome {
                 Ok(n) => {

@@ -2,14 +2,18 @@
 
 mod batch;
 mod condense;
+mod guessed;
 mod held;
+mod learn;
 mod newton;
 mod path;
-mod predict;
 #[cfg(test)]
 mod tests;
+mod warp;
 
+pub use batch::{Finished, Outcome};
 pub use held::HeldResult;
+pub use learn::Guess;
 pub use newton::Timing;
 
 use crate::assembly::{Body, Field, Formulation};
@@ -21,6 +25,7 @@ use crate::platform::Platform;
 use crate::result::CaseResult;
 use crate::{FemError, tensor};
 use newton::Workspace;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize};
 
 /// What the platform is given.
@@ -93,6 +98,8 @@ pub struct Fem {
     pattern: Pattern,
     settings: Settings,
     force_unit_N: f64,
+    /// The state without load, once it was asked for.
+    at_rest: OnceLock<CaseResult>,
 }
 
 impl Fem {
@@ -175,6 +182,7 @@ impl Fem {
             pattern,
             settings,
             force_unit_N,
+            at_rest: OnceLock::new(),
         })
     }
 
@@ -250,6 +258,7 @@ impl Fem {
             return Err(FemError::NotFinite { what, index, value });
         }
         self.body.dead_force_N = self.body.volume_load(|_| force_N_m3);
+        self.at_rest = OnceLock::new();
         Ok(self)
     }
 

@@ -60,7 +60,7 @@ pub(super) enum Failure {
 }
 
 /// Iterates without inner stability and without progress after which Newton is given up.
-const WANDERING: usize = 3;
+pub(super) const WANDERING: usize = 3;
 
 /// Smallest share of a Newton step that is tried.
 const SMALLEST_SHARE: f64 = 1.0 / 64.0;
@@ -92,7 +92,7 @@ impl Fem {
         work: &mut Workspace,
         state: &mut State,
         load: &Load,
-        most: usize,
+        (most, patience): (usize, usize),
         watch: Watch,
     ) -> Result<usize, (Failure, usize)> {
         let n = self.pattern.unknowns;
@@ -128,7 +128,7 @@ impl Fem {
                 work.balance.inner_instabilities > 0 && work.balance.residual > 0.5 * last_residual,
             );
             last_residual = work.balance.residual;
-            if iteration == most || wandering == WANDERING {
+            if iteration == most || wandering >= patience {
                 work.ready = false;
                 let failure = if unstable_iterates > 0 {
                     Failure::Unstable
@@ -166,6 +166,19 @@ impl Fem {
             debug_assert_eq!(work.columns.len(), 7 * n);
             iteration += 1;
         }
+    }
+
+    /// Tangent, factor and `balance` at a state that need not be an equilibrium.
+    pub(super) fn tangent(
+        &self,
+        work: &mut Workspace,
+        state: &mut State,
+        load: &Load,
+    ) -> Result<(), Failure> {
+        self.hold_platform_nodes(state);
+        self.assemble(work, state)?;
+        self.residuals(work, state, load, None);
+        self.factorise(work)
     }
 
     pub(super) fn hold_platform_nodes(&self, state: &mut State) {

@@ -1,7 +1,7 @@
-//! From a known equilibrium to a load, in as few steps as stability and Newton allow.
+//! Proportionally from an equilibrium to a load, in as few steps as stability and Newton allow.
 
 use super::condense::smallest_eigenvalue;
-use super::newton::{Failure, Workspace};
+use super::newton::{Failure, WANDERING, Workspace};
 use super::{Fem, Load, State, Watch};
 use crate::platform::Platform;
 use crate::result::{CREASE, CaseResult, Reason, Status};
@@ -10,18 +10,30 @@ use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
 use nalgebra::Matrix3;
 
-/// Newton iterations granted to a guess before the way from a neighbour is taken.
-const JUMP: usize = 10;
-
 /// Share of the way between the last stable and the first unstable equilibrium that is
 /// narrow enough to call the load unstable.
-const BRACKET: f64 = 1.0 / 16.0;
+pub(super) const BRACKET: f64 = 1.0 / 16.0;
 
 /// Which stiffness has lost its positivity.
 #[derive(Debug, Clone, Copy)]
-enum Lost {
+pub(super) enum Lost {
     Inside,
     Whole,
+}
+
+/// Where a path begins: an equilibrium at a share of the load, and the first step from it.
+pub(super) struct Begin {
+    pub state: State,
+    pub result: Option<CaseResult>,
+    pub reached: f64,
+    pub step: f64,
+}
+
+/// What Newton found at a load.
+pub(super) enum Landing {
+    Stable(Box<CaseResult>),
+    Lost(Lost),
+    Failed(Failure),
 }
 
 impl Fem {
@@ -32,47 +44,44 @@ impl Fem {
         load: &Load,
         watch: Watch,
     ) -> (CaseResult, State) {
-        let start = self.load_at_rest(load);
-        let steps = (1.0, self.settings.smallest_load_step);
-        self.follow(work, self.rest(), &start, load, steps, watch)
+        self.follow(work, self.begin_at_rest(1.0), load, watch)
     }
 
-    /// As [`Fem::follow_from_rest`] for a load that a jump has already failed at: begins halfway.
-    pub(super) fn follow_in_halves(
-        &self,
-        work: &mut Workspace,
-        load: &Load,
-        watch: Watch,
-    ) -> (CaseResult, State) {
-        let start = self.load_at_rest(load);
-        let steps = (0.5, self.settings.smallest_load_step);
-        self.follow(work, self.rest(), &start, load, steps, watch)
+    pub(super) fn begin_at_rest(&self, step: f64) -> Begin {
+        Begin {
+            state: self.rest(),
+            result: None,
+            reached: 0.0,
+            step,
+        }
     }
 
-    fn load_at_rest(&self, load: &Load) -> Load {
+    pub(super) fn load_at_rest(&self, load: &Load) -> Load {
         match load {
             Load::Wrench(_) => Load::Wrench([0.0; 6]),
             Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
         }
     }
 
-    /// Follows the load from `state`, an equilibrium under `start`, to `load`, in steps
-    /// between the two given shares.
+    /// Follows the load proportionally to its end.
     pub(super) fn follow(
         &self,
         work: &mut Workspace,
-        mut state: State,
-        start: &Load,
+        begin: Begin,
         load: &Load,
-        (first_step, smallest_step): (f64, f64),
         watch: Watch,
     ) -> (CaseResult, State) {
         work.ready = false;
-        let (mut reached, mut step) = (0.0, first_step);
+        let start = self.load_at_rest(load);
+        let Begin {
+            mut state,
+            result: mut last_result,
+            mut reached,
+            mut step,
+        } = begin;
         let most = self.settings.iterations;
         let (mut iterations, mut load_steps) = (0, 0);
         let mut last_good = state.clone();
-        let mut last_result: Option<CaseResult> = None;
         let mut may_grow = true;
         let (status, lost) = loop {
             let next = if reached + step >= 1.0 - 1e-12 {
@@ -80,55 +89,44 @@ impl Fem {
             } else {
                 reached + step
             };
-            let outcome = self.newton(work, &mut state, &between(start, load, next), most, watch);
-            let (failure, lost) = match outcome {
-                Ok(n) => {
-                    iterations += n;
-                    let result = self.report(work, &state);
-                    if self.is_stable(load, &result) {
-                        load_steps += 1;
-                        reached = next;
-                        let grown = if may_grow { 2.0 * step } else { step };
-                        step = grown.min(1.0 - reached);
-                        may_grow = true;
-                        last_good.clone_from(&state);
-                        last_result = Some(result);
-                        if reached == 1.0 {
-                            break (Status::Solved, None);
-                        }
-                        continue;
+            let here = between(&start, load, next);
+            let (landing, n) = self.land(work, &mut state, &here, (most, WANDERING), watch);
+            iterations += n;
+            let (failure, lost) = match landing {
+                Landing::Stable(result) => {
+                    load_steps += 1;
+                    reached = next;
+                    let grown = if may_grow { 2.0 * step } else { step };
+                    step = grown.min(1.0 - reached);
+                    may_grow = true;
+                    last_good.clone_from(&state);
+                    last_result = Some(*result);
+                    if reached == 1.0 {
+                        break (Status::Solved, None);
                     }
-                    let lost = if result.inner_instabilities > 0 {
-                        Lost::Inside
-                    } else {
-                        Lost::Whole
-                    };
+                    continue;
+                }
+                Landing::Lost(lost) => {
                     if next - reached <= BRACKET {
                         break (Status::Unstable, Some(lost));
                     }
                     (Status::Unstable, Some(lost))
                 }
-                Err((failure, n)) => {
-                    iterations += n;
-                    match failure {
-                        Failure::Cancelled => break (Status::Cancelled, None),
-                        Failure::Diverged => (Status::NotConverged, None),
-                        Failure::Unstable => {
-                            let compressed = |r: &CaseResult| {
-                                next - reached <= BRACKET && r.stretch_ratio < CREASE
-                            };
-                            if last_result.as_ref().is_some_and(compressed) {
-                                break (Status::Unstable, Some(Lost::Inside));
-                            }
-                            (Status::Unstable, Some(Lost::Inside))
-                        }
-                        Failure::Inverted => (Status::Inverted, None),
+                Landing::Failed(Failure::Cancelled) => break (Status::Cancelled, None),
+                Landing::Failed(Failure::Diverged) => (Status::NotConverged, None),
+                Landing::Failed(Failure::Inverted) => (Status::Inverted, None),
+                Landing::Failed(Failure::Unstable) => {
+                    let compressed =
+                        |r: &CaseResult| next - reached <= BRACKET && r.stretch_ratio < CREASE;
+                    if last_result.as_ref().is_some_and(compressed) {
+                        break (Status::Unstable, Some(Lost::Inside));
                     }
+                    (Status::Unstable, Some(Lost::Inside))
                 }
             };
             may_grow = false;
             step *= 0.5;
-            if step < smallest_step {
+            if step < self.settings.smallest_load_step {
                 break (failure, lost);
             }
             state.clone_from(&last_good);
@@ -136,7 +134,7 @@ impl Fem {
         };
         let mut result = match last_result {
             Some(result) => result,
-            None => self.start_result(work, &mut last_good, start),
+            None => self.start_result(work, &mut last_good, &start),
         };
         result.status = status;
         result.reason = lost.map(|lost| match lost {
@@ -149,32 +147,29 @@ impl Fem {
         (result, last_good)
     }
 
-    /// Newton at the load itself from a guessed state; on failure, or where it ends
-    /// unstable, the number of iterations lost.
-    pub(super) fn jump(
+    /// Newton from `state` at `load`, and what is found there.
+    pub(super) fn land(
         &self,
         work: &mut Workspace,
-        mut state: State,
+        state: &mut State,
         load: &Load,
+        most: (usize, usize),
         watch: Watch,
-    ) -> (Result<CaseResult, usize>, State) {
-        work.ready = false;
-        let outcome = match self.newton(work, &mut state, load, JUMP, watch) {
-            Ok(iterations) => {
-                let result = self.report(work, &state);
-                if self.is_stable(load, &result) {
-                    Ok(CaseResult {
-                        iterations,
-                        load_steps: 1,
-                        ..result
-                    })
+    ) -> (Landing, usize) {
+        match self.newton(work, state, load, most, watch) {
+            Ok(n) => {
+                let result = self.report(work, state);
+                let landing = if self.is_stable(load, &result) {
+                    Landing::Stable(Box::new(result))
+                } else if result.inner_instabilities > 0 {
+                    Landing::Lost(Lost::Inside)
                 } else {
-                    Err(iterations)
-                }
+                    Landing::Lost(Lost::Whole)
+                };
+                (landing, n)
             }
-            Err((_, iterations)) => Err(iterations),
-        };
-        (outcome, state)
+            Err((failure, n)) => (Landing::Failed(failure), n),
+        }
     }
 
     /// Stable inside, and at a given wrench also as a whole.
@@ -191,7 +186,7 @@ impl Fem {
             work,
             state,
             start,
-            self.settings.iterations,
+            (self.settings.iterations, WANDERING),
             Watch::default(),
         );
         self.report(work, state)
@@ -271,7 +266,7 @@ fn extreme_eigenvalues(c: &Mat3) -> (f64, f64) {
 
 /// The load at `share` of the way from `start` to `end`: wrenches along a straight
 /// line, poses along the screw-free path (straight origin, one rotation axis).
-fn between(start: &Load, end: &Load, share: f64) -> Load {
+pub(super) fn between(start: &Load, end: &Load, share: f64) -> Load {
     match (start, end) {
         _ if share == 1.0 => *end,
         (Load::Wrench(a), Load::Wrench(b)) => {

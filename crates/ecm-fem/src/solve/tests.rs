@@ -232,7 +232,7 @@ fn linear_boundary_displacements_give_a_homogeneous_state() {
     }
     let load = Load::Pose(fem.rest().platform.pose());
     let mut work = Workspace::new(&fem);
-    fem.newton(&mut work, &mut state, &load, 25, Watch::default())
+    fem.newton(&mut work, &mut state, &load, (25, 3), Watch::default())
         .unwrap();
     let kappa = 0.7e6 / (3.0 * (1.0 - 0.98));
     let pressure = kappa * (determinant(&gradient) - 1.0);

@@ -1,0 +1,111 @@
+//! A first guess of a state from the states solved so far.
+//!
+//! Every component of the state on its bent axis (see [`super::warp`]) is a polynomial of
+//! the load's point (see [`Fem::point`]; scaled to [−1, 1]), fitted by least squares to
+//! all solved cases; the degree grows with their number.
+
+use super::{Fem, State};
+use nalgebra::DMatrix;
+
+/// Degree and solved cases it needs: twice the number of terms, 7, 28, 84, 210, 462.
+const NEEDED: [(usize, usize); 5] = [(5, 924), (4, 420), (3, 168), (2, 56), (1, 14)];
+
+/// A tiny ridge on the normalised normal equations: terms that the cases do not tell
+/// apart share their coefficient instead of cancelling.
+const RIDGE: f64 = 1e-10;
+
+/// Polynomials for all components of the state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guess {
+    degree: usize,
+    scale: [f64; 6],
+    /// Component after component, one coefficient per term.
+    coefficients: Vec<f32>,
+    terms: usize,
+}
+
+/// One solved state: its load's point and its flat field.
+pub(super) type Sample<'a> = (&'a [f64; 6], &'a [f32]);
+
+/// All monomials of six variables up to `degree`, lowest first.
+fn monomials(x: &[f64; 6], degree: usize, out: &mut Vec<f64>) {
+    out.clear();
+    out.push(1.0);
+    // Each monomial of one degree times the variables from its last one on.
+    let mut last: Vec<(usize, usize)> = vec![(0, 0)];
+    for _ in 0..degree {
+        let mut next = Vec::new();
+        for &(index, first) in &last {
+            for (k, value) in x.iter().enumerate().skip(first) {
+                out.push(out[index] * value);
+                next.push((out.len() - 1, k));
+            }
+        }
+        last = next;
+    }
+}
+
+impl Guess {
+    /// Fits the solved states; `None` when too few.
+    pub(super) fn fit(samples: &[Sample]) -> Option<Self> {
+        let (degree, _) = *NEEDED.iter().find(|(_, n)| samples.len() >= *n)?;
+        let mut scale = [f64::MIN_POSITIVE; 6];
+        for (point, _) in samples {
+            for k in 0..6 {
+                scale[k] = scale[k].max(point[k].abs());
+            }
+        }
+        let mut row = Vec::new();
+        let mut features = Vec::new();
+        for (point, _) in samples {
+            let x = std::array::from_fn(|k| point[k] / scale[k]);
+            monomials(&x, degree, &mut row);
+            features.extend_from_slice(&row);
+        }
+        let (terms, cases) = (row.len(), samples.len());
+        let phi = DMatrix::from_vec(terms, cases, features);
+        let mut normal = &phi * phi.transpose();
+        let ridge = RIDGE * cases as f64;
+        for k in 0..terms {
+            normal[(k, k)] += ridge;
+        }
+        let weights = normal.cholesky()?.solve(&phi);
+        let components = samples[0].1.len();
+        let values = DMatrix::from_fn(cases, components, |i, c| f64::from(samples[i].1[c]));
+        let coefficients = (weights * values).iter().map(|&c| c as f32).collect();
+        Some(Self {
+            degree,
+            scale,
+            coefficients,
+            terms,
+        })
+    }
+
+    /// The state guessed for a load at `point`.
+    pub(super) fn state(&self, point: &[f64; 6], fem: &Fem) -> State {
+        let mut terms = Vec::new();
+        let x = std::array::from_fn(|k| point[k] / self.scale[k]);
+        monomials(&x, self.degree, &mut terms);
+        let dot = |c: &[f32]| c.iter().zip(&terms).map(|(a, b)| f64::from(*a) * b).sum();
+        fem.unflatten(self.coefficients.chunks_exact(self.terms).map(dot))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn monomials_are_complete_and_distinct() {
+        let x = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0];
+        for (degree, count) in [(1, 7), (2, 28), (3, 84), (4, 210), (5, 462)] {
+            let mut terms = Vec::new();
+            monomials(&x, degree, &mut terms);
+            assert_eq!(terms.len(), count);
+            // Primes: equal products are equal monomials.
+            terms.sort_by(f64::total_cmp);
+            terms.dedup();
+            assert_eq!(terms.len(), count);
+        }
+    }
+}
