@@ -114,9 +114,47 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     assert set(document["rmse"]) == set(WRENCH)
     worst = document["where"]["worst_rows"]
     assert len(worst) == 10
-    assert table.text("kind")[worst[0]["row"]] == "pose"
+    assert table.text("kind")[worst[0]["row"] - 1] == "pose"
     lengths = np.sqrt((wrong.whitened**2).mean(axis=1))
-    assert worst[0]["row"] == wrong.row[lengths.argmax()]
+    assert worst[0]["row"] - 1 == wrong.row[lengths.argmax()]
+
+
+def test_where_says_what_the_residual_follows() -> None:
+    """A payload is a constant force: no variable; a temperature effect follows temperature."""
+    weight = compare(model(), campaign("payload", 1.0, 0)).where()
+    assert weight.shares["constant_in_base"] > 0.3
+    warm = compare(model(), campaign("temperature_modulus", 3.0, 1)).where()
+    assert max(warm.shares, key=warm.shares.__getitem__) == "temperature_degC"
+    assert warm.shares["constant_in_base"] < 0.1
+    assert "temperature_degC explains most" in warm.sentence()
+    assert set(warm.variables) > {"bend_rad", "azimuth_rad", "force_N", "time_s", "approach_side"}
+    clean = compare(model(), campaign(seed=3)).where()
+    assert all(share < 0.15 for _, _, share in clean.follows)
+    assert max(clean.shares.values()) < 0.15
+
+
+def test_the_residual_stiffness_is_the_stiffness_that_was_put_in() -> None:
+    """A wrench of S (p - p0) added to clean rows: dK is S, within its errors."""
+    table = campaign(seed=3)
+    rng = np.random.default_rng(0)
+    lacking = rng.normal(size=(6, 6)) * np.outer([1, 1, 1, 0.05, 0.05, 0.05], [1e3] * 3 + [50] * 3)
+    wrench = table.wrenches + (table.poses - Rows(table, physics()).rest_pose) @ lacking.T
+    table = table.with_columns({name: wrench[:, j] for j, name in enumerate(WRENCH)})
+    found = compare(model(), table).where()
+    assert found.stiffness is not None
+    assert found.stiffness_sd is not None
+    deviation = (found.stiffness - lacking) / found.stiffness_sd
+    assert np.sqrt((deviation**2).mean()) < 1.6
+    assert np.abs(found.stiffness / found.stiffness_sd).max() > 20.0
+
+
+def test_maps_in_top_axes_are_the_turned_residuals() -> None:
+    table = campaign("fts_offset", 2.0, 0)
+    found = compare(model(), table)
+    maps = found.where()
+    turn = Rows(table, physics()).rotation[found.row]
+    top = np.einsum("nji,nj->ni", turn, found.physical[:, :3])
+    assert maps.physical["top"][:, :3] == pytest.approx(top)
 
 
 def test_compare_needs_the_columns_of_the_model() -> None:

@@ -13,9 +13,10 @@ from ecm.columns import POSE
 from ecm.effects import Rows, all_effects, effect, get_effect, register, unregister
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
+from ecm.effects.friction import Hysteresis
 from ecm.effects.geometry import LengthError
 from ecm.effects.load import Payload
-from ecm.effects.material import Anisotropy, Hysteresis
+from ecm.effects.material import Anisotropy
 from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
 from ecm.meta import Instrument, Meta
@@ -32,34 +33,122 @@ def rows() -> Rows:
     return Rows(table.select(np.arange(0, len(table), 5)), physics())
 
 
+@pytest.fixture(scope="module")
+def everything(rows: Rows) -> Rows:
+    """The same rows with every column and key that an effect may need."""
+    table, n = rows.table, len(rows)
+    random = np.random.default_rng(5)
+    columns = {f"v_{name}": random.uniform(-0.01, 0.01, n) for name in POSE}
+    columns |= {f"q{j}_rad": random.uniform(-1.0, 1.0, n) for j in range(1, 8)}
+    columns |= {f"q{j}_dir": random.choice([-1.0, 1.0], n) for j in range(1, 8)}
+    columns |= {f"tendon{j}_N": random.uniform(1.0, 5.0, n) for j in range(1, 4)}
+    limit = np.abs(table.wrenches).max(axis=0)
+    meta = replace(
+        table.meta,
+        file=replace(table.meta.file, kind="continuous"),
+        mechanism={**table.meta.mechanism, "free_length_m": 0.1},
+        instrument=replace(
+            table.meta.instrument,
+            fts_range=tuple((0.5 * limit).tolist()),
+            fts_resolution=(0.1, 0.1, 0.1, 0.003, 0.003, 0.003),
+        ),
+    )
+    return Rows(table.with_columns(columns).with_meta(meta), rows.base)
+
+
+def rows_for(id: str, everything: Rows) -> Rows:
+    """A pose of the camera excludes effects of the encoders, and the other way round."""
+    if id != "led_occlusion":
+        return everything
+    seen = np.random.default_rng(6).integers(4, 9, len(everything)).astype(float)
+    return Rows(everything.table.with_columns({"leds_visible": seen}), everything.base)
+
+
 def cross(a: F, b: F) -> F:
     return np.cross(a, b)
 
 
-def test_all_ids_are_of_the_catalogue_and_unique() -> None:
+CATALOGUE = [
+    "stress_relaxation",
+    "viscous_damping",
+    "hysteresis",
+    "mullins_softening",
+    "permanent_set",
+    "temperature_modulus",
+    "ageing",
+    "anisotropy",
+    "strain_stiffening",
+    "compressibility",
+    "pretension",
+    "taper",
+    "length_error",
+    "diameter_error",
+    "face_tilt",
+    "pre_curvature",
+    "base_compliance",
+    "platform_slip",
+    "contact_stop",
+    "debonding",
+    "own_weight",
+    "payload",
+    "cable_drag",
+    "tendon_friction",
+    "inertia",
+    "fts_offset",
+    "fts_drift",
+    "fts_thermal_drift",
+    "fts_gain",
+    "fts_crosstalk",
+    "fts_saturation",
+    "fts_hysteresis",
+    "fts_quantisation",
+    "fts_frame",
+    "base_frame_misalignment",
+    "tip_frame_misalignment",
+    "camera_scale",
+    "marker_motion",
+    "time_skew",
+    "led_occlusion",
+    "robot_compliance",
+    "backlash",
+    "joint_offset",
+    "outliers",
+    "heteroscedastic_noise",
+    "pose_noise",
+]
+
+
+def test_every_id_of_the_catalogue_is_there_once_and_says_what_it_is() -> None:
     ids = [item.id for item in all_effects()]
-    assert len(set(ids)) == len(ids)
-    needed = {
-        "fts_offset", "fts_drift", "payload", "base_compliance", "tip_frame_misalignment",
-        "hysteresis", "temperature_modulus", "anisotropy",
-    }  # fmt: skip
-    assert needed <= set(ids)
+    assert sorted(ids) == sorted(CATALOGUE)
     for item in all_effects():
         assert item.physics.endswith(".")
         assert item.signature
         assert item.rivals, f"{item.id} names no rival"
+        assert set(item.rivals) <= set(CATALOGUE), item.id
+        assert all(item.rivals.values())
+        for parameter in item.parameters:
+            assert parameter.unit
+            assert parameter.scale > 0.0
+            assert parameter.lower <= 0.0 < parameter.upper
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
-def test_no_effect_without_parameters_and_jacobian_is_its_derivative(item, rows) -> None:  # type: ignore[no-untyped-def]
+def test_the_jacobian_is_the_derivative_and_zero_is_nothing(item, everything) -> None:  # type: ignore[no-untyped-def]
+    rows = rows_for(item.id, everything)
     assert item.missing(rows.table) is None
     for variant in item.variants(rows.table):
+        assert type(variant)(**variant.shape).shape == variant.shape
         k = len(variant.parameters)
         scale = np.array([p.scale for p in variant.parameters])
         zero = np.zeros(k)
         assert np.abs(variant.correction(rows, zero)).max() < 1e-8
         at = 0.5 * scale
         jacobian = variant.jacobian(rows, at)
+        assert jacobian.shape == (len(rows), 6, k)
+        assert np.all(np.isfinite(jacobian))
+        if item.kind != "noise":
+            assert np.abs(jacobian).max(axis=(0, 1)).min() > 0.0, f"{item.id} does nothing"
         for j in range(k):
             step = np.zeros(k)
             step[j] = 1e-3 * scale[j]
@@ -67,6 +156,65 @@ def test_no_effect_without_parameters_and_jacobian_is_its_derivative(item, rows)
             slope /= 2.0 * step[j]
             size = max(np.abs(slope).max(), 1e-300)
             assert np.abs(jacobian[:, :, j] - slope).max() < 1e-3 * size
+
+
+@pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
+def test_a_bare_table_is_no_error_but_a_reason(item) -> None:  # type: ignore[no-untyped-def]
+    """One displacement and one force: what cannot be tested says why and what to record."""
+    table = Table({"x_m": np.arange(5.0), "fx_N": np.arange(5.0)}, Meta(), "bare")
+    lacking = item.missing(table)
+    if item.id != "outliers":
+        assert lacking is not None
+        assert lacking.reason
+        assert lacking.record
+
+
+def generalised_skew(item, values: F) -> float:  # type: ignore[no-untyped-def]
+    """Skew part of H = d(f, J' tau)/dp of a correction over its size: 0 for a potential."""
+    poses = workspace_poses(10, 4)
+
+    def generalised(at: F) -> F:
+        columns = {name: at[:, j] for j, name in enumerate(POSE)}
+        change = item.correction(Rows(Table(columns, Meta(), "poses"), physics()), values)
+        jacobian = _native.left_jacobians(np.ascontiguousarray(at[:, 3:]))
+        change[:, 3:] = np.einsum("nji,nj->ni", jacobian, change[:, 3:])
+        return change
+
+    hessian = np.empty((len(poses), 6, 6))
+    for j, step in enumerate([1e-6] * 3 + [1e-5] * 3):
+        d = np.zeros(6)
+        d[j] = step
+        hessian[:, :, j] = (generalised(poses + d) - generalised(poses - d)) / (2.0 * step)
+    return float(np.abs(hessian - np.swapaxes(hessian, 1, 2)).max() / np.abs(hessian).max())
+
+
+CONSERVATIVE = [
+    "strain_stiffening",
+    "compressibility",
+    "pretension",
+    "taper",
+    "length_error",
+    "diameter_error",
+    "face_tilt",
+    "pre_curvature",
+    "own_weight",
+    "anisotropy",
+    "base_compliance",
+]
+
+
+@pytest.mark.parametrize("id", CONSERVATIVE)
+def test_conservative_effects_have_a_potential(id: str) -> None:
+    item = get_effect(id)
+    values = np.array([0.5 * p.scale for p in item.parameters])
+    assert generalised_skew(item, values) < 2e-3
+
+
+@pytest.mark.parametrize("id", ["fts_offset", "fts_gain"])
+def test_effects_of_the_sensor_have_none(id: str) -> None:
+    item = get_effect(id)
+    values = np.array([(-1.0) ** j * 0.5 * p.scale for j, p in enumerate(item.parameters)])
+    assert generalised_skew(item, values) > 0.02
 
 
 def test_offset_and_drift_are_constant_in_body_axes(rows: Rows) -> None:

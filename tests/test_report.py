@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from browser import open_page
+from ecm.cli.reports import write_comparison
+from ecm.compare import compare
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number
+from stand_in_campaign import campaign, model
 
 HOSTILE = '</script><script>document.documentElement.dataset.owned = "1"</script><b>&'
 
@@ -96,3 +99,35 @@ def _plotly() -> str:
 )
 def test_numbers_have_significant_digits(value: float, text: str) -> None:
     assert number(value) == text
+
+
+@pytest.mark.browser
+def test_a_row_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
+    path = tmp_path / "compare.html"
+    write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
+    page = path.read_text(encoding="utf-8")
+    # After the page's own script: click the worst row, and say which points each figure marks.
+    path.write_text(
+        page.replace(
+            "</body>",
+            """<script>
+            const worst = document.querySelector("tr[data-row]");
+            worst.click();
+            const seen = figures.flatMap((f, i) => document.getElementById("figure-" + i).data
+              .filter(t => t.meta).map(t => t.selectedpoints.map(k => t.customdata[k]).join()));
+            document.documentElement.dataset.seen = seen.join(" ");
+            document.documentElement.dataset.worst = worst.dataset.row;
+            worst.click();
+            document.documentElement.dataset.after = figures.flatMap((f, i) =>
+              document.getElementById("figure-" + i).data.filter(t => t.selectedpoints)).length;
+            </script></body>""",
+        ),
+        encoding="utf-8",
+    )
+    seen = open_page(path)
+    assert seen.attribute("error") is None
+    row = seen.attribute("worst")
+    marked = (seen.attribute("seen") or "").split(" ")
+    assert len(marked) >= 12
+    assert set(marked) == {row}
+    assert seen.attribute("after") == "0"

@@ -1,6 +1,7 @@
 //! Small dense matrices in row-major slices: products, Cholesky, inverse.
 
 use faer::linalg::matmul::matmul;
+use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
 
 /// C += alpha A B or C = alpha A B; A is m x p, B is p x n, C is m x n, all row-major.
@@ -25,36 +26,19 @@ pub(crate) fn product(
     );
 }
 
-/// C = A B' with B n x p, as [`product`].
-pub(crate) fn product_transposed(
-    c: &mut [f64],
+/// C = A B' with B n x p, as [`product`], in either precision.
+pub(crate) fn product_transposed<T: ComplexField>(
+    c: &mut [T],
     (m, p, n): (usize, usize, usize),
-    a: &[f64],
-    b: &[f64],
+    a: &[T],
+    b: &[T],
 ) {
     matmul(
         MatMut::from_row_major_slice_mut(c, m, n),
         Accum::Replace,
         MatRef::from_row_major_slice(a, m, p),
         MatRef::from_row_major_slice(b, n, p).transpose(),
-        1.0,
-        Par::Seq,
-    );
-}
-
-/// C = A B' in single precision.
-pub(crate) fn product_transposed_f32(
-    c: &mut [f32],
-    (m, p, n): (usize, usize, usize),
-    a: &[f32],
-    b: &[f32],
-) {
-    matmul(
-        MatMut::from_row_major_slice_mut(c, m, n),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, m, p),
-        MatRef::from_row_major_slice(b, n, p).transpose(),
-        1.0f32,
+        T::one_impl(),
         Par::Seq,
     );
 }

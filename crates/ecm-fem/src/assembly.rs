@@ -62,7 +62,8 @@ pub struct Body {
     pub dead_force_N: Vec<f64>,
 }
 
-/// Displacements (3 per node, m) and scaled pressures (one per node, used at corners).
+/// Displacements (3 per node, m) and scaled pressures: P2/P1 one per node, used at corners;
+/// P2/P0 one per element; P2 one per quadrature point (see [`crate::inner_pressure`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// Displacement component `3 node + i`, m.
@@ -86,6 +87,8 @@ pub struct Sums {
     pub platform: [[f64; 6]; 6],
     /// Share of the body's dead force that acts; 1 but on the way to a load.
     pub dead_share: f64,
+    /// Softness of kept pressures in the tangent, 0 near a solution (see `inner_pressure`).
+    pub softening: f64,
     /// Stored energy, J.
     pub energy_J: f64,
     /// Smallest det F.
@@ -140,9 +143,13 @@ impl Body {
     /// The undeformed state.
     pub fn rest(&self) -> Field {
         let n = self.mesh.nodes_m().len();
+        let pressures = match self.kept_pressures() {
+            0 => n,
+            kept => kept * self.mesh.tetrahedra().len(),
+        };
         Field {
             displacement: vec![0.0; 3 * n],
-            pressure: vec![0.0; n],
+            pressure: vec![0.0; pressures],
         }
     }
 
@@ -164,28 +171,22 @@ impl Body {
     /// Cauchy stress σ = P Fᵀ / J at the points of element `e`, Pa, with P of W_d and pressure.
     pub fn cauchy_stress_Pa(&self, e: usize, field: &Field) -> Vec<Mat3> {
         let tet = &self.mesh.tetrahedra()[e];
-        let kappa = self.material.bulk_modulus_Pa() * self.modulus_scale[e];
-        let count = self.rule.points().len();
-        let points = &self.points[e * count..(e + 1) * count];
         let gradients: Vec<Mat3> = self.deformation_gradients(e, field).collect();
-        let gap = |f: &Mat3| crate::tensor::determinant(f) - 1.0;
-        let mean: f64 = (gradients.iter().zip(points))
-            .map(|(f, p)| gap(f) * p.volume_m3)
-            .sum::<f64>()
-            / points.iter().map(|p| p.volume_m3).sum::<f64>();
+        let kept = self.kept_pressures();
         gradients
             .iter()
             .zip(self.rule.points())
-            .map(|(f, (psi, _))| {
+            .enumerate()
+            .map(|(q, (f, (psi, _)))| {
                 let jacobian = crate::tensor::determinant(f);
-                let pressure = match self.formulation {
+                let scaled: f64 = match self.formulation {
                     Formulation::TaylorHood => {
-                        let scaled: f64 = (0..4).map(|m| psi[m] * field.pressure[tet[m]]).sum();
-                        self.pressure_unit_Pa * scaled
+                        (0..4).map(|m| psi[m] * field.pressure[tet[m]]).sum()
                     }
-                    Formulation::ConstantPressure => kappa * mean,
-                    Formulation::Displacement => kappa * gap(f),
+                    Formulation::ConstantPressure => field.pressure[e],
+                    Formulation::Displacement => field.pressure[e * kept + q],
                 };
+                let pressure = self.pressure_unit_Pa * scaled;
                 let stress = self.material.respond(f, jacobian).stress;
                 let mut sigma = crate::tensor::product(&stress, &crate::tensor::transpose(f))
                     .map(|row| row.map(|v| v * self.modulus_scale[e] / jacobian));
@@ -209,6 +210,7 @@ impl Sums {
             coupling: vec![[0.0; 6]; pattern.unknowns],
             platform: [[0.0; 6]; 6],
             dead_share: 1.0,
+            softening: 0.0,
             energy_J: 0.0,
             smallest_jacobian: f64::INFINITY,
         }
@@ -237,7 +239,7 @@ impl Sums {
         self.smallest_jacobian = f64::INFINITY;
         let mut element = Element::default();
         for (e, tet) in body.mesh.tetrahedra().iter().enumerate() {
-            element.evaluate(body, e, field)?;
+            element.evaluate(body, e, field, self.softening)?;
             self.energy_J += element.energy;
             self.smallest_jacobian = self.smallest_jacobian.min(element.smallest_jacobian);
             for a in 0..10 {

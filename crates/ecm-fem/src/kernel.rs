@@ -3,9 +3,6 @@
 use crate::assembly::{Body, Field, Formulation, Inverted, PAD, Point};
 use crate::tensor::{Mat3, cofactor};
 
-/// Bulk over shear modulus above which the tangent is no stiffer.
-const STIFFEST: f64 = 1e6;
-
 pub(crate) fn element_displacement(tet: &[usize; 10], field: &Field) -> [[f64; PAD]; 3] {
     let mut u = [[0.0; PAD]; 3];
     for a in 0..10 {
@@ -49,7 +46,13 @@ pub(crate) struct Element {
 
 impl Element {
     #[inline(never)]
-    pub fn evaluate(&mut self, body: &Body, e: usize, field: &Field) -> Result<(), Inverted> {
+    pub fn evaluate(
+        &mut self,
+        body: &Body,
+        e: usize,
+        field: &Field,
+        softening: f64,
+    ) -> Result<(), Inverted> {
         *self = Self {
             smallest_jacobian: f64::INFINITY,
             ..Self::default()
@@ -58,26 +61,37 @@ impl Element {
         let u = element_displacement(tet, field);
         let scale = body.modulus_scale[e];
         let unit = body.pressure_unit_Pa;
-        let kappa = body.material.bulk_modulus_Pa() * scale;
-        let by_kappa = unit / kappa;
-        // K_pp = 0 at ν = 0.5 would leave pivots to chance: the tangent alone, not the
-        // residual, gets a bulk modulus; Newton then gains six digits an iteration.
-        let compliance = by_kappa.max(unit / (STIFFEST * body.material.shear_modulus_Pa()));
-        let corner_pressure: [f64; 4] = std::array::from_fn(|m| field.pressure[tet[m]]);
+        // Both times the pressure unit.
+        let (by_kappa, compliance) = body.compliances(e, softening);
+        let (by_kappa, compliance) = (unit * by_kappa, unit * compliance);
         let rule = body.rule.points();
         let points = &body.points[e * rule.len()..(e + 1) * rule.len()];
         let formulation = body.formulation;
-        let (mut volume, mut mean_gap) = (0.0, 0.0);
+        let kept = body.kept_pressures();
+        let corner_pressure: [f64; 4] = if kept == 0 {
+            std::array::from_fn(|m| field.pressure[tet[m]])
+        } else {
+            [0.0; 4]
+        };
+        // Kept pressure, and the one that its residual J − 1 − p/κ brings it to.
+        let led = |kept: f64, gap: f64| {
+            let scaled = kept + (gap - by_kappa * kept) / compliance;
+            (unit * kept, unit * scaled)
+        };
+        let energy = |scaled: f64, gap: f64| unit * scaled * (gap - 0.5 * by_kappa * scaled);
+        let (mut volume, mut mean) = (0.0, (0.0, 0.0));
         if formulation == Formulation::ConstantPressure {
+            let mut mean_gap = 0.0;
             for point in points {
                 volume += point.volume_m3;
                 mean_gap +=
                     point.volume_m3 * (crate::tensor::determinant(&deformation(point, &u)) - 1.0);
             }
             mean_gap /= volume;
-            self.energy += 0.5 * kappa * volume * mean_gap * mean_gap;
+            mean = led(field.pressure[e], mean_gap);
+            self.energy += volume * energy(mean.1 / unit, mean_gap);
         }
-        for (point, (psi, _)) in points.iter().zip(rule) {
+        for (q, (point, (psi, _))) in points.iter().zip(rule).enumerate() {
             let f = deformation(point, &u);
             let cof = cofactor(&f);
             let jacobian = f[0][0] * cof[0][0] + f[0][1] * cof[0][1] + f[0][2] * cof[0][2];
@@ -87,20 +101,18 @@ impl Element {
             self.smallest_jacobian = self.smallest_jacobian.min(jacobian);
             let weight = point.volume_m3;
             let scaled: f64 = (0..4).map(|m| psi[m] * corner_pressure[m]).sum();
-            let p = match formulation {
-                Formulation::TaylorHood => unit * scaled,
-                Formulation::ConstantPressure => kappa * mean_gap,
-                Formulation::Displacement => kappa * (jacobian - 1.0),
+            // In the geometric stiffness, and in the forces.
+            let (turning, p) = match formulation {
+                Formulation::TaylorHood => (unit * scaled, unit * scaled),
+                Formulation::ConstantPressure => mean,
+                Formulation::Displacement => led(field.pressure[e * kept + q], jacobian - 1.0),
             };
             let mut response = body.material.respond(&f, jacobian);
             let distortion = weight * scale;
             self.energy += distortion * response.energy;
             match formulation {
-                Formulation::TaylorHood => {
-                    self.energy += weight * p * (jacobian - 1.0 - 0.5 * by_kappa * scaled);
-                }
-                Formulation::Displacement => {
-                    self.energy += 0.5 * weight * p * (jacobian - 1.0);
+                Formulation::TaylorHood | Formulation::Displacement => {
+                    self.energy += weight * energy(p / unit, jacobian - 1.0);
                 }
                 Formulation::ConstantPressure => {}
             }
@@ -119,12 +131,12 @@ impl Element {
                     *value *= distortion;
                 }
             }
-            add_cofactor_tangent(&mut response.tangent, &f, wp);
+            add_cofactor_tangent(&mut response.tangent, &f, weight * turning);
             if formulation == Formulation::Displacement {
                 for r in 0..9 {
                     for q in 0..9 {
                         response.tangent[r][q] +=
-                            weight * kappa * cof[r / 3][r % 3] * cof[q / 3][q % 3];
+                            weight * unit / compliance * cof[r / 3][r % 3] * cof[q / 3][q % 3];
                     }
                 }
             }
@@ -152,7 +164,7 @@ impl Element {
             }
         }
         if formulation == Formulation::ConstantPressure {
-            self.add_mean_dilatation(kappa / (volume * unit * unit));
+            self.add_mean_dilatation(1.0 / (volume * unit * compliance));
         }
         Ok(())
     }

@@ -48,6 +48,7 @@ pub mod assembly;
 pub mod element;
 mod error;
 mod factor;
+mod inner_pressure;
 mod kernel;
 mod loads;
 pub mod material;

@@ -36,8 +36,9 @@ def fit(
         typer.Option(
             "--model",
             metavar="NAME",
-            help="poly:D, linear, quadratic, cubic, energy4..6, energyD-revolution, "
-            "energyD-general, energyD+GROUP, physics, or a TOML with [mechanism].",
+            help="poly:D, linear .. cubic, energy4..6, energyD-revolution, energyD-general, "
+            "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with "
+            "[mechanism].",
         ),
     ] = "cubic",
     pcr: Annotated[

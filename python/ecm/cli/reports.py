@@ -17,6 +17,7 @@ def write_comparison(path: Path, found: Comparison) -> None:
     from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
     from ecm.report import figures as draw
     from ecm.report.page import number
+    from ecm.report.where import where_section
 
     names = [item.name for item in found.components]
     rows = [
@@ -47,7 +48,8 @@ def write_comparison(path: Path, found: Comparison) -> None:
         ),
     ]
     lead = f"{found.rows} rows"
-    write_page(path, f"{found.model} against measurements", lead, [Section("Compare", blocks)])
+    sections = [Section("Compare", blocks), where_section(found.where())]
+    write_page(path, f"{found.model} against measurements", lead, sections)
 
 
 def write_diagnosis(path: Path, document: Mapping[str, Any]) -> None:

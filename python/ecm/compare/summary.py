@@ -13,6 +13,7 @@ from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
 from ecm.compare.noise import Noise
 from ecm.compare.residuals import residuals
+from ecm.compare.where import Where, where
 from ecm.effects.rows import Rows
 from ecm.errors import InputError
 
@@ -65,7 +66,9 @@ class Comparison:
     physical: F
     """(N, m)."""
     row: I
-    """(N,) their rows in the table."""
+    """(N,) their rows in the table, from 0."""
+    maps: Where
+    """Where the residuals are."""
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -88,15 +91,9 @@ class Comparison:
             f"{worst.excess:.3g} {unit} in {worst.name.rsplit('_', 1)[0]} is not noise."
         )
 
-    def where(self, worst: int = 10) -> dict[str, Any]:
-        """The worst rows and the components in order of their excess."""
-        lengths = np.sqrt((self.whitened**2).mean(axis=1))
-        order = np.argsort(-lengths)[:worst]
-        ranked = sorted(self.components, key=lambda c: -c.excess / max(c.floor, 1e-300))
-        return {
-            "worst_rows": [{"row": int(self.row[i]), "whitened": float(lengths[i])} for i in order],
-            "components": [c.name for c in ranked],
-        }
+    def where(self) -> Where:
+        """Residual maps, signature shares, residual stiffness and the worst rows."""
+        return self.maps
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
@@ -112,7 +109,7 @@ class Comparison:
             "excess": {"value": self.excess, "low": self.excess_low, "high": self.excess_high},
             "lack_of_fit": None if self.lack_of_fit is None else asdict(self.lack_of_fit),
             "outside_domain": self.outside_domain,
-            "where": self.where(),
+            "where": self.where().to_dict(),
         }
 
 
@@ -169,6 +166,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         whitened=whitened,
         physical=physical,
         row=np.flatnonzero(scored),
+        maps=where(rows, found, scored, model.leverage(rows.poses[scored])),
     )
 
 

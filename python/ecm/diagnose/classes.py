@@ -14,6 +14,7 @@ from ecm.diagnose.search import LEAST_BIC, bic, estimate, normal_equations
 F = NDArray[np.float64]
 
 SEPARABLE = 0.1
+MOST_IN_CLASS = 3
 
 
 def separability(
@@ -62,7 +63,11 @@ def answer_class(
         alike = separability(problem, equations, item, rival, others) < SEPARABLE
         if loss < least or alike:
             found[rival.id] = min(loss, found.get(rival.id, np.inf))
-    return [item.id, *sorted(found, key=lambda id: found[id])]
+    ordered = sorted(found, key=lambda id: found[id])
+    near = [id for id in ordered if found[id] < least]
+    # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
+    alike_only = [id for id in ordered if id not in near][: max(0, MOST_IN_CLASS - 1 - len(near))]
+    return [item.id, *near, *alike_only]
 
 
 def confusable(problem: Problem) -> list[list[str]]:

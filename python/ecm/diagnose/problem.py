@@ -117,6 +117,7 @@ def assemble(
         lacking = effect.missing(table)
         if lacking is not None:
             untestable[effect.id] = lacking
+        if lacking is not None or effect.kind == "noise":
             continue
         for variant in effect.variants(table):
             zero = np.zeros(len(variant.parameters))

@@ -16,7 +16,7 @@ from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.classes import answer_class, confusable
+from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
@@ -40,7 +40,6 @@ _LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
 _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
-_MOST_IN_CLASS = 3
 _MOST_FACTOR = 5.0
 """The stated E is not wrong by more than this; then it is a sign or a unit."""
 _CLOSE_BIC = 20.0
@@ -176,11 +175,11 @@ def _accepted(
         for item in chosen:
             members = answer_class(problem, chosen, item)
             evidence = check(problem, chosen, item, members, seed)
-            if evidence.chosen_share < 0.8 and len(members) < _MOST_IN_CLASS:
+            if evidence.chosen_share < 0.8 and len(members) < MOST_IN_CLASS:
                 # A close rival that wins among resampled rows belongs to the class as well.
                 close = answer_class(problem, chosen, item, _CLOSE_BIC)
                 extra = [id for id in close if id not in members and id in evidence.winners]
-                members = [*members, *extra[: _MOST_IN_CLASS - len(members)]]
+                members = [*members, *extra[: MOST_IN_CLASS - len(members)]]
                 evidence = check(problem, chosen, item, members, seed)
             found.append((evidence, members))
         checks = [evidence for evidence, _ in found]

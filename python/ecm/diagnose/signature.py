@@ -1,65 +1,13 @@
-"""Shares of the residual by signature: what a missing effect looks like before it has a name."""
+"""Shares of the residual of a diagnosis by signature."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ecm.columns import POSE, WRENCH
-from ecm.compare.lack_of_fit import orthonormal
-from ecm.compare.residuals import features
+from ecm.compare.signature import signature_shares as of_residual
 from ecm.diagnose.problem import Problem
-
-F = NDArray[np.float64]
 
 
 def signature_shares(problem: Problem) -> dict[str, float]:
-    """Share of the whitened residual's squares, beyond chance, that each family explains alone."""
-    rows = problem.rows
-    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
-        return {}
-    n, m = problem.response.shape
-    y = (problem.response * np.sqrt(problem.weights)[:, None]).ravel()
-    total = float(y @ y)
-    deflection = rows.poses - rows.rest_pose
-    loaded = (~rows.unloaded).astype(np.float64)
-    scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
-    identity = np.broadcast_to(np.eye(6), (n, 6, 6))
-    even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
-    named: dict[str, F] = {
-        "proportional": rows.wrench[:, :, None],
-        "constant_in_base": identity,
-        "constant_in_body": rows.base_from_top,
-        "odd": _spread(scaled),
-        "even": _spread(even),
-    }
-    values, names = features(rows, 90)
-    for covariate in (
-        "time_s",
-        "temperature_degC",
-        "sensor_temperature_degC",
-        "dwell_s",
-        "approach",
-    ):
-        own = [j for j, name in enumerate(names) if covariate in name.split("*")]
-        if own:
-            named[covariate] = _spread(values[:, own])
-    shares = {}
-    for name, columns in named.items():
-        z = np.einsum("nij,njk->nik", problem.whitener, columns)
-        z = (z * np.sqrt(problem.weights)[:, None, None]).reshape(n * m, -1)
-        if z.shape[1] >= n * m // 2:
-            continue
-        basis = orthonormal(z)
-        beyond = float(((basis.T @ y) ** 2).sum()) - problem.scale * basis.shape[1]
-        shares[name] = float(np.clip(beyond / total, 0.0, 1.0))
-    return shares
-
-
-def _spread(values: F) -> F:
-    """(N, 6, 6 q): each function in each component."""
-    n, q = values.shape
-    columns = np.zeros((n, 6, 6 * q))
-    for j in range(6):
-        columns[:, j, j * q : (j + 1) * q] = values
-    return columns
+    """Share of the residual's squares, beyond chance, that each family explains alone."""
+    return of_residual(
+        problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+    )

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.effects.moved import moved_in_base, moved_in_top, turned
-from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
+from ecm.effects.protocol import (
+    Effect,
+    EffectBase,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    needs_full,
+    needs_varying,
+)
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
@@ -114,7 +123,7 @@ class CameraScale(EffectBase):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"base_compliance": "gauge bar"}
+        return {"base_compliance": "gauge bar", "diameter_error": "gauge bar"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """h at positions shrunk by s about the rest position."""
@@ -128,4 +137,35 @@ def _turned_vector(vector: F, rotation: F) -> F:
     return turned(both, rotation)[0, :3]
 
 
-EFFECTS: Sequence[Effect] = (TipFrameMisalignment(), BaseFrameMisalignment(), CameraScale())
+class LedOcclusion(LinearEffect):
+    """-K_s (d, w) times the share of markers that the camera does not see."""
+
+    id = "led_occlusion"
+    physics = "Where some of the markers are hidden the camera's pose is biased."
+    parameters = _twist("hidden")
+    signature = "follows the number of visible markers, in clusters of orientation"
+    side = "measurement"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"outliers": "a second place of the camera"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the number of visible markers."""
+        return needs_full(table) or needs_varying(table, "leds_visible", 0.5)
+
+    def columns(self, rows: Rows) -> F:
+        """-K_s times the hidden share."""
+        seen = rows.table.column("leds_visible")
+        hidden = 1.0 - seen / max(float(seen.max()), 1.0)
+        return np.asarray(-rows.screw_stiffness * hidden[:, None, None])
+
+
+EFFECTS: Sequence[Effect] = (
+    TipFrameMisalignment(),
+    BaseFrameMisalignment(),
+    CameraScale(),
+    LedOcclusion(),
+)

@@ -1,17 +1,27 @@
-"""Effects of the mechanism's own shape."""
+"""Effects of the mechanism's own shape: length, diameter, taper, tilt, curvature, preload."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.mid_frame import stretched
-from ecm.effects.protocol import Effect, EffectBase, Parameter
+from ecm import _native
+from ecm.effects.mid_frame import stretched, wrench_of
+from ecm.effects.moved import moved_in_base, turned
+from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
+from ecm.effects.rod_strain import mean_strain, rod_strain
 from ecm.effects.rows import Rows
 
+if TYPE_CHECKING:
+    from ecm.table import Table
+
 F = NDArray[np.float64]
+
+_BENDING_POWER = 3.4
+"""Of the diameter in the bending stiffness of a bonded cylinder as stubby as the neck."""
 
 
 class LengthError(EffectBase):
@@ -25,7 +35,11 @@ class LengthError(EffectBase):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"tip_frame_misalignment": "calliper", "base_frame_misalignment": "calliper"}
+        return {
+            "tip_frame_misalignment": "calliper",
+            "base_frame_misalignment": "calliper",
+            "pretension": "measure the detached length",
+        }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the shifted energy minus that of the base."""
@@ -34,4 +48,168 @@ class LengthError(EffectBase):
         return stretched(rows, np.eye(6), shift) - rows.wrench
 
 
-EFFECTS: Sequence[Effect] = (LengthError(),)
+class DiameterError(EffectBase):
+    """D larger by delta: axial D^2, lateral D^3, torsion D^4, bending D^3.4."""
+
+    id = "diameter_error"
+    physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
+    parameters = (Parameter("relative_diameter", "1", 5e-3, -0.2, 0.2),)
+    signature = "m = 0, conservative; axial < lateral < bending < torsion"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"compressibility": "calliper", "strain_stiffening": "calliper"}
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Wrench of the stretched energy minus that of the base."""
+        d = 1.0 + values[0]
+        lateral, bending = d**1.5, d ** (0.5 * _BENDING_POWER)
+        matrix = np.diag([d, lateral, lateral, d**2, bending, bending])
+        return stretched(rows, matrix, np.zeros(6)) - rows.wrench
+
+
+class Taper(LinearEffect):
+    """E A and E I fall by t from the middle to the top and grow by t to the base."""
+
+    id = "taper"
+    physics = "The mechanism is stiffer at one end than at the other."
+    parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
+    signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "tip_frame_misalignment": "turn the mechanism end for end",
+            "base_compliance": "turn the mechanism end for end",
+        }
+
+    def columns(self, rows: Rows) -> F:
+        """psi = -s (e^2 + gamma^2 / 3) / 2."""
+        strain = rod_strain(rows)
+        scale = -strain.along[None, :]
+        wrench = strain.wrench(rows, scale * strain.axial, scale[..., None] * strain.shear / 3.0)
+        return wrench[:, :, None]
+
+
+class Pretension(LinearEffect):
+    """A tension N0 along the centre line: V = N0 (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24)."""
+
+    id = "pretension"
+    physics = "The mechanism is mounted stretched, and the tension stiffens it sideways."
+    parameters = (Parameter("tension", "N", 1.0, -500.0, 500.0),)
+    signature = "h is not 0 at home, the lateral stiffness shifts; m = 0, conservative"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "length_error": "measure the detached length",
+            "fts_offset": "unloaded zero",
+            "own_weight": "measure the detached length",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the detached length; without it the preload is a `length_error`."""
+        if table.meta.mechanism.get("free_length_m") is None:
+            return Missing("the detached length is not known", "[mechanism] free_length_m")
+        return super().missing(table)
+
+    def columns(self, rows: Rows) -> F:
+        """Wrench per newton."""
+        length = rows.length_m
+        _, slope = mean_strain(_native.mid_frame(rows.poses, length), length)
+        wrench = wrench_of(rows.poses, length * slope)
+        wrench[rows.unloaded] = 0.0
+        return wrench[:, :, None]
+
+
+class FaceTilt(EffectBase):
+    """The base face is tilted by w = (0, w_y, w_z): h(exp(-w) p), wrench turned with it.
+
+    Where the wedge was cast between the true faces, it has no load at the rest pose.
+    """
+
+    id = "face_tilt"
+    physics = "The clamped face is not square to the axis, so that the mechanism stands askew."
+    parameters = (
+        Parameter("tilt_y", "rad", 2e-3, -0.3, 0.3),
+        Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
+    )
+    signature = "m = 1, base axes, turns with the mechanism; conservative"
+
+    def __init__(self, rest: str = "loaded") -> None:
+        self._rest = rest
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the tilt loads the rest pose (`loaded`) or was cast in (`free`)."""
+        return {"rest": self._rest}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Mounted askew, or cast as a wedge."""
+        return (FaceTilt("loaded"), FaceTilt("free"))
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "base_frame_misalignment": "remount turned by 180 degrees",
+            "tip_frame_misalignment": "remount turned by 180 degrees",
+            "pre_curvature": "turn the mechanism end for end",
+        }
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """h(exp(-w) p) turned by w, less the pose error that w makes at rest where it is free."""
+        turn = _turned_mounting(rows, values)
+        felt = moved_in_base(rows.poses, np.zeros(3), -turn)
+        if self._rest == "free":
+            n = len(rows)
+            rest = np.ascontiguousarray(np.broadcast_to(rows.rest_pose, (n, 6)))
+            felt = felt - (moved_in_base(rest, np.zeros(3), -turn) - rest)
+        return turned(rows.predict(felt), turn) - rows.wrench
+
+
+class PreCurvature(EffectBase):
+    """The unloaded mechanism is bent by kappa = (0, k_y, k_z) over its length: U(c, theta - k)."""
+
+    id = "pre_curvature"
+    physics = "The mechanism is curved when nothing loads it."
+    parameters = (
+        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
+        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
+    )
+    signature = "m = 1, axes of the mechanism, a moment at home; conservative"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "payload": "remount turned by 180 degrees",
+            "fts_offset": "remount turned by 180 degrees",
+            "face_tilt": "turn the mechanism end for end",
+        }
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Wrench of the shifted energy minus that of the base."""
+        shift = np.zeros((len(rows), 6))
+        shift[:, 3:] = -_turned_mounting(rows, values)
+        return stretched(rows, np.eye(6), shift) - rows.wrench
+
+
+def _turned_mounting(rows: Rows, values: F) -> F:
+    """(N, 3) of (0, y, z) in the mechanism's axes, turned with its mounting about x."""
+    cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
+    y, z = cos * values[0] - sin * values[1], sin * values[0] + cos * values[1]
+    return np.stack([np.zeros(len(rows)), y, z], axis=1)
+
+
+EFFECTS: Sequence[Effect] = (
+    Pretension(),
+    Taper(),
+    LengthError(),
+    DiameterError(),
+    FaceTilt(),
+    PreCurvature(),
+)

@@ -46,16 +46,36 @@ def sides(table: Table, length_m: float | None = None) -> F:
     return np.where(np.isfinite(product), np.sign(product), 0.0)
 
 
-def largest_so_far(table: Table, values: F) -> F:
-    """(N,) largest value of the rows up to each row, in order of time, anew in each run."""
+def order_of_visits(table: Table) -> list[NDArray[np.int64]]:
+    """Rows of each run in order of time."""
     time = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
     run = table.column("run") if table.has("run") else np.zeros(len(table))
-    found = np.empty(len(table))
+    found = []
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
-        rows = rows[np.argsort(time[rows], kind="stable")]
-        found[rows] = np.maximum.accumulate(values[rows])
+        found.append(rows[np.argsort(time[rows], kind="stable")])
     return found
+
+
+def largest_so_far(table: Table, values: F, *, index: bool = False) -> F:
+    """(N,) largest value of the rows up to each row of its run, or with `index` that row."""
+    found = np.empty(len(table))
+    for rows in order_of_visits(table):
+        largest = np.maximum.accumulate(values[rows])
+        if index:
+            new = np.concatenate([[True], largest[1:] > largest[:-1]])
+            found[rows] = rows[np.maximum.accumulate(np.where(new, np.arange(len(rows)), 0))]
+        else:
+            found[rows] = largest
+    return found
+
+
+def step_times(table: Table, count: int) -> tuple[float, ...]:
+    """Times that divide the rows of a table into count + 1 equal parts."""
+    time = np.sort(table.column("time_s"))
+    at = [round(len(time) * (i + 1) / (count + 1)) for i in range(count)]
+    found = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
+    return tuple(float(t) for t in dict.fromkeys(found))
 
 
 def _mean_poses(table: Table) -> dict[str, F]:

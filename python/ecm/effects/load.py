@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.history import sides
+from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
@@ -47,10 +48,7 @@ class Payload(LinearEffect):
 
     def missing(self, table: Table) -> Missing | None:
         """Needs gravity."""
-        gravity = np.asarray(table.meta.scene.gravity_m_s2)
-        if not np.linalg.norm(gravity) > 0.0:
-            return Missing("no gravity", "[scene] gravity_m_s2")
-        return needs_full(table)
+        return needs_gravity(table) or needs_full(table)
 
     def columns(self, rows: Rows) -> F:
         """Per kg and per kg m of mass times lever."""
@@ -67,7 +65,172 @@ class Payload(LinearEffect):
             columns[:, 3:] -= turn @ zero[3:]
         # A sensor that is free of the mechanism is free of what hangs between the two.
         columns[rows.unloaded] = 0.0
+        columns[rows.of_run("payload_mass_kg", 1.0) == 0.0] = 0.0
         return columns
+
+
+class OwnWeight(LinearEffect):
+    """V = -m g . (mean place of the rod), the wrench of its gradient; m its unknown share of rho V.
+
+    The mean place is r / 2 plus, in mid-frame axes, (b / 20, -L theta_z / 12, L theta_y / 12) with
+    b = c_y theta_z - c_z theta_y: to first order the rod hangs where its elasticity holds it. A
+    sensor that was zeroed with the mechanism on reads nothing at the rest pose.
+    """
+
+    id = "own_weight"
+    physics = "The mechanism's own weight loads the platform and the clamp, about half of it each."
+    parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
+    signature = "base axes; a constant part even, a part like a stiffness odd"
+
+    def __init__(self, zeroed: str = "free") -> None:
+        self._zeroed = zeroed
+
+    @property
+    def shape(self) -> Shape:
+        """Whether the sensor was zeroed `free` of the mechanism, or with it `attached` at rest."""
+        return {"zeroed": self._zeroed}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both ways of zeroing."""
+        return (OwnWeight("free"), OwnWeight("attached"))
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "payload": "remove the payload",
+            "pretension": "measure the detached length",
+            "fts_offset": "unloaded zero",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs gravity."""
+        return needs_gravity(table) or needs_full(table)
+
+    def columns(self, rows: Rows) -> F:
+        """Wrench per kg."""
+        gravity = np.asarray(rows.table.meta.scene.gravity_m_s2, dtype=np.float64)
+        columns = _hanging(rows.poses, rows.length_m, gravity)
+        if self._zeroed == "attached":
+            rest = _hanging(np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity)[0]
+            columns[:, :3] -= rows.rotation @ rest[:3]
+            columns[:, 3:] -= rows.rotation @ rest[3:]
+        columns[rows.unloaded] = 0.0
+        return columns[:, :, None]
+
+
+def _hanging(poses: F, length_m: float, gravity: F) -> F:
+    """(N, 6) wrench per kg that holds the rod's weight: the gradient of its potential."""
+    slope = np.zeros((len(poses), 6))
+    for j, step in enumerate([1e-6] * 3 + [1e-5] * 3):
+        change = np.zeros(6)
+        change[j] = step
+        up = _potential(poses + change, length_m, gravity)
+        slope[:, j] = (up - _potential(poses - change, length_m, gravity)) / (2.0 * step)
+    jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    torque = np.linalg.solve(np.swapaxes(jacobian, 1, 2), slope[:, 3:, None])[:, :, 0]
+    return np.concatenate([slope[:, :3], torque], axis=1)
+
+
+def _potential(poses: F, length_m: float, gravity: F) -> F:
+    """(N,) potential of 1 kg spread along the rod."""
+    poses = np.ascontiguousarray(poses)
+    q = _native.mid_frame(poses, length_m)
+    half = _native.rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
+    b = q[:, 1] * q[:, 5] - q[:, 2] * q[:, 4]
+    sag = np.stack([b / 20.0, -length_m * q[:, 5] / 12.0, length_m * q[:, 4] / 12.0], axis=1)
+    return np.asarray(-(0.5 * poses[:, :3] + np.einsum("nij,nj->ni", half, sag)) @ gravity)
+
+
+class CableDrag(LinearEffect):
+    """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest)."""
+
+    id = "cable_drag"
+    physics = "A cable pulls the platform towards one side."
+    parameters = (
+        *(Parameter(f"force_{axis}", "N", 0.5, -100.0, 100.0) for axis in "xyz"),
+        *(Parameter(f"moment_{axis}", "N m", 0.01, -5.0, 5.0) for axis in "xyz"),
+        Parameter("spring", "N/m", 10.0, 0.0, 1e4),
+    )
+    signature = "m = 1, base axes: a constant, and a small stiffness"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "fts_offset": "detach the cable",
+            "payload": "detach the cable",
+            "own_weight": "detach the cable",
+        }
+
+    def columns(self, rows: Rows) -> F:
+        """Constant wrench and spring, where a cable is attached."""
+        columns = np.zeros((len(rows), 6, 7))
+        columns[:, :, :6] = np.eye(6)
+        columns[:, :3, 6] = rows.poses[:, :3] - rows.rest_pose[:3]
+        columns[rows.unloaded] = 0.0
+        columns[rows.of_run("cable_attached", 1.0) == 0.0] = 0.0
+        return columns
+
+
+class TendonFriction(LinearEffect):
+    """mu a T_j along the top's axis, and mu r a T_j about the tendon's side, a = +-1 the approach.
+
+    Tendon j of n runs at the azimuth 2 pi j / n.
+    """
+
+    id = "tendon_friction"
+    physics = "Friction along the tendons: their pull depends on the side of approach."
+    parameters = (
+        Parameter("friction", "1", 0.02, -1.0, 1.0),
+        Parameter("friction_lever", "m", 5e-4, -0.1, 0.1),
+    )
+    signature = "m = number of tendons, odd in the side of approach, not conservative"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"cable_drag": "slack the tendons", "hysteresis": "slack the tendons"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs tendon tensions and the side of approach."""
+        found = needs_full(table)
+        if found is not None:
+            return found
+        if not _tendons(table):
+            return Missing("no tendon state", "tendon1_N, tendon2_N, ...", absent=True)
+        if not table.has("approach"):
+            return Missing("no column approach", "approach", absent=True)
+        if len(np.unique(sides(table)[sides(table) != 0.0])) < 2:
+            return Missing("one approach direction", "approach from both sides")
+        return None
+
+    def columns(self, rows: Rows) -> F:
+        """Sum over the tendons, in top axes turned to base axes."""
+        names = _tendons(rows.table)
+        side = sides(rows.table, rows.length_m)
+        own = np.zeros((len(rows), 6, 2))
+        for j, name in enumerate(names):
+            pull = side * np.nan_to_num(rows.table.column(name))
+            azimuth = 2.0 * np.pi * j / len(names)
+            own[:, 0, 0] -= pull
+            own[:, 4, 1] -= pull * np.sin(azimuth)
+            own[:, 5, 1] += pull * np.cos(azimuth)
+        columns = rows.base_from_top @ own
+        columns[rows.unloaded] = 0.0
+        return np.asarray(columns)
+
+
+def _tendons(table: Table) -> list[str]:
+    return [name for name in table.columns if name.startswith("tendon") and name.endswith("_N")]
+
+
+def needs_gravity(table: Table) -> Missing | None:
+    """Missing where the scene says that there is none."""
+    if np.linalg.norm(table.meta.scene.gravity_m_s2) > 0.0:
+        return None
+    return Missing("no gravity", "[scene] gravity_m_s2")
 
 
 def _weight(rotation: F, gravity: F) -> F:
@@ -79,4 +242,4 @@ def _weight(rotation: F, gravity: F) -> F:
     return columns
 
 
-EFFECTS: Sequence[Effect] = (Payload(),)
+EFFECTS: Sequence[Effect] = (OwnWeight(), Payload(), CableDrag(), TendonFriction())

@@ -16,13 +16,17 @@ F = NDArray[np.float64]
 
 
 def stretched(rows: Rows, matrix: F, shift: F) -> F:
-    """(N, 6) wrench of U(matrix @ q + shift), q = (c, theta) the mid-frame coordinates."""
+    """(N, 6) wrench of U(matrix @ q + shift), q = (c, theta) the mid-frame coordinates.
+
+    matrix (6, 6) or one per row (N, 6, 6), shift (6,) or (N, 6).
+    """
     length = rows.length_m
     q = _native.mid_frame(rows.poses, length)
-    other = q @ matrix.T + shift
+    matrix = np.broadcast_to(matrix, (len(rows), 6, 6))
+    other = np.einsum("nij,nj->ni", matrix, q) + shift
     poses = _poses(other, length)
-    force = _generalised(poses, rows.predict(poses)) @ matrix
-    return _wrench(rows.poses, force)
+    force = np.einsum("nji,nj->ni", matrix, _generalised(poses, rows.predict(poses)))
+    return wrench_of(rows.poses, force)
 
 
 def _poses(q: F, length_m: float) -> F:
@@ -45,7 +49,8 @@ def _generalised(poses: F, wrenches: F) -> F:
     return np.concatenate([force, moment], axis=1)
 
 
-def _wrench(poses: F, generalised: F) -> F:
+def wrench_of(poses: F, generalised: F) -> F:
+    """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta) (conventions.md)."""
     half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
     half = _native.rotation_matrices(half_angle)
     force = np.einsum("nij,nj->ni", half, generalised[:, :3])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 Side = Literal["physics", "measurement"]
-Kind = Literal["pose", "time"]
+Kind = Literal["pose", "time", "noise"]
 Shape = dict[str, float | str]
 
 
@@ -76,7 +76,7 @@ class Effect(Protocol):
 
     @property
     def kind(self) -> Kind:
-        """Whether it is a function of the pose, or of time, order and covariates."""
+        """A function of the pose; of time, order and covariates; or a change of the noise alone."""
 
     @property
     def shape(self) -> Shape:
@@ -87,6 +87,9 @@ class Effect(Protocol):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """The shapes worth trying on this table; the first is the plain one."""
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Shapes beside this one, nearer with each round from 0; none where it is exact."""
 
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) change of the predicted wrench for parameter values (k,)."""
@@ -122,6 +125,10 @@ class EffectBase:
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Only the plain form."""
         return (self,)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """The variants are enough."""
+        return ()
 
     def correction(self, rows: Rows, values: F) -> F:
         """Zero; a subclass overrides it, or `columns` of `LinearEffect`."""

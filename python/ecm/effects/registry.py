@@ -10,7 +10,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects import boundary, frames, geometry, load, material, sensor
+from ecm.effects import (
+    boundary,
+    contact,
+    frames,
+    friction,
+    geometry,
+    load,
+    material,
+    modulus,
+    motion,
+    permanent_set,
+    relaxation,
+    robot,
+    scatter,
+    sensor,
+    sensor_axes,
+    slip,
+)
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
 from ecm.effects.rows import Rows
 from ecm.errors import InputError
@@ -21,12 +38,22 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 _CATALOGUE: tuple[Effect, ...] = (
+    *relaxation.EFFECTS,
+    *friction.EFFECTS,
+    *modulus.EFFECTS,
+    *permanent_set.EFFECTS,
     *material.EFFECTS,
     *geometry.EFFECTS,
     *boundary.EFFECTS,
+    *contact.EFFECTS,
+    *slip.EFFECTS,
     *load.EFFECTS,
+    *motion.EFFECTS,
     *sensor.EFFECTS,
+    *sensor_axes.EFFECTS,
     *frames.EFFECTS,
+    *robot.EFFECTS,
+    *scatter.EFFECTS,
 )
 _own: dict[str, Effect] = {}
 

@@ -135,6 +135,20 @@ class Rows:
         """(N,) time since the campaign began: the same origin for any part of its table."""
         return self.table.column("time_s")
 
+    @cached_property
+    def mount_angle_rad(self) -> F:
+        """(N,) turn of the mechanism about its axis against the first mounting, by run."""
+        return self.of_run("mount_angle_rad", 0.0)
+
+    def of_run(self, key: str, default: float) -> F:
+        """(N,) what [run.N] says about each row's run."""
+        runs = self.table.meta.runs
+        if not runs or not self.table.has("run"):
+            return np.full(len(self), default)
+        own = {number: float(values.get(key, default)) for number, values in runs.items()}
+        numbers = self.table.column("run")
+        return np.array([own.get(int(number), default) for number in numbers])
+
 
 def twist(translation: F, rotation: F) -> F:
     """(N, 6) from two (N, 3)."""

@@ -1,4 +1,4 @@
-"""Effects of the force-torque sensor: they live in its axes, the top frame's."""
+"""The zero of the force-torque sensor: constants in its axes, which turn with the top frame."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
-_AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
+AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
 
 
 def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter, ...]:
@@ -35,7 +35,7 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
             f"{'N' if j < 3 else 'N m'}{unit}",
             force if j < 3 else torque,
         )
-        for j, axis in enumerate(_AXES)
+        for j, axis in enumerate(AXES)
     )
 
 
@@ -147,48 +147,4 @@ class FtsThermalDrift(LinearEffect):
         return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 
-class FtsGain(LinearEffect):
-    """B A diag(g) A^-1 B' h: each axis of the sensor has its own gain error.
-
-    A moves a wrench from the sensor's frame to the top frame ([instrument] top_from_sensor).
-    """
-
-    id = "fts_gain"
-    physics = "The axes of the sensor are scaled wrongly, each by its own factor."
-    parameters = tuple(Parameter(f"{axis}_gain", "1", 0.02, -0.5, 0.5) for axis in _AXES)
-    signature = "body axes, proportional to the component itself"
-    side = "measurement"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"anisotropy": "dead weights", "fts_crosstalk": "dead weights on a lever"}
-
-    def columns(self, rows: Rows) -> F:
-        """B A e_j (A^-1 B' h)_j."""
-        top_from_sensor = _adjoint(rows.table.meta.instrument.top_from_sensor)
-        in_top = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
-        own = in_top @ np.linalg.inv(top_from_sensor).T
-        return np.asarray((rows.base_from_top @ top_from_sensor) * own[:, None, :])
-
-
-def _adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
-    """(6, 6): f' = R f, tau' = R tau + t x R f; x y z, quaternion w x y z."""
-    adjoint = np.eye(6)
-    if top_from_sensor is None:
-        return adjoint
-    t = np.asarray(top_from_sensor[:3], dtype=np.float64)
-    w, x, y, z = np.asarray(top_from_sensor[3:]) / np.linalg.norm(top_from_sensor[3:])
-    vector = np.array([x, y, z])
-    turn = (w**2 - vector @ vector) * np.eye(3) + 2.0 * np.outer(vector, vector)
-    turn += 2.0 * w * _cross(vector)
-    adjoint[:3, :3] = adjoint[3:, 3:] = turn
-    adjoint[3:, :3] = _cross(t) @ turn
-    return adjoint
-
-
-def _cross(v: F) -> F:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-EFFECTS: Sequence[Effect] = (FtsOffset(), FtsDrift(), FtsThermalDrift(), FtsGain())
+EFFECTS: Sequence[Effect] = (FtsOffset(), FtsDrift(), FtsThermalDrift())

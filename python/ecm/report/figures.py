@@ -250,7 +250,9 @@ def bars(
     ]
     return {
         "data": data,
-        "layout": _layout(xaxis=_axis(), yaxis=_axis(y_title), barmode="group", height=360),
+        "layout": _layout(
+            xaxis=_axis(automargin=True), yaxis=_axis(y_title), barmode="group", height=360
+        ),
     }
 
 
@@ -262,32 +264,12 @@ def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nan_to_num(stiffness / np.outer(diagonal, diagonal))
     text = [[f"{value:.4g}" for value in row] for row in stiffness]
-    return {
-        "data": [
-            {
-                "type": "heatmap",
-                "z": relative.tolist(),
-                "x": names,
-                "y": rows,
-                "text": text,
-                "texttemplate": "%{text}",
-                "colorscale": [[0, "#4393c3"], [0.5, "#ffffff"], [1, "#e58368"]],
-                "textfont": {"color": INK},
-                "zmid": 0,
-                "zmin": -1.6,
-                "zmax": 1.6,
-                "showscale": False,
-                "hovertemplate": "∂%{y}/∂%{x} = %{text}<extra></extra>",
-            }
-        ],
-        "layout": _layout(
-            xaxis=_axis("", side="top"),
-            yaxis=_axis("", autorange="reversed"),
-            title={"text": title, "font": {"size": 14}},
-            height=360,
-            margin={"l": 48, "r": 16, "t": 70, "b": 16},
-        ),
+    figure = text_map(relative, text, names, rows, limit=1.6)
+    figure["layout"] |= {
+        "title": {"text": title, "font": {"size": 14}},
+        "margin": {"l": 48, "r": 16, "t": 70, "b": 16},
     }
+    return figure
 
 
 def pose_cloud(poses: F) -> dict[str, Any]:
@@ -350,3 +332,104 @@ def residuals_over(x: F, series: dict[str, F], *, x_title: str) -> dict[str, Any
             _panel_title(COMPONENT_LABELS[i].split(" [")[0], x_axis, y_axis)
         )
     return {"data": data, "layout": layout}
+
+
+def component_layout(outputs: Sequence[str], legend: str | None) -> dict[str, Any]:
+    """Layout of one panel per component; `component_axes` says which axes a trace uses."""
+    columns = min(3, len(outputs))
+    rows = -(-len(outputs) // columns)
+    layout = _layout(
+        height=210 * rows + 180,
+        showlegend=legend is not None,
+        margin={"l": 64, "r": 16, "t": 96, "b": 76},
+    )
+    layout["legend"] |= {"x": 1.0, "xanchor": "right", "y": 1.16}
+    layout["annotations"] = []
+    for name, (suffix, x_axis, y_axis, _) in zip(
+        outputs, _grid(len(outputs), columns), strict=True
+    ):
+        layout[f"xaxis{suffix}"] = _axis("", **x_axis)
+        layout[f"yaxis{suffix}"] = _axis("", **y_axis)
+        layout["annotations"].append(_panel_title(name, x_axis, y_axis))
+    return layout
+
+
+def component_axes(component: int) -> dict[str, str]:
+    """The axes of that component's panel."""
+    suffix = "" if component == 0 else str(component + 1)
+    return {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+
+
+def linked_views(
+    views: Sequence[tuple[str, Sequence[float], str, Sequence[float]]],
+    *,
+    size: F,
+    rows: Sequence[int],
+    text: Sequence[str],
+    link: str,
+) -> dict[str, Any]:
+    """Scatter plots of the same rows side by side, linked by row."""
+    layout = _layout(height=360, showlegend=False)
+    data = []
+    for i, ((x_title, x, y_title, y), (suffix, x_axis, y_axis, _)) in enumerate(
+        zip(views, _grid(len(views)), strict=True)
+    ):
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": list(x),
+                "y": list(y),
+                "text": list(text),
+                "marker": {
+                    "size": size.tolist(),
+                    "symbol": "circle-open",
+                    "color": COLOURS[0],
+                },
+                "selected": {"marker": {"color": COLOURS[1], "size": 20}},
+                "unselected": {"marker": {"opacity": 0.35}},
+                "meta": link,
+                "customdata": list(rows),
+                "hovertemplate": "row %{customdata}: %{text}<extra></extra>",
+                **component_axes(i),
+            }
+        )
+        layout[f"xaxis{suffix}"] = _axis(x_title, **x_axis)
+        layout[f"yaxis{suffix}"] = _axis(y_title, **y_axis)
+    return {"data": data, "layout": layout}
+
+
+def text_map(
+    values: F,
+    text: Sequence[Sequence[str]],
+    columns: Sequence[str],
+    rows: Sequence[str],
+    *,
+    limit: float,
+) -> dict[str, Any]:
+    """A matrix as text on a map of sign and size."""
+    return {
+        "data": [
+            {
+                "type": "heatmap",
+                "z": values.tolist(),
+                "x": list(columns),
+                "y": list(rows),
+                "text": [list(row) for row in text],
+                "texttemplate": "%{text}",
+                "colorscale": [[0, "#4393c3"], [0.5, "#ffffff"], [1, "#e58368"]],
+                "textfont": {"color": INK},
+                "zmid": 0,
+                "zmin": -limit,
+                "zmax": limit,
+                "showscale": False,
+                "hovertemplate": "%{y}, %{x}: %{text}<extra></extra>",
+            }
+        ],
+        "layout": _layout(
+            xaxis=_axis("", side="top"),
+            yaxis=_axis("", autorange="reversed"),
+            height=380,
+            margin={"l": 48, "r": 16, "t": 70, "b": 16},
+        ),
+    }

@@ -32,6 +32,8 @@ class TableBlock:
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    link: str = ""
+    """Rows whose first cell is the row of a point in figures whose traces have this `meta`."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,8 @@ th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--li
   white-space: nowrap; }
 th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
+tr[data-row] { cursor: pointer; }
+tr.marked td { font-weight: 700; background: var(--wash); }
 figure { margin: 18px 0; }
 figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px 0; }
 figure.table { margin: 22px 0; }
@@ -174,7 +178,8 @@ figure.table { margin: 22px 0; }
 <div class="scroll"><table>
 <thead><tr>{% for h in e.block.header %}<th scope="col">{{ h }}</th>{% endfor %}</tr></thead>
 <tbody>{% for row in e.block.rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}
+<tr{% if e.block.link %} data-link="{{ e.block.link }}" data-row="{{ row[0] }}" tabindex="0"
+ {% endif %}>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}
 </tbody></table></div>
 {% else %}
 <figure><div id="figure-{{ e.index }}" style="height:{{ e.height }}px"></div>
@@ -189,6 +194,27 @@ const figures = {{ figures|safe }};
 figures.forEach((f, i) => Plotly.newPlot("figure-" + i, f.data, f.layout,
   {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]}));
 document.documentElement.dataset.figures = figures.length;
+// A row marked anywhere is marked in every figure and table of the same link.
+let marked = "";
+function mark(link, row) {
+  marked = marked === link + row ? "" : link + row;
+  document.documentElement.dataset.marked = marked && row;
+  figures.forEach((f, i) => f.data.forEach((trace, k) => {
+    if (trace.meta !== link) return;
+    const at = trace.customdata.map(String).indexOf(String(row));
+    Plotly.restyle("figure-" + i, {selectedpoints: [marked ? (at < 0 ? [] : [at]) : null]}, [k]);
+  }));
+  document.querySelectorAll("tr[data-row]").forEach(tr => tr.classList.toggle("marked",
+    marked !== "" && tr.dataset.link === link && tr.dataset.row === String(row)));
+}
+figures.forEach((f, i) => document.getElementById("figure-" + i).on("plotly_click", e => {
+  const trace = e.points[0].data;
+  if (trace.meta) mark(trace.meta, e.points[0].customdata);
+}));
+document.querySelectorAll("tr[data-row]").forEach(tr => {
+  tr.addEventListener("click", () => mark(tr.dataset.link, tr.dataset.row));
+  tr.addEventListener("keydown", e => { if (e.key === "Enter") tr.click(); });
+});
 </script>
 </body>
 </html>

@@ -83,6 +83,10 @@ class Plant:
         self._rest = rest_pose(length_m)
         self._history: dict[Hysteresis, F] = {}
 
+    def anew(self) -> Plant:
+        """The same plant without the history of a course that it has seen."""
+        return Plant(self._settings, self.elastic, self.length_m, self._gradings)
+
     def truth(self, course: Course, physics: Physics, offset: F) -> Truth:
         """Readings without noise at every visit; `offset` (6,) is the sensor's constant zero."""
         loaded = course.loaded

@@ -65,15 +65,21 @@ def run_campaign(
         hide = rig.hidden.effect and f"{rig.hidden.effect}={rig.hidden.strength!r}"
     if isinstance(hide, str):
         hide = Hidden.parse(hide)
-    campaign = Campaign(
-        plan,
-        rig,
-        source,
-        hide=hide,
-        seed=seed,
-        folder=cache_directory() if folder is None else folder,
-        progress=progress,
-    )
+    if folder is None:
+        folder = cache_directory()
+    if rig.rig.mode == "robot":
+        from ecm.robot.run import run_robot, write_record
+
+        arm, table, kept = run_robot(
+            plan, rig, out, hide=hide, seed=seed, progress=progress, resume=resume,
+            source=source, folder=folder, threads=threads,
+        )  # fmt: skip
+        if out is not None and kept is not None:
+            table = _written(arm, table, out)
+            write_record(arm, out)
+            kept.remove()
+        return table
+    campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
     if out is None:
         return campaign.run()
     path = out.with_name(out.stem + ".journal.csv")
@@ -83,7 +89,14 @@ def run_campaign(
             if progress is not None:
                 progress(i + 1, len(campaign), "measuring")
         readings = [Reading.parse(line, str(path)) for line in journal.lines]
-    table = replace(campaign.table(readings), source=str(out))
+    table = _written(campaign, campaign.table(readings), out)
+    journal.remove()
+    return table
+
+
+def _written(campaign: Campaign, table: Table, out: Path) -> Table:
+    """The table on disk, and the truth beside it where something was hidden."""
+    table = replace(table, source=str(out))
     text = campaign.truth_text()
     if text is not None:
         write_atomically(truth.truth_path(out), text)
@@ -91,7 +104,6 @@ def run_campaign(
         # A truth that stands there belongs to data that are overwritten now.
         truth.truth_path(out).unlink(missing_ok=True)
     table.write(out)
-    journal.remove()
     return table
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.rig.arm_table import ArmTable
 from ecm.rig.fields import from_table, nearest, setting
 
 TABLES = ("rig", "instrument", "plant", "hidden")
@@ -23,8 +24,8 @@ TABLES = ("rig", "instrument", "plant", "hidden")
 class Procedure:
     """[rig]: how the poses are visited and how long that takes."""
 
-    mode: str = setting("quasi_static", choices=("quasi_static",))
-    """The robot is a source of poses; nothing moves while the window is open."""
+    mode: str = setting("quasi_static", choices=("quasi_static", "robot"))
+    """A source of poses that rest in each window, or the arm with its dynamics (`ecm.robot`)."""
     approach: str = setting("initial", choices=("initial", "previous"))
     """Where a pose is driven from when the plan has no `approach`: home, or the pose before."""
     dwell_s: float = setting(2.0, low=0.0, high=1e5)
@@ -136,6 +137,8 @@ class RigSettings:
     instrument: Instruments = field(default_factory=Instruments)
     plant: PlantTable = field(default_factory=PlantTable)
     hidden: HiddenTable = field(default_factory=HiddenTable)
+    arm: ArmTable = field(default_factory=ArmTable)
+    """Keys of [rig] that mode = "robot" adds."""
 
     def __post_init__(self) -> None:
         quaternion = np.asarray(self.instrument.top_from_sensor[3:])
@@ -156,11 +159,9 @@ class RigSettings:
             Naming file, table, key and the nearest known name.
         """
         procedure = tables.get("rig", {})
-        if isinstance(procedure, Mapping) and procedure.get("mode") == "robot":
-            raise InputError(
-                f"{where} [rig] mode = 'robot': the manipulator with its own dynamics is not "
-                "there yet; expected 'quasi_static'"
-            )
+        own, arm = procedure, dict[str, Any]()
+        if isinstance(procedure, Mapping):
+            own, arm = split_arm(procedure, where)
         for name in tables:
             if name not in TABLES:
                 raise InputError(
@@ -168,7 +169,8 @@ class RigSettings:
                     f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
                 )
         settings = RigSettings(
-            rig=from_table(Procedure, procedure, f"{where} [rig]"),
+            rig=from_table(Procedure, own, f"{where} [rig]"),
+            arm=from_table(ArmTable, arm, f"{where} [rig]"),
             instrument=from_table(
                 Instruments, tables.get("instrument", {}), f"{where} [instrument]"
             ),
@@ -188,4 +190,25 @@ class RigSettings:
     def to_dict(self) -> dict[str, Any]:
         """Every setting, defaults included, as plain lists and numbers."""
         document: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        arm = document.pop("arm")
+        if self.rig.mode == "robot":
+            document["rig"] |= arm
         return document
+
+
+def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """[rig] into the keys of every rig and those of the arm.
+
+    Raises
+    ------
+    InputError
+        A key of the arm where the mode is another.
+    """
+    arm_keys = {f.name for f in fields(ArmTable)}
+    arm = {key: value for key, value in table.items() if key in arm_keys}
+    if arm and table.get("mode") != "robot":
+        raise InputError(
+            f'{where} [rig] {next(iter(arm))}: only the arm has it; set mode = "robot", or take '
+            "the key out"
+        )
+    return {key: value for key, value in table.items() if key not in arm_keys}, arm

@@ -6,7 +6,7 @@ use super::information::{InformationMatrix, woodbury};
 use super::kernel;
 use super::pool::Pool;
 use super::{State, Swap};
-use crate::linalg::{dot, product_transposed_f32};
+use crate::linalg::{dot, product_transposed};
 
 /// Swaps after which the single-precision table is computed anew.
 const REBUILD_AFTER: usize = 150;
@@ -63,7 +63,7 @@ impl<'a> CrossState<'a> {
             .map(|v| *v as f32)
             .collect();
         let mut t = vec![0.0f32; width * k];
-        product_transposed_f32(&mut t, (width, k, k), &self.pool.rows_f32, &inverse);
+        product_transposed(&mut t, (width, k, k), &self.pool.rows_f32, &inverse);
         for ((d, t), x) in self
             .d
             .iter_mut()
@@ -78,7 +78,7 @@ impl<'a> CrossState<'a> {
             .flat_map(|&c| t[c * k..(c + 1) * k].iter().copied())
             .collect();
         let shape = (self.design.len(), k, width);
-        product_transposed_f32(&mut self.g, shape, &rows, &self.pool.rows_f32);
+        product_transposed(&mut self.g, shape, &rows, &self.pool.rows_f32);
         self.refresh_design_variances();
         self.swaps_since_rebuild = 0;
     }

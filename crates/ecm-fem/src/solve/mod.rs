@@ -161,11 +161,12 @@ impl Fem {
             });
         }
         let mixed = settings.formulation == Formulation::TaylorHood;
-        if !mixed && !material.bulk_modulus_Pa().is_finite() {
+        let plain = settings.formulation == Formulation::Displacement;
+        if plain && !material.bulk_modulus_Pa().is_finite() {
             return Err(FemError::Parameter {
                 name: "the bulk modulus",
                 value: material.bulk_modulus_Pa(),
-                expected: "a finite number without a pressure unknown; use Taylor-Hood",
+                expected: "a finite number for P2, which locks without; use P2/P1 or P2/P0",
             });
         }
         let pattern = Pattern::new(&mesh, hold, mixed)?;

@@ -98,6 +98,7 @@ impl Fem {
         let n = self.pattern.unknowns;
         if !work.ready {
             self.hold_platform_nodes(state);
+            work.sums.softening = 0.0;
             self.assemble(work, state).map_err(|f| (f, 0))?;
         }
         let target = match load {
@@ -120,7 +121,8 @@ impl Fem {
             if !work.ready {
                 self.factorise(work).map_err(|f| (f, iteration))?;
             }
-            if work.balance.residual <= self.settings.tolerance {
+            let softened = self.body.is_softened(work.sums.softening);
+            if work.balance.residual <= self.settings.tolerance && !softened {
                 return Ok(iteration);
             }
             unstable_iterates += usize::from(work.balance.inner_instabilities > 0);
@@ -142,10 +144,12 @@ impl Fem {
                 .ok_or((Failure::Diverged, iteration))?;
             let size = step_size(&platform_step, self.body.mesh.length_m());
             // After a step cut short by folding elements, do not at once try the whole way.
+            let softening = work.sums.softening;
             let mut share = (self.settings.step_limit / size)
                 .min(1.0)
                 .min(2.0 * previous_share);
             loop {
+                work.sums.softening = softening;
                 self.move_by(work, state, &platform_step, share);
                 std::mem::swap(state, &mut work.trial);
                 match self.assemble(work, state) {
@@ -343,6 +347,32 @@ impl Fem {
                 *new = old + share * step[unknown as usize];
             }
         }
+        if self.body.kept_pressures() > 0 {
+            self.move_platform_linearly(trial, state, platform_step, share);
+            let softening = &mut work.sums.softening;
+            *softening =
+                self.body
+                    .move_kept_pressures(&state.field, &mut trial.field, share, *softening);
+        }
         self.hold_platform_nodes(trial);
+    }
+
+    /// The platform's nodes where the tangent expects them, δx = δr + δφ × arm: a finite
+    /// rotation would look like a change of volume to the pressures.
+    fn move_platform_linearly(
+        &self,
+        trial: &mut State,
+        state: &State,
+        step: &[f64; 6],
+        share: f64,
+    ) {
+        for &node in &self.pattern.platform_nodes {
+            let arm = state.platform.arm(&self.body.mesh, node);
+            let turned = crate::tensor::cross([step[3], step[4], step[5]], arm);
+            for k in 0..3 {
+                let old = state.field.displacement[3 * node + k];
+                trial.field.displacement[3 * node + k] = old + share * (step[k] + turned[k]);
+            }
+        }
     }
 }

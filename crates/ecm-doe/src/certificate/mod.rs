@@ -12,11 +12,14 @@
 //! psi_i = tr(A_i M^-1 B M^-1 A_i') and k replaced by Phi: Phi* >= Phi^2 / S. Both are written
 //! with the merit log det M or -k log Phi, whose gap is k log(S / T), T = k or Phi.
 
+mod newton;
+
 use crate::budget::Control;
 use crate::linalg::{
     add_transposed_product, cholesky, dot, log_det, lower_inverse, product, product_transposed,
 };
 use crate::problem::{Objective, Problem};
+use newton::newton_step;
 
 /// The continuous optimum: weights, log det M and how far it can be from the best.
 #[derive(Debug, Clone)]
@@ -202,26 +205,28 @@ fn bound_at(problem: &Problem, eval: &Evaluation, n: f64, cap: f64) -> (f64, f64
 
 /// Weights with which the multiplicative step w <- min(cap, c w phi) sums to n.
 fn multiplicative_step(w: &mut [f64], phi: &[f64], n: f64, cap: f64) {
-    let raw: Vec<f64> = w.iter().zip(phi).map(|(w, p)| w * p).collect();
-    let (mut low, mut high) = (0.0, 1.0);
-    let total = |c: f64| raw.iter().map(|r| (c * r).min(cap)).sum::<f64>();
-    for _ in 0..200 {
-        if total(high) >= n {
+    let mut raw: Vec<f64> = w.iter().zip(phi).map(|(w, p)| w * p).collect();
+    // What reaches the cap stays there, and the factor of the rest only grows.
+    let (mut capped, mut left) = (0usize, raw.iter().sum::<f64>());
+    loop {
+        let factor = (n - capped as f64 * cap) / left;
+        if !(factor > 0.0 && factor.is_finite()) {
             break;
         }
-        low = high;
-        high *= 2.0;
-    }
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if total(middle) < n {
-            low = middle
-        } else {
-            high = middle
+        let before = capped;
+        left = 0.0;
+        for (w, r) in w.iter_mut().zip(&mut raw) {
+            if *r >= 0.0 && *r * factor >= cap {
+                (*w, *r) = (cap, -1.0);
+                capped += 1;
+            } else if *r >= 0.0 {
+                *w = *r * factor;
+                left += *r;
+            }
         }
-    }
-    for (w, r) in w.iter_mut().zip(&raw) {
-        *w = (high * r).min(cap);
+        if capped == before {
+            break;
+        }
     }
 }
 
@@ -275,7 +280,7 @@ pub fn continuous(
     let mut iterations = 0;
     while iterations < settings.iterations && gap > settings.tolerance * k && !control.stop() {
         let set = working_set(problem, &w, &eval.phi, level, wanted);
-        let step = newton_step(problem, &set, &w, &eval, cap, 0.05 * gap * eval.level / k);
+        let step = newton_step(problem, &set, &w, &eval, cap, 0.005 * gap * eval.level / k);
         let before = (gap, eval.value);
         // The last Newton steps gain less than rounding but still close the gap.
         let slack = 1e-12 * (1.0 + eval.value.abs());
@@ -357,112 +362,12 @@ fn working_set(problem: &Problem, w: &[f64], phi: &[f64], level: f64, limit: usi
     set
 }
 
-/// Maximises g's - s'Hs/2 over the box and the sum by moving weight between two poses at a time.
-fn newton_step(
-    problem: &Problem,
-    set: &[usize],
-    w: &[f64],
-    eval: &Evaluation,
-    cap: f64,
-    accuracy: f64,
-) -> Vec<f64> {
-    let (b, k, s) = (problem.block, problem.terms, set.len());
-    let rows: Vec<f64> = set
-        .iter()
-        .flat_map(|&i| problem.pose(i).iter().copied())
-        .collect();
-    let mut t = vec![0.0; rows.len()];
-    product_transposed(&mut t, (s * b, k, k), &rows, &eval.inv_lower);
-    let hessian = match &eval.weighted {
-        None => block_products(&t, &t, 1.0, s, b, k),
-        Some(weighted) => {
-            let mut v = vec![0.0; t.len()];
-            product(&mut v, (s * b, k, k), &t, weighted, 1.0, false);
-            block_products(&t, &v, 2.0, s, b, k)
-        }
-    };
-    let mut step = vec![0.0; s];
-    let mut gradient: Vec<f64> = set.iter().map(|&i| eval.phi[i]).collect();
-    let n: f64 = set.iter().map(|&i| w[i]).sum();
-    let tolerance = (accuracy / n).max(1e-13);
-    for _ in 0..200 * s {
-        let (mut up, mut best) = (usize::MAX, f64::NEG_INFINITY);
-        for i in 0..s {
-            if gradient[i] > best && w[set[i]] + step[i] < cap {
-                (up, best) = (i, gradient[i]);
-            }
-        }
-        if up == usize::MAX {
-            break;
-        }
-        let row = &hessian[up * s..(up + 1) * s];
-        let (mut down, mut gain, mut worst) = (usize::MAX, 0.0, f64::INFINITY);
-        for j in 0..s {
-            if w[set[j]] + step[j] > 0.0 {
-                worst = worst.min(gradient[j]);
-                let slope = best - gradient[j];
-                let curve = (row[up] + hessian[j * s + j] - 2.0 * row[j]).max(1e-12);
-                if slope > 0.0 && slope * slope / curve > gain {
-                    (down, gain) = (j, slope * slope / curve);
-                }
-            }
-        }
-        if down == usize::MAX || best - worst < tolerance {
-            break;
-        }
-        let curve = (row[up] + hessian[down * s + down] - 2.0 * row[down]).max(1e-12);
-        let room_up = cap - (w[set[up]] + step[up]);
-        let room_down = w[set[down]] + step[down];
-        let full = (best - gradient[down]) / curve;
-        let amount = full.min(room_up).min(room_down);
-        step[up] = if amount == room_up {
-            cap - w[set[up]]
-        } else {
-            step[up] + amount
-        };
-        step[down] = if amount == room_down {
-            -w[set[down]]
-        } else {
-            step[down] - amount
-        };
-        let other = &hessian[down * s..(down + 1) * s];
-        for ((g, a), c) in gradient.iter_mut().zip(row).zip(other) {
-            *g -= amount * (a - c);
-        }
-    }
-    step
-}
-
 /// Factor of the multiplicative step: phi for the determinant, its root for the trace.
 fn pull(problem: &Problem, phi: &[f64]) -> Vec<f64> {
     match problem.objective {
         Objective::Determinant => phi.to_vec(),
         Objective::Trace(_) | Objective::Compound { .. } => phi.iter().map(|p| p.sqrt()).collect(),
     }
-}
-
-/// H_ij = factor * sum of the entries of (T_i T_j') o (V_i V_j') for s blocks of b rows.
-fn block_products(t: &[f64], v: &[f64], factor: f64, s: usize, b: usize, k: usize) -> Vec<f64> {
-    let mut hessian = vec![0.0; s * s];
-    let (mut cross_t, mut cross_v) = (vec![0.0; b * s * b], vec![0.0; b * s * b]);
-    let same = std::ptr::eq(t, v);
-    for i in 0..s {
-        let own = i * b * k..(i + 1) * b * k;
-        product_transposed(&mut cross_t, (b, k, s * b), &t[own.clone()], t);
-        if !same {
-            product_transposed(&mut cross_v, (b, k, s * b), &v[own], v);
-        }
-        let other = if same { &cross_t } else { &cross_v };
-        for j in 0..s {
-            let mut sum = 0.0;
-            for r in 0..b {
-                let part = r * s * b + j * b..r * s * b + (j + 1) * b;
-                sum += dot(&cross_t[part.clone()], &other[part]);
-            }
-            hessian[i * s + j] = factor * sum;
-        }
-    }
-    hessian
 }
 
 /// Removes the rounding of sum w = n, keeping the box.

@@ -1,0 +1,124 @@
+"""Effects that scale the whole elastic wrench: temperature, age, the largest load so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.history import largest_so_far
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    needs_full,
+    needs_varying,
+)
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+
+class TemperatureModulus(LinearEffect):
+    """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left."""
+
+    id = "temperature_modulus"
+    physics = "The modulus follows the temperature of the material, and the whole wrench with it."
+    parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
+    signature = "proportional to h, follows T"
+    kind = "time"
+
+    def __init__(self, reference_degC: float | None = None) -> None:
+        self._reference_degC = reference_degC
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"ageing": "repeat 10 poses warm and cold", "stress_relaxation": "hold 60 s"}
+
+    @property
+    def shape(self) -> Shape:
+        """The temperature at which the correction is zero."""
+        return {} if self._reference_degC is None else {"reference_degC": self._reference_degC}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs a temperature that varies by more than a quarter of a degree."""
+        return needs_varying(table, "temperature_degC", 0.25)
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Referred to the mean temperature of the table."""
+        return (TemperatureModulus(round(float(table.column("temperature_degC").mean()), 3)),)
+
+    def columns(self, rows: Rows) -> F:
+        """-(T - T0) h."""
+        temperature = rows.table.column("temperature_degC")
+        zero = temperature.mean() if self._reference_degC is None else self._reference_degC
+        return np.asarray(-((temperature - zero)[:, None] * rows.wrench)[:, :, None])
+
+
+class Ageing(LinearEffect):
+    """h (1 + alpha t)."""
+
+    id = "ageing"
+    physics = "The material stiffens or softens steadily with time, at rest as well as in use."
+    parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
+    signature = "proportional to h, monotone in t"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "temperature_modulus": "repeat the first set at the end, and next day",
+            "mullins_softening": "repeat the first 10 poses",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs time."""
+        return needs_varying(table, "time_s", 1.0)
+
+    def columns(self, rows: Rows) -> F:
+        """t h."""
+        return np.asarray((rows.time_s()[:, None] * rows.wrench)[:, :, None])
+
+
+class MullinsSoftening(LinearEffect):
+    """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
+
+    W = h (p - p0) / 2, that of a linear body: only its ratio counts.
+    """
+
+    id = "mullins_softening"
+    physics = "A filled rubber is softer below the largest deformation that it has had."
+    parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
+    signature = "first visit above later ones, only below the past maximum"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "ageing": "5 conditioning cycles, then repeat the first 10 poses",
+            "stress_relaxation": "hold 60 s",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs time, so that the order of visits is known."""
+        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+
+    def columns(self, rows: Rows) -> F:
+        """-(1 - W / W_max) h."""
+        energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
+        largest = largest_so_far(rows.table, energy)
+        below = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
+        return np.asarray(-(below[:, None] * rows.wrench)[:, :, None])
+
+
+EFFECTS: Sequence[Effect] = (MullinsSoftening(), TemperatureModulus(), Ageing())

@@ -1,0 +1,154 @@
+"""Effects of movement: velocity and acceleration while the reading was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE, VELOCITY
+from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+
+def velocity(table: Table) -> F:
+    """(N, 6) of the columns v_...; of a continuous table differences of the poses in each run."""
+    if table.has(*VELOCITY):
+        return table.matrix(VELOCITY)
+    return _slope(table, table.matrix(POSE))
+
+
+def _slope(table: Table, values: F) -> F:
+    """(N, 6) central differences over time within each run."""
+    time = table.column("time_s")
+    run = table.column("run") if table.has("run") else np.zeros(len(table))
+    found = np.zeros_like(values)
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        if len(rows) > 2 and np.all(np.diff(time[rows]) > 0.0):
+            found[rows] = np.gradient(values[rows], time[rows], axis=0)
+    return found
+
+
+def needs_velocity(table: Table) -> Missing | None:
+    """Missing where rows neither have a velocity nor are samples of a continuous test."""
+    found = needs_full(table)
+    if found is not None:
+        return found
+    if table.has(*VELOCITY):
+        if float(np.abs(table.matrix(VELOCITY)).max(initial=0.0)) < 1e-9:
+            return Missing("nothing moved", "v_ columns of two approach speeds")
+        return None
+    if table.meta.file.kind == "continuous" and table.has("time_s"):
+        return None
+    return Missing("no velocity", "v_ columns, or the raw stream", absent=True)
+
+
+def needs_stream(table: Table) -> Missing | None:
+    """Missing where rows are not samples of a continuous test."""
+    found = needs_full(table)
+    if found is not None:
+        return found
+    if table.meta.file.kind == "continuous" and table.has("time_s"):
+        return None
+    return Missing("no raw stream", "NAME.raw.parquet, diagnosed as a continuous test", absent=True)
+
+
+class ViscousDamping(LinearEffect):
+    """D p' with one damping of translation and one of rotation, rotation in base axes."""
+
+    id = "viscous_damping"
+    physics = "A wrench that grows with the velocity of the platform."
+    parameters = (
+        Parameter("translation", "N s/m", 5.0, 0.0, 1e5),
+        Parameter("rotation", "N m s/rad", 0.05, 0.0, 1e3),
+    )
+    signature = "sign of the velocity, not conservative"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "hysteresis": "two approach speeds",
+            "time_skew": "two approach speeds",
+            "inertia": "settle 2 s more",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs velocities."""
+        return needs_velocity(table)
+
+    def columns(self, rows: Rows) -> F:
+        """Velocity in each half."""
+        return _halves(velocity(rows.table), rows)
+
+
+class Inertia(LinearEffect):
+    """M p'': the mass of what moves, and its moment of inertia taken alike about all axes."""
+
+    id = "inertia"
+    physics = "What hangs on the sensor still swings when the reading is taken."
+    parameters = (
+        Parameter("mass", "kg", 0.1, 0.0, 20.0),
+        Parameter("moment_of_inertia", "kg m^2", 1e-3, 0.0, 1.0),
+    )
+    signature = "follows the acceleration, dies within a second of rest"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"viscous_damping": "settle 2 s more", "time_skew": "settle 2 s more"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the raw stream."""
+        return needs_stream(table)
+
+    def columns(self, rows: Rows) -> F:
+        """Acceleration in each half."""
+        return _halves(_slope(rows.table, velocity(rows.table)), rows)
+
+
+class TimeSkew(LinearEffect):
+    """K p' delta: the wrench is read a little later than the pose."""
+
+    id = "time_skew"
+    physics = "Camera and sensor are not read at the same moment."
+    parameters = (Parameter("delay", "s", 5e-3, -1.0, 1.0),)
+    signature = "proportional to the velocity, 0 at rest"
+    side = "measurement"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"viscous_damping": "log while moving, cross-correlation"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the raw stream."""
+        return needs_stream(table)
+
+    def columns(self, rows: Rows) -> F:
+        """K p'."""
+        moving = velocity(rows.table)
+        return np.asarray(rows.stiffness @ moving[:, :, None])
+
+
+def _halves(values: F, rows: Rows) -> F:
+    columns = np.zeros((len(rows), 6, 2))
+    columns[:, :3, 0] = values[:, :3]
+    columns[:, 3:, 1] = values[:, 3:]
+    columns[rows.unloaded] = 0.0
+    return columns
+
+
+EFFECTS: Sequence[Effect] = (ViscousDamping(), Inertia(), TimeSkew())

@@ -1,0 +1,140 @@
+"""Strains of a clamped rod under mid-frame coordinates, and forces of energies written in them.
+
+The centre line bends like a clamped beam: theta gives uniform curvature, c gives curvature that
+changes sign in the middle, and both shorten the chord. The rod's section is the disc that has the
+base map's own axial and bending stiffness at rest. Any energy
+V = EA L sum_p w_p psi(e_p, gamma_p) of the strains is conservative, at large deflection too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.effects.mid_frame import wrench_of
+from ecm.effects.rows import Rows
+
+F = NDArray[np.float64]
+
+# Disc of radius 1, exact to degree 5: centre 1/4, hexagon at sqrt(2/3) 1/8 each.
+_ANGLES = np.arange(6) * np.pi / 3.0
+_DISC = np.concatenate(
+    [np.zeros((1, 2)), np.sqrt(2.0 / 3.0) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)]
+)
+_DISC_WEIGHT = np.array([0.25] + [0.125] * 6)
+# Along the axis from -1 to 1, exact to degree 5.
+_ALONG = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
+_ALONG_WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+@dataclass(frozen=True)
+class RestStiffness:
+    """Diagonal stiffness of the base map at rest, in mid-frame coordinates."""
+
+    axial: float
+    """N/m, EA / L."""
+    lateral: float
+    """N/m."""
+    torsion: float
+    """N m/rad."""
+    bending: float
+    """N m/rad, EI / L."""
+    length_m: float
+
+    @property
+    def bending_share(self) -> float:
+        """Share of bending in the lateral compliance of a clamped beam, k_c L^2 / (12 EI / L)."""
+        if self.bending <= 0.0:
+            return 1.0
+        return float(np.clip(self.lateral * self.length_m**2 / (12.0 * self.bending), 0.0, 1.0))
+
+    @property
+    def radius_m(self) -> float:
+        """Of the disc whose EI / EA = r^2 / 4 is the map's."""
+        ratio = max(self.bending, 0.0) / max(self.axial, 1e-300)
+        return float(np.clip(2.0 * np.sqrt(ratio), 0.0, self.length_m))
+
+
+def rest_stiffness(rows: Rows) -> RestStiffness:
+    """K(y, y) = k_c and K(theta_z, theta_z) = EI / L + k_c L^2 / 4 at the rest pose."""
+    stiffness = rows.base.stiffness(rows.rest_pose[None, :])[0]
+    length = rows.length_m
+    lateral = 0.5 * (stiffness[1, 1] + stiffness[2, 2])
+    return RestStiffness(
+        axial=float(stiffness[0, 0]),
+        lateral=float(lateral),
+        torsion=float(stiffness[3, 3]),
+        bending=float(0.5 * (stiffness[4, 4] + stiffness[5, 5]) - 0.25 * lateral * length**2),
+        length_m=length,
+    )
+
+
+@dataclass(frozen=True)
+class RodStrain:
+    """Strains at P points of the rod for N rows, and their slopes to q."""
+
+    stiffness: RestStiffness
+    weight: F
+    """(P,) share of the volume; sums to 1."""
+    along: F
+    """(P,) place along the axis, -1 at the base, 1 at the top."""
+    axial: F
+    """(N, P) e."""
+    axial_slope: F
+    """(N, P, 6)."""
+    shear: F
+    """(N, P, 2) gamma."""
+    shear_slope: F
+    """(P, 2, 6)."""
+
+    def wrench(self, rows: Rows, by_axial: F, by_shear: F) -> F:
+        """(N, 6) of V = EA L sum_p w_p psi from d psi / de (N, P) and d psi / d gamma (N, P, 2)."""
+        size = self.stiffness.axial * self.stiffness.length_m**2
+        force = np.einsum("p,np,npi->ni", self.weight, by_axial, self.axial_slope)
+        force += np.einsum("p,npk,pki->ni", self.weight, by_shear, self.shear_slope)
+        wrench = wrench_of(rows.poses, size * force)
+        wrench[rows.unloaded] = 0.0
+        return wrench
+
+
+def rod_strain(rows: Rows) -> RodStrain:
+    """Strains of the rod in place of the base map."""
+    known = rest_stiffness(rows)
+    length, share = known.length_m, known.bending_share
+    q = _native.mid_frame(rows.poses, length)
+    mean, mean_slope = mean_strain(q, length)
+    along = np.repeat(_ALONG, len(_DISC))
+    weight = np.repeat(_ALONG_WEIGHT, len(_DISC)) * np.tile(_DISC_WEIGHT, len(_ALONG))
+    y, z = (known.radius_m * np.tile(_DISC, (len(_ALONG), 1))).T
+    # e = mean - y w_y'' - z w_z'', w_y'' = theta_z / L - 6 c_y s / L^2, w_z'' = -theta_y / L - ...
+    bent = np.zeros((len(along), 6))
+    bent[:, 1] = 6.0 * share * y * along / length**2
+    bent[:, 2] = 6.0 * share * z * along / length**2
+    bent[:, 4] = z / length
+    bent[:, 5] = -y / length
+    shear_slope = np.zeros((len(along), 2, 6))
+    shear_slope[:, 0, 1] = shear_slope[:, 1, 2] = (1.0 - share) / length
+    shear_slope[:, 0, 3], shear_slope[:, 1, 3] = -z / length, y / length
+    return RodStrain(
+        stiffness=known,
+        weight=weight,
+        along=along,
+        axial=mean[:, None] + q @ bent.T,
+        axial_slope=mean_slope[:, None, :] + bent[None],
+        shear=np.einsum("pki,ni->npk", shear_slope, q),
+        shear_slope=shear_slope,
+    )
+
+
+def mean_strain(q: F, length_m: float) -> tuple[F, F]:
+    """(N,) strain of the centre line, (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24) / L; slope."""
+    mean = q[:, 0] + 0.6 * (q[:, 1:3] ** 2).sum(axis=1) / length_m
+    mean += length_m * (q[:, 4:6] ** 2).sum(axis=1) / 24.0
+    slope = np.zeros_like(q)
+    slope[:, 0] = 1.0
+    slope[:, 1:3] = 1.2 * q[:, 1:3] / length_m
+    slope[:, 4:6] = length_m * q[:, 4:6] / 12.0
+    return mean / length_m, slope / length_m

@@ -1,0 +1,231 @@
+"""How the force-torque sensor reads: gain, crosstalk, frame, saturation, hysteresis of its own.
+
+All of it happens in the sensor's own axes, whatever loads it: a wrench is moved there, read
+wrongly, and moved back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.history import pose_before
+from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.rows import Rows
+from ecm.effects.sensor import AXES
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_NEAR_RANGE = 0.97
+
+
+def in_sensor(rows: Rows, wrench: F | None = None) -> tuple[F, F]:
+    """(N, 6, 6) base from sensor, and the base map's wrench (N, 6) in the sensor's frame."""
+    top_from_sensor = adjoint(rows.table.meta.instrument.top_from_sensor)
+    own = rows.wrench if wrench is None else wrench
+    in_top = np.einsum("nji,nj->ni", rows.base_from_top, own)
+    return rows.base_from_top @ top_from_sensor, in_top @ np.linalg.inv(top_from_sensor).T
+
+
+class FtsGain(LinearEffect):
+    """B A diag(g) A^-1 B' h: each axis of the sensor has its own gain error.
+
+    A moves a wrench from the sensor's frame to the top frame ([instrument] top_from_sensor).
+    """
+
+    id = "fts_gain"
+    physics = "The axes of the sensor are scaled wrongly, each by its own factor."
+    parameters = tuple(Parameter(f"{axis}_gain", "1", 0.02, -0.5, 0.5) for axis in AXES)
+    signature = "body axes, proportional to the component itself"
+    side = "measurement"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"anisotropy": "dead weights", "fts_crosstalk": "dead weights on a lever"}
+
+    def columns(self, rows: Rows) -> F:
+        """B A e_j (A^-1 B' h)_j."""
+        base_from_sensor, own = in_sensor(rows)
+        return np.asarray(base_from_sensor * own[:, None, :])
+
+
+class FtsCrosstalk(LinearEffect):
+    """B A C A^-1 B' h, C without its diagonal: each axis reads a little of the others."""
+
+    id = "fts_crosstalk"
+    physics = "A load along one axis of the sensor shows in the others."
+    parameters = tuple(
+        Parameter(
+            f"{to}_from_{of}",
+            ("1" if (i < 3) == (j < 3) else "1/m" if i < 3 else "m"),
+            (0.01 if (i < 3) == (j < 3) else 0.2 if i < 3 else 5e-4),
+        )
+        for i, to in enumerate(AXES)
+        for j, of in enumerate(AXES)
+        if i != j
+    )
+    signature = "body axes, each component proportional to the others"
+    side = "measurement"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "fts_frame": "dead weights on a lever",
+            "tip_frame_misalignment": "dead weights on a lever",
+            "fts_gain": "dead weights",
+        }
+
+    def columns(self, rows: Rows) -> F:
+        """B A e_i (A^-1 B' h)_j."""
+        base_from_sensor, own = in_sensor(rows)
+        pairs = [(i, j) for i in range(6) for j in range(6) if i != j]
+        columns = [base_from_sensor[:, :, i] * own[:, j : j + 1] for i, j in pairs]
+        return np.stack(columns, axis=2)
+
+
+class FtsFrame(LinearEffect):
+    """The sensor sits elsewhere by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, body."""
+
+    id = "fts_frame"
+    physics = "The sensor is shifted or turned against where it is said to be on the platform."
+    parameters = (
+        *(Parameter(f"sensor_d{axis}", "m", 1e-3, -0.05, 0.05) for axis in "xyz"),
+        *(Parameter(f"sensor_w{axis}", "rad", 5e-3, -0.3, 0.3) for axis in "xyz"),
+    )
+    signature = "torque proportional to lever times force; rotation mixes components"
+    side = "measurement"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "tip_frame_misalignment": "pure force at 3 points",
+            "fts_crosstalk": "pure force at 3 points",
+        }
+
+    def columns(self, rows: Rows) -> F:
+        """Change of the wrench per unit of d and w, in body axes turned to base axes."""
+        in_top = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
+        columns = np.zeros((len(rows), 6, 6))
+        for j, axis in enumerate(np.eye(3)):
+            columns[:, 3:, j] = np.cross(axis, in_top[:, :3])
+            columns[:, :3, 3 + j] = np.cross(axis, in_top[:, :3])
+            columns[:, 3:, 3 + j] = np.cross(axis, in_top[:, 3:])
+        return np.asarray(rows.base_from_top @ columns)
+
+
+class FtsSaturation(LinearEffect):
+    """Readings stop near the end of the range: -(|h_j| - c_j) beyond 0.97 of the range c_j."""
+
+    id = "fts_saturation"
+    physics = "The sensor cannot read more than its range."
+    parameters = (Parameter("clipped", "1", 0.5, 0.0, 1.5),)
+    signature = "a ceiling on one raw axis"
+    side = "measurement"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"contact_stop": "look at the raw counts"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the range, and readings near it."""
+        found = needs_full(table)
+        if found is not None:
+            return found
+        limits = table.meta.instrument.fts_range
+        if limits is None:
+            return Missing("the sensor's range is not known", "[instrument] fts_range")
+        from ecm import _native
+
+        turn = _native.rotation_matrices(np.ascontiguousarray(table.poses[:, 3:]))
+        inverse = np.linalg.inv(adjoint(table.meta.instrument.top_from_sensor))
+        force = np.einsum("nji,nj->ni", turn, table.wrenches[:, :3])
+        torque = np.einsum("nji,nj->ni", turn, table.wrenches[:, 3:])
+        own = np.concatenate([force, torque], axis=1) @ inverse.T
+        if not (np.abs(own) > _NEAR_RANGE * np.asarray(limits)).any():
+            return Missing("no reading is near the sensor's range", "larger poses, or raw counts")
+        return None
+
+    def columns(self, rows: Rows) -> F:
+        """What lies beyond the ceiling, taken away."""
+        base_from_sensor, own = in_sensor(rows)
+        ceiling = _NEAR_RANGE * np.asarray(rows.table.meta.instrument.fts_range)
+        beyond = np.sign(own) * np.maximum(0.0, np.abs(own) - ceiling)
+        return np.asarray(-np.einsum("nij,nj->ni", base_from_sensor, beyond)[:, :, None])
+
+
+class FtsHysteresis(LinearEffect):
+    """c s_j sign(h_j - h_j,before) in sensor axes, s_j the spread of the loads on axis j."""
+
+    id = "fts_hysteresis"
+    physics = "The sensor itself reads differently when its load rises than when it falls."
+    parameters = (Parameter("width", "1", 5e-3, -0.2, 0.2),)
+    signature = "odd in the side of approach, body axes, also without the mechanism"
+    side = "measurement"
+    kind = "time"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "hysteresis": "load and unload dead weights",
+            "stress_relaxation": "load and unload dead weights",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs loads that were reached from above and from below."""
+        from ecm.effects.friction import Hysteresis
+
+        return Hysteresis().missing(table)
+
+    def columns(self, rows: Rows) -> F:
+        """Smoothed sign of the change of load since the pose before."""
+        before = pose_before(rows.table, rows.rest_pose)
+        known = np.isfinite(before).all(axis=1) & ~rows.unloaded
+        before = np.ascontiguousarray(np.where(known[:, None], before, rows.poses))
+        base_from_sensor, own = in_sensor(rows)
+        _, own_before = in_sensor(rows, rows.predict(before))
+        spread = own.std(axis=0)
+        change = (own - own_before) / np.where(spread > 0.0, spread, 1.0)
+        path = spread * np.tanh(10.0 * change) * known[:, None]
+        return np.asarray(np.einsum("nij,nj->ni", base_from_sensor, path)[:, :, None])
+
+
+def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
+    """(6, 6) wrench in the sensor's frame to the top frame: f' = R f, tau' = R tau + t x R f.
+
+    top_from_sensor: x y z in m, quaternion w x y z.
+    """
+    adjoint = np.eye(6)
+    if top_from_sensor is None:
+        return adjoint
+    t = np.asarray(top_from_sensor[:3], dtype=np.float64)
+    w, x, y, z = np.asarray(top_from_sensor[3:]) / np.linalg.norm(top_from_sensor[3:])
+    vector = np.array([x, y, z])
+    turn = (w**2 - vector @ vector) * np.eye(3) + 2.0 * np.outer(vector, vector)
+    turn += 2.0 * w * _cross(vector)
+    adjoint[:3, :3] = adjoint[3:, 3:] = turn
+    adjoint[3:, :3] = _cross(t) @ turn
+    return adjoint
+
+
+def _cross(v: F) -> F:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+EFFECTS: Sequence[Effect] = (
+    FtsGain(),
+    FtsCrosstalk(),
+    FtsSaturation(),
+    FtsHysteresis(),
+    FtsFrame(),
+)

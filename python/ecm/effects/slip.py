@@ -1,0 +1,162 @@
+"""Jumps and creep of what is clamped: the platform on the mechanism, the marker on the base."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.history import step_times
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    Side,
+    needs_full,
+    needs_varying,
+)
+from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+STEPS = 7
+"""Places of a jump that are tried at first; the best is refined afterwards."""
+
+
+def twist(name: str) -> tuple[Parameter, ...]:
+    """A small rigid motion."""
+    return (
+        *(Parameter(f"{name}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
+        *(Parameter(f"{name}_w{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "xyz"),
+    )
+
+
+def base_twist_columns(rows: Rows) -> F:
+    """(N, 6, 6) -K_s (d + w x r, w): the wrench per unit of a small motion in base axes."""
+    screw = rows.screw_stiffness
+    columns = -screw.copy()
+    for j, axis in enumerate(np.eye(3)):
+        lever = np.cross(np.broadcast_to(axis, (len(rows), 3)), rows.poses[:, :3])
+        columns[:, :, 3 + j] -= np.einsum("nij,nj->ni", screw[:, :, :3], lever)
+    return np.asarray(columns)
+
+
+class PlatformSlip(LinearEffect):
+    """From t* on the mechanism's end stands elsewhere on the platform: -K_s B (d, w)."""
+
+    id = "platform_slip"
+    physics = "The platform slips on the mechanism once and stays where it is then."
+    parameters = twist("slip")
+    signature = "a jump at one moment, then constant in body axes"
+    kind = "time"
+
+    def __init__(self, at_s: float = 0.0) -> None:
+        self._at_s = at_s
+
+    @property
+    def shape(self) -> Shape:
+        """The moment of the jump."""
+        return {"at_s": self._at_s}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A few moments."""
+        return tuple(PlatformSlip(t) for t in step_times(table, STEPS))
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Moments between this one and its neighbours."""
+        return tuple(PlatformSlip(t) for t in _between(table, self._at_s, round_))
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "marker_motion": "return home, repeat the first pose",
+            "permanent_set": "return home, repeat the first pose",
+            "fts_drift": "unloaded zero every 10 poses",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs order."""
+        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+
+    def columns(self, rows: Rows) -> F:
+        """-K_s B after the jump."""
+        after = (rows.time_s() > self._at_s).astype(np.float64)
+        return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) * after[:, None, None])
+
+
+class MarkerMotion(LinearEffect):
+    """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t)."""
+
+    id = "marker_motion"
+    physics = "The marker that stands for the base moves, and all poses seem to move with it."
+    parameters = twist("marker")
+    signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
+    side: Side = "measurement"
+    kind = "time"
+
+    def __init__(self, course: str = "ramp", at_s: float = 0.0) -> None:
+        self._course = course
+        self._at_s = at_s
+
+    @property
+    def shape(self) -> Shape:
+        """`ramp`, `settling` with its time, or `step` with its moment."""
+        return {"course": self._course} | ({} if self._course == "ramp" else {"at_s": self._at_s})
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A ramp, a creep that settles, and a few moments of a jump."""
+        span = float(np.ptp(table.column("time_s")))
+        steps = tuple(MarkerMotion("step", t) for t in step_times(table, STEPS))
+        return (MarkerMotion(), MarkerMotion("settling", round(0.35 * span, 1)), *steps)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Moments between a jump and its neighbours."""
+        if self._course != "step":
+            return ()
+        return tuple(MarkerMotion("step", t) for t in _between(table, self._at_s, round_))
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "fts_drift": "look at the base marker",
+            "permanent_set": "look at the base marker",
+            "platform_slip": "look at the base marker",
+        }
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs time."""
+        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+
+    def columns(self, rows: Rows) -> F:
+        """-K_s (d + w x r, w) g(t), g per hour for the ramp, else from 0 to 1."""
+        time = rows.time_s()
+        if self._course == "step":
+            growth = (time > self._at_s).astype(np.float64)
+        elif self._course == "settling":
+            growth = -np.expm1(-time / self._at_s)
+        else:
+            growth = time / 3600.0
+        return np.asarray(base_twist_columns(rows) * growth[:, None, None])
+
+
+def _between(table: Table, at_s: float, round_: int) -> tuple[float, ...]:
+    """Two moments beside `at_s`, nearer each round."""
+    time = np.sort(table.column("time_s"))
+    place = int(np.searchsorted(time, at_s))
+    step = round(len(time) / (STEPS + 1) / 2.0 ** (round_ + 1))
+    if step < 1:
+        return ()
+    found = [i for i in (place - step, place + step) if 0 < i < len(time)]
+    return tuple(float(0.5 * (time[i - 1] + time[i])) for i in found)
+
+
+EFFECTS: Sequence[Effect] = (PlatformSlip(), MarkerMotion())

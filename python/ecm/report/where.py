@@ -1,0 +1,238 @@
+"""Residual maps: every component against one variable, rows linked between figures and table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.report import figures as draw
+from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
+
+if TYPE_CHECKING:
+    from ecm.compare import Where
+
+F = NDArray[np.float64]
+
+LINK = "measured rows"
+"""Points of all figures with this mark and the same row are marked together."""
+_FRAMES = {"base": "base axes", "top": "top axes"}
+
+
+def residual_map(
+    found: Where,
+    variable: str | None = None,
+    *,
+    frame: str = "base",
+    over_noise: bool = True,
+    predicted: F | None = None,
+) -> dict[str, Any]:
+    """One panel per component against a variable; a menu changes variable, frame and unit."""
+    variable = strongest(found)[0] if variable is None else variable
+    names = list(found.variables)
+    shown = found.over_noise if over_noise else found.physical
+    points = _panels(found, found.variables[variable], shown[frame], variable)
+    curves = []
+    if predicted is not None:
+        spread = found.physical["base"] / np.where(
+            found.over_noise["base"] == 0.0, np.nan, found.over_noise["base"]
+        )
+        values = np.nan_to_num(predicted / spread) if over_noise else predicted
+        curves = _predicted(found, found.variables[variable], values)
+    data = [*points, *curves]
+    layout = draw.component_layout(found.outputs, "" if curves else None)
+    layout["annotations"].append(_x_title(variable))
+    last = len(layout["annotations"]) - 1
+    menus = [
+        _menu(0.0, [
+            {
+                "label": name,
+                "method": "update",
+                "args": [
+                    {"x": [_plain(found.variables[name])]},
+                    {f"annotations[{last}].text": _x_title(name)["text"]},
+                ],
+            }
+            for name in names
+        ], names.index(variable))
+    ]  # fmt: skip
+    if not curves:
+        kinds = [(key, unit) for key in shown for unit in ("over its noise", "in its unit")]
+        buttons = []
+        for key, unit in kinds:
+            values = (found.over_noise if unit == "over its noise" else found.physical)[key]
+            arrays = [_plain(values[:, j]) for j in range(values.shape[1])]
+            label = f"{_FRAMES[key]}, {unit}"
+            buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
+        active = kinds.index((frame, "over its noise" if over_noise else "in its unit"))
+        menus.append(_menu(0.45, buttons, active))
+    layout["updatemenus"] = menus
+    return {"data": data, "layout": layout}
+
+
+def strongest(found: Where, count: int = 2) -> list[str]:
+    """The variables that the residual follows most; time or order where it follows none."""
+    ranked: list[str] = []
+    for variable, _, _ in found.follows:
+        if variable not in ranked:
+            ranked.append(variable)
+    ranked += [name for name in found.variables if name not in ranked]
+    return ranked[:count]
+
+
+def where_section(found: Where) -> Section:
+    """Maps, signature, residual stiffness and the worst rows."""
+    blocks: list[TextBlock | TableBlock | FigureBlock] = [TextBlock(found.sentence(), strong=True)]
+    linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
+    first, *second = strongest(found)
+    blocks.append(
+        FigureBlock(
+            "Residual, measured minus predicted, of each component. The menus choose the variable, "
+            f"the axes and the unit. {linked}",
+            residual_map(found, first),
+        )
+    )
+    blocks += [
+        FigureBlock("The same against another variable.", residual_map(found, name))
+        for name in second
+    ]
+    if "theta_z_rad" in found.variables and "theta_y_rad" in found.variables:
+        blocks.append(
+            FigureBlock(
+                "Where in the workspace: the larger the marker, the larger the row's residual "
+                "over its noise.",
+                _workspace(found),
+            )
+        )
+    if found.shares:
+        ranked = sorted(found.shares.items(), key=lambda item: -item[1])
+        blocks.append(
+            FigureBlock(
+                "Share of the residual, beyond chance, that each signature explains alone; shares "
+                "overlap.",
+                draw.bars({"share": [v for _, v in ranked]}, [k for k, _ in ranked], y_title=""),
+            )
+        )
+    if found.stiffness is not None and found.stiffness_sd is not None:
+        blocks.append(
+            FigureBlock(
+                "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
+                "N m per m and rad; coloured where it is more than three of them.",
+                _stiffness_difference(found.stiffness, found.stiffness_sd),
+            )
+        )
+    worst = found.worst()
+    header = ["row", "residual / noise", "component", "residual"]
+    header += ["leverage"] if found.leverage is not None else []
+    blocks.append(
+        TableBlock(
+            "The ten worst rows of the table.",
+            header,
+            [
+                [
+                    str(item["row"]),
+                    number(item["whitened"]),
+                    item["component"],
+                    number(item["residual"]),
+                    *([number(item["leverage"])] if "leverage" in item else []),
+                ]
+                for item in worst
+            ],
+            link=LINK,
+        )
+    )
+    return Section("Where", blocks)
+
+
+def _panels(found: Where, x: F, values: F, variable: str) -> list[dict[str, Any]]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": _plain(x),
+            "y": _plain(values[:, j]),
+            "name": "measured − predicted",
+            "showlegend": False,
+            "marker": {"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
+            "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
+            "unselected": {"marker": {"opacity": 0.35}},
+            "meta": LINK,
+            "customdata": found.row.tolist(),
+            "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
+            **draw.component_axes(j),
+        }
+        for j in range(len(found.outputs))
+    ]
+
+
+def _predicted(found: Where, x: F, values: F) -> list[dict[str, Any]]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": _plain(x),
+            "y": _plain(values[:, j]),
+            "name": "what the effect predicts",
+            "legendgroup": "predicted",
+            "showlegend": j == 0,
+            "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
+            "customdata": found.row.tolist(),
+            "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
+            **draw.component_axes(j),
+        }
+        for j in range(len(found.outputs))
+    ]
+
+
+def _workspace(found: Where) -> dict[str, Any]:
+    views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
+    return draw.linked_views(
+        [(a, _plain(found.variables[a]), b, _plain(found.variables[b])) for a, b in views
+         if a in found.variables and b in found.variables],
+        size=np.clip(4.0 + 3.0 * (found.size - 1.0), 3.0, 18.0),
+        rows=found.row.tolist(),
+        text=[f"{value:.2f} times its noise" for value in found.size],
+        link=LINK,
+    )  # fmt: skip
+
+
+def _stiffness_difference(stiffness: F, sd: F) -> dict[str, Any]:
+    rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]
+    ratio = stiffness / sd
+    text = [
+        [f"{number(value, 2)} ± {number(error, 2)}" for value, error in zip(a, b, strict=True)]
+        for a, b in zip(stiffness, sd, strict=True)
+    ]
+    shown = np.where(np.abs(ratio) > 3.0, np.clip(ratio, -20.0, 20.0), 0.0)
+    return draw.text_map(shown, text, names, rows, limit=20.0)
+
+
+def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any]:
+    return {
+        "buttons": buttons,
+        "active": active,
+        "x": x,
+        "xanchor": "left",
+        "y": 1.16,
+        "yanchor": "bottom",
+        "bgcolor": "white",
+        "direction": "down",
+        "showactive": True,
+    }
+
+
+def _x_title(name: str) -> dict[str, Any]:
+    return {
+        "text": f"against {name}",
+        "showarrow": False,
+        "xref": "paper",
+        "yref": "paper",
+        "x": 0.5,
+        "y": -0.12,
+        "yanchor": "top",
+    }
+
+
+def _plain(values: F) -> list[float]:
+    return [float(f"{value:.5g}") for value in values]

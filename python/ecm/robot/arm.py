@@ -1,0 +1,110 @@
+"""The arm as published: a KUKA LWR 4+, its lengths, limits and masses.
+
+    base_from_flange = Tz(d1) Rz(q1) Ry(-q2) Rz(q3) Tz(d3) Ry(q4)
+                       Rz(q5) Tz(d5) Ry(-q6) Rz(q7) Tz(d7)
+
+Lengths, joint range, torque and speed: the maker's data sheet. Masses: identified by Gaz, Flacco,
+De Luca (ICRA 2014). Centres of mass and inertias: each link a uniform cylinder between its joints.
+Rotor inertia at the link side: the order that Jubien, Gautier, Janot (IFAC 2014) identified.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+F = NDArray[np.float64]
+
+SHOULDER_M, UPPER_M, FOREARM_M, FLANGE_M = 0.3105, 0.400, 0.390, 0.078
+"""d1, d3, d5, d7."""
+
+RANGE_RAD: F = np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0])
+TORQUE_NM: F = np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0])
+SPEED_RAD_S: F = np.deg2rad([110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0])
+MASS_KG: F = np.array([4.19, 4.30, 3.66, 2.38, 1.70, 0.40, 0.65])
+ROTOR_KG_M2: F = np.array([3.2, 3.0, 2.0, 2.0, 0.8, 0.4, 0.4])
+
+AXES = ("0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1")
+FOOT_M = 0.1105
+ORIGINS_M = (FOOT_M, 0.2, 0.2, 0.2, 0.2, 0.19, 0.0)
+"""Height of each body's frame above the one before; they add up to d1, d3, d5."""
+_LENGTH_M = (0.2, 0.2, 0.2, 0.2, 0.19, 0.06, FLANGE_M)
+_RADIUS_M = (0.06, 0.06, 0.06, 0.055, 0.05, 0.045, 0.035)
+
+HOME_RAD: F = np.deg2rad([0.0, -25.0, 0.0, 87.0, 0.0, -68.0, 0.0])
+"""Flange straight down, wrist far from stretched and from its limit for tilts up to 45 degrees."""
+
+_ADAPTER = ("adapter", 0.045, 0.020, 0.25, "0.75 0.75 0.78 1")
+_SENSOR = ("sensor", 0.050, 0.040, 0.80, "0.20 0.22 0.25 1")
+_TARGET = ("target", 0.055, 0.010, 0.20, "0.85 0.85 0.85 1")
+
+
+def link_inertia(link: int) -> tuple[float, float, float]:
+    """(centre height m, transverse kg m2, axial kg m2) of a link, counted from 0."""
+    mass, length, radius = float(MASS_KG[link]), _LENGTH_M[link], _RADIUS_M[link]
+    centre = 0.0 if link == 5 else 0.5 * length
+    return centre, mass * (3.0 * radius**2 + length**2) / 12.0, 0.5 * mass * radius**2
+
+
+def tool_length_m() -> float:
+    """From the flange to the top frame: adapter, sensor, target plate."""
+    return _ADAPTER[2] + _SENSOR[2] + _TARGET[2]
+
+
+def chain_text(payload_mass_kg: float, payload_centre_m: tuple[float, ...]) -> str:
+    """MJCF of the seven bodies and what the flange carries, in the axes of the arm's foot."""
+    text, indent = "", "    "
+    for i in range(7):
+        centre, across, along = link_inertia(i)
+        limit = RANGE_RAD[i]
+        colour = "0.95 0.45 0.10 1" if i % 2 == 0 else "0.90 0.90 0.88 1"
+        text += (
+            f'{indent}<body name="link{i + 1}" pos="0 0 {ORIGINS_M[i]:.17g}" gravcomp="1">\n'
+            f'{indent}  <joint name="joint{i + 1}" axis="{AXES[i]}" '
+            f'range="{-limit:.17g} {limit:.17g}" armature="{ROTOR_KG_M2[i]:.17g}"/>\n'
+            f'{indent}  <inertial pos="0 0 {centre:.17g}" mass="{MASS_KG[i]:.17g}" '
+            f'diaginertia="{across:.17g} {across:.17g} {along:.17g}"/>\n'
+            f'{indent}  <geom class="shape" type="capsule" size="{_RADIUS_M[i]:.17g}" '
+            f'fromto="0 0 0 0 0 {_LENGTH_M[i]:.17g}" rgba="{colour}"/>\n'
+        )
+        indent += "  "
+    text += tool_text(indent, payload_mass_kg, payload_centre_m)
+    for _ in range(7):
+        indent = indent[:-2]
+        text += f"{indent}</body>\n"
+    return text
+
+
+def tool_text(indent: str, payload_mass_kg: float, payload_centre_m: tuple[float, ...]) -> str:
+    """Plates and sensor under the flange, and the site `top`: the mechanism's top frame.
+
+    x of the top frame points back into the flange: x -> -z, y -> -y, z -> -x (w x y z).
+    """
+    text, height = "", FLANGE_M
+    for name, radius, thick, mass, colour in (_ADAPTER, _SENSOR, _TARGET):
+        across = mass * (3.0 * radius**2 + thick**2) / 12.0
+        middle = height + 0.5 * thick
+        contact = ' class="touch"' if name == "target" else ' class="shape"'
+        text += (
+            f'{indent}<body name="{name}" pos="0 0 {middle:.17g}" gravcomp="1">\n'
+            f'{indent}  <inertial pos="0 0 0" mass="{mass:.17g}" '
+            f'diaginertia="{across:.17g} {across:.17g} {0.5 * mass * radius**2:.17g}"/>\n'
+            f'{indent}  <geom{contact} type="cylinder" size="{radius:.17g} {0.5 * thick:.17g}" '
+            f'rgba="{colour}"/>\n{indent}</body>\n'
+        )
+        height += thick
+    half = math.sqrt(0.5)
+    quaternion = f"0 {half:.17g} 0 {-half:.17g}"
+    text += f'{indent}<site name="top" pos="0 0 {height:.17g}" quat="{quaternion}" size="0.005"/>\n'
+    if payload_mass_kg > 0.0:
+        x, y, z = payload_centre_m
+        small = f"{payload_mass_kg * 0.02**2:.17g}"
+        text += (
+            f'{indent}<body name="payload" pos="0 0 {height:.17g}" quat="{quaternion}" '
+            f'gravcomp="1">\n{indent}  <inertial pos="{x:.17g} {y:.17g} {z:.17g}" '
+            f'mass="{payload_mass_kg:.17g}" diaginertia="{small} {small} {small}"/>\n'
+            f"{indent}</body>\n"
+        )
+    return text

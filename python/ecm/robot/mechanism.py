@@ -1,0 +1,103 @@
+"""The mechanism at 1 kHz, a smooth surrogate of its FEM, and the model the controller is given.
+
+Both are energy models, so the simulated mechanism is conservative; the true one has degree 6 (4
+where few poses are solved), the controller's is of degree 4 unless a model file is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm._native import EnergyModel
+from ecm.columns import POSE, WRENCH
+from ecm.errors import InputError
+from ecm.rig.elastic import PLAIN, Anchors, Progress, Source, solve_cached
+
+if TYPE_CHECKING:
+    from ecm.models import Model
+
+F = NDArray[np.float64]
+
+ENOUGH = 90
+"""Solved poses for a surrogate of degree 6; with fewer, poses on the way to each are solved too."""
+_SHARES = (0.35, 0.7)
+_SYMMETRY: Literal["revolution"] = "revolution"
+
+
+@dataclass(frozen=True)
+class Surrogate:
+    """An energy model by its numbers, so that it can be sent to another process."""
+
+    length_m: float
+    degree: int
+    scale: F
+    coefficients: F
+    rms: F
+    """Of its wrench against the FEM poses that it was fitted to, (6,)."""
+
+    def model(self) -> EnergyModel:
+        """The model itself."""
+        return EnergyModel.from_coefficients(
+            length_m=self.length_m,
+            degree=self.degree,
+            symmetry=_SYMMETRY,
+            scale=self.scale,
+            coefficients=self.coefficients,
+        )
+
+
+def fem_pairs(
+    source: Source, anchors: Anchors, folder: Path | None, progress: Progress
+) -> tuple[F, F]:
+    """Poses and wrenches (N, 6): the solved anchors, and points on the way where they are few."""
+    solved = np.asarray([s == "solved" for s in anchors.status])
+    moving = solved & (np.linalg.norm(anchors.wrenches, axis=1) > 0.0)
+    poses, wrenches = anchors.poses[moving], anchors.wrenches[moving]
+    if len(poses) >= ENOUGH:
+        return poses, wrenches
+    rest = anchors.poses[0]
+    between = np.concatenate([rest + share * (poses - rest) for share in _SHARES])
+    more = solve_cached(source, between, PLAIN, folder, progress)
+    kept = np.asarray([s == "solved" for s in more.status])
+    return (
+        np.concatenate([poses, more.poses[kept]]),
+        np.concatenate([wrenches, more.wrenches[kept]]),
+    )
+
+
+def surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:
+    """Fitted to FEM pairs.
+
+    Raises
+    ------
+    InputError
+        Where they are too few to fix even degree 4.
+    """
+    degree = 6 if len(poses) >= 60 else 4
+    if len(poses) < 6:
+        raise InputError(
+            f"the plan has {len(poses)} solved poses and points between; the mechanism at 1 kHz "
+            "needs 6 or more. Add poses to the plan"
+        )
+    fitted = EnergyModel.fit(poses, wrenches, length_m=length_m, degree=degree, symmetry=_SYMMETRY)
+    rms = np.sqrt(((fitted.predict(poses) - wrenches) ** 2).mean(axis=0))
+    return Surrogate(length_m, degree, fitted.scale, fitted.coefficients, rms)
+
+
+def controller_model(path: str, poses: F, wrenches: F, length_m: float) -> Model:
+    """What the controller believes: a model file, or energy4 fitted to FEM pairs."""
+    from ecm.meta import Meta
+    from ecm.models import fit_model, load_model
+    from ecm.table import Table
+
+    if path:
+        return load_model(path)
+    columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+    columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+    name = "energy4" if len(poses) >= 12 else "linear"
+    return fit_model(Table(columns, Meta(mechanism={"length_m": length_m}), "FEM"), name)

@@ -1,0 +1,55 @@
+"""Joint position control: a stiff servo on every joint, integrated implicitly, with feed-forward.
+
+    tau = k (q_d - q) + d (q_d' - q') + J' h_model(p)
+
+Backward Euler of spring and damper over one step is the spring taken at the present position with
+the damper d + dt k taken at the end of the step; MuJoCo's Euler integrator treats joint damping so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.arm_table import ArmTable
+from ecm.robot.feed_forward import ControllerModel
+from ecm.robot.simulation import Simulation
+
+F = NDArray[np.float64]
+
+
+class Servo:
+    """The controller; between `engage` and `release` its dampers are in the model."""
+
+    def __init__(self, arm: ArmTable, simulation: Simulation, model: ControllerModel) -> None:
+        self._simulation = simulation
+        self._model = model
+        self._forward = arm.feed_forward
+        own = np.array([simulation.times_inertia(row)[i] for i, row in enumerate(np.eye(7))])
+        self._spring = arm.joint_stiffness_Nm_rad
+        self._damper = 2.0 * arm.joint_damping_ratio * np.sqrt(self._spring * own)
+        self._implicit = self._damper + simulation.step_s * self._spring
+
+    def engage(self) -> None:
+        """Put the dampers into the model."""
+        self._simulation.model.dof_damping[:] = self._implicit
+
+    def release(self) -> None:
+        """Take them out again."""
+        self._simulation.model.dof_damping[:] = 0.0
+
+    def torque(self, joints_rad: F, speeds_rad_s: F) -> F:
+        """Joint torques (7,) towards the target at the end of this step, dampers apart."""
+        simulation, model = self._simulation, self._model
+        torque: F = self._spring * (joints_rad - simulation.joints_rad)
+        torque += self._damper * speeds_rad_s
+        if self._forward:
+            model.pose[:] = simulation.pose
+            model.evaluate()
+            torque += simulation.jacobian_T.dot(model.wrench)
+        return torque
+
+    def dampers_Nm(self) -> F:
+        """What the implicit dampers take at present."""
+        taken: F = self._implicit * self._simulation.speeds_rad_s
+        return taken

@@ -1,0 +1,102 @@
+"""What the arm did, pose by pose and over all: how near each phase came, and how often."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ecm.columns import POSE, WRENCH
+from ecm.rig import timeline
+
+if TYPE_CHECKING:
+    from ecm.robot.campaign import RobotCampaign
+
+F = NDArray[np.float64]
+
+PHASES = ("impedance", "settle", "position", "rest", "reading", "return")
+
+
+def errors(poses: F, goals: F) -> tuple[F, F]:
+    """Distance in m and angle in rad between (N, 6) poses: (N,) each."""
+    turn = Rotation.from_rotvec(goals[:, 3:]).inv() * Rotation.from_rotvec(poses[:, 3:])
+    distance: F = np.linalg.norm(poses[:, :3] - goals[:, :3], axis=1)
+    angle: F = np.atleast_1d(turn.magnitude())
+    return distance, angle
+
+
+def fractions(poses: F, goals: F, rest: F) -> F:
+    """(6,) share of the way to the goal that is reached, component by component, least squares."""
+    way = goals - rest
+    square = np.maximum((way**2).sum(axis=0), 1e-30)
+    share: F = ((poses - rest) * way).sum(axis=0) / square
+    return share
+
+
+def document(campaign: RobotCampaign) -> dict[str, Any]:
+    """The record of a campaign."""
+    planned = campaign.planned.visits
+    lines = [line for line in campaign.taken if planned[line.visit].kind == timeline.POSE]
+    reached = [line for line in lines if not line.reason]
+    visits = [
+        {
+            "row": planned[line.visit].row,
+            "pose_id": planned[line.visit].pose_id,
+            "reason": line.reason,
+            "phases_s": line.phases,
+            "goal": line.goal,
+            "after_impedance": line.after_impedance,
+            "after_position": line.reached,
+            "joints_rad": line.joints_rad,
+            "off_known_m": line.off_known_m,
+        }
+        for line in lines
+    ]
+    found: dict[str, Any] = {
+        "schema": 1,
+        "visits": visits,
+        "poses": len(lines),
+        "reached": len(reached),
+        "success": len(reached) / len(lines) if lines else 0.0,
+        "reasons": [
+            [planned[line.visit].row + 1, planned[line.visit].pose_id, line.reason]
+            for line in lines
+            if line.reason
+        ],
+        "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
+        "minutes": campaign.taken[-1].time_s / 60.0 if campaign.taken else 0.0,
+        "off_known_m": {
+            "largest": max((line.off_known_m for line in reached), default=0.0),
+            "mean": float(np.mean([line.off_known_m for line in reached])) if reached else 0.0,
+        },
+    }
+    if reached:
+        found["phases"] = _phases(reached, campaign)
+    return found
+
+
+def _phases(reached: list[Any], campaign: RobotCampaign) -> dict[str, Any]:
+    goals = np.asarray([line.goal for line in reached])
+    rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+    result: dict[str, Any] = {}
+    for name, poses in (
+        ("impedance", np.asarray([line.after_impedance for line in reached])),
+        ("position", np.asarray([line.reached for line in reached])),
+    ):
+        distance, angle = errors(poses, goals)
+        result[name] = {
+            "median_m": float(np.median(distance)),
+            "largest_m": float(distance.max()),
+            "median_rad": float(np.median(angle)),
+            "largest_rad": float(angle.max()),
+            "fraction": dict(zip(POSE, fractions(poses, goals, rest).tolist(), strict=True)),
+        }
+    spans = [(name, end - begin) for line in reached for name, begin, end in line.phases]
+    result["median_s"] = {
+        name: float(np.median([s for n, s in spans if n == name]))
+        for name in PHASES
+        if any(n == name for n, _ in spans)
+    }
+    return result
