@@ -75,7 +75,12 @@ fn main() -> Result<(), FemError> {
     let cpu = cpu_seconds();
     let (mut known, mut guess) = (Vec::new(), None);
     while known.len() < count {
-        let until = count.min((2 * known.len()).max(16));
+        let learned = if known.len() < 1024 {
+            2 * known.len()
+        } else {
+            count
+        };
+        let until = count.min(learned.max(16));
         let group = &loads[known.len()..until];
         let found = fem.solve_from(group, guess.as_ref(), Watch::default(), &|_, _| {})?;
         let part = |solved: bool| {
@@ -93,7 +98,15 @@ fn main() -> Result<(), FemError> {
             part(false)
         );
         known.extend(found);
-        guess = fem.learn(&known, false).or(guess);
+        if known.len() <= 1024 {
+            let states: Vec<_> = known.iter().filter(|o| o.is_state()).collect();
+            let at: Vec<_> = states
+                .iter()
+                .map(|o| Load::Wrench(o.result.wrench))
+                .collect();
+            let fields: Vec<_> = states.iter().map(|o| o.field.as_slice()).collect();
+            guess = fem.learn(&at, &fields)?.or(guess);
+        }
     }
     let results: Vec<_> = known.iter().map(|o| &o.result).collect();
     let cpu = cpu_seconds() - cpu;

@@ -18,6 +18,9 @@ use std::sync::atomic::Ordering;
 /// First group; every further one doubles what is solved.
 const FIRST: usize = 16;
 
+/// What is learned from at most; more changes little and needs memory.
+const LEARNED: usize = 1024;
+
 /// A load case: its result, and its state for [`Fem::learn`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -25,6 +28,14 @@ pub struct Outcome {
     pub result: CaseResult,
     /// Pose, displacements and pressures of the result's state on its bent axis.
     pub field: Vec<f32>,
+}
+
+impl Outcome {
+    /// Whether `field` is an equilibrium under the result's wrench: where the case was
+    /// solved, and where the last stable state before a loss of stability is known.
+    pub fn is_state(&self) -> bool {
+        matches!(self.result.status, Status::Solved | Status::Unstable)
+    }
 }
 
 /// Called with row and outcome of each load case as soon as it is done, on its thread.
@@ -50,14 +61,18 @@ impl Fem {
                 outcomes[case] = Some(outcome);
             }
             done += group.len();
-            if done < order.len() {
-                let known: Vec<Outcome> = order[..done]
-                    .iter()
-                    .filter_map(|&i| outcomes[i].clone())
+            if done < order.len() && done <= LEARNED {
+                let known: Vec<&Outcome> = (order[..done].iter())
+                    .filter_map(|&i| outcomes[i].as_ref())
+                    .filter(|o| o.is_state())
                     .collect();
-                guess = self
-                    .learn(&known, matches!(loads[0], Load::Pose(_)))
-                    .or(guess);
+                let equilibrium = |o: &&Outcome| match loads[0] {
+                    Load::Wrench(_) => Load::Wrench(o.result.wrench),
+                    Load::Pose(_) => Load::Pose(o.result.pose),
+                };
+                let loads: Vec<Load> = known.iter().map(equilibrium).collect();
+                let fields: Vec<&[f32]> = known.iter().map(|o| o.field.as_slice()).collect();
+                guess = self.learn(&loads, &fields)?.or(guess);
             }
         }
         Ok(outcomes.into_iter().flatten().map(|o| o.result).collect())
@@ -67,7 +82,7 @@ impl Fem {
     /// without one from rest.
     ///
     /// # Errors
-    /// A load that is not finite, with its row.
+    /// A load that is not finite, with its row; a guess of another body.
     pub fn solve_from(
         &self,
         loads: &[Load],
@@ -76,32 +91,55 @@ impl Fem {
         finished: Finished,
     ) -> Result<Vec<Outcome>, FemError> {
         self.check_loads(loads)?;
+        if let Some(found) = guess
+            .map(Guess::field_length)
+            .filter(|&n| n != self.field_length())
+        {
+            return Err(FemError::Size {
+                what: "the guess's field",
+                found,
+                expected: self.field_length(),
+                why: "a guess serves the body it was learned from",
+            });
+        }
         let all: Vec<usize> = (0..loads.len()).collect();
         Ok(self.solve_group(loads, &all, guess, watch, finished))
     }
 
-    /// A guess from solved cases and the last stable states of unstable ones, all of
-    /// them wrench-driven or (`poses`) pose-driven; `None` when they are too few.
-    pub fn learn(&self, known: &[Outcome], poses: bool) -> Option<Guess> {
-        let useful = |o: &&Outcome| {
-            matches!(o.result.status, Status::Solved | Status::Unstable) && !o.field.is_empty()
+    /// A guess from states and the loads at which they are equilibria, all wrenches or all
+    /// poses; `None` when they are too few.
+    ///
+    /// # Errors
+    /// A load that is not finite, fields that are not as many, or of another length than
+    /// this body's.
+    pub fn learn(&self, loads: &[Load], fields: &[&[f32]]) -> Result<Option<Guess>, FemError> {
+        self.check_loads(loads)?;
+        let size = |what, found, expected, why| FemError::Size {
+            what,
+            found,
+            expected,
+            why,
         };
-        let known: Vec<&Outcome> = known.iter().filter(useful).collect();
-        let points: Vec<_> = (known.par_iter())
-            .map(|o| {
-                self.point(&if poses {
-                    Load::Pose(o.result.pose)
-                } else {
-                    Load::Wrench(o.result.wrench)
-                })
-            })
-            .collect();
-        let samples: Vec<_> = points
-            .iter()
-            .zip(&known)
-            .map(|(p, o)| (p, o.field.as_slice()))
-            .collect();
-        Guess::fit(&samples)
+        if fields.len() != loads.len() {
+            return Err(size("fields", fields.len(), loads.len(), "one per load"));
+        }
+        let length = self.field_length();
+        if let Some(field) = fields.iter().find(|f| f.len() != length) {
+            return Err(size(
+                "a field",
+                field.len(),
+                length,
+                "this body's states have as many",
+            ));
+        }
+        let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
+        let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
+        Ok(Guess::fit(&samples))
+    }
+
+    /// Values in a flat field.
+    pub fn field_length(&self) -> usize {
+        self.flatten(&self.rest()).len()
     }
 
     fn check_loads(&self, loads: &[Load]) -> Result<(), FemError> {

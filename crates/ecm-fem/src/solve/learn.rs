@@ -81,6 +81,40 @@ impl Guess {
         })
     }
 
+    /// For another process with the same body.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let head = [self.degree, self.terms].map(|n| n as u32);
+        let mut bytes: Vec<u8> = head.iter().flat_map(|n| n.to_le_bytes()).collect();
+        bytes.extend(self.scale.iter().flat_map(|v| v.to_le_bytes()));
+        bytes.extend(self.coefficients.iter().flat_map(|v| v.to_le_bytes()));
+        bytes
+    }
+
+    /// What [`Guess::to_bytes`] gave; `None` for anything else.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (head, rest) = bytes.split_at_checked(8)?;
+        let (scale, rest) = rest.split_at_checked(48)?;
+        let number = |b: &[u8]| Some(u32::from_le_bytes(b.try_into().ok()?) as usize);
+        let (degree, terms) = (number(&head[..4])?, number(&head[4..])?);
+        let doubles = (scale.chunks_exact(8)).map(|b| b.try_into().map(f64::from_le_bytes));
+        let floats = (rest.chunks_exact(4)).map(|b| b.try_into().map(f32::from_le_bytes));
+        let scale: Vec<f64> = doubles.collect::<Result<_, _>>().ok()?;
+        let coefficients: Vec<f32> = floats.collect::<Result<_, _>>().ok()?;
+        let mut row = Vec::new();
+        monomials(&[0.0; 6], degree.min(NEEDED[0].0), &mut row);
+        (row.len() == terms && rest.len() % (4 * terms) == 0).then_some(Self {
+            degree,
+            scale: scale.try_into().ok()?,
+            coefficients,
+            terms,
+        })
+    }
+
+    /// Values in a field that it guesses.
+    pub fn field_length(&self) -> usize {
+        self.coefficients.len() / self.terms
+    }
+
     /// The state guessed for a load at `point`.
     pub(super) fn state(&self, point: &[f64; 6], fem: &Fem) -> State {
         let mut terms = Vec::new();

@@ -180,6 +180,7 @@ impl Fem {
         load: &Load,
     ) -> Result<(), Failure> {
         self.hold_platform_nodes(state);
+        work.sums.softening = 0.0;
         self.assemble(work, state)?;
         self.residuals(work, state, load, None);
         self.factorise(work)

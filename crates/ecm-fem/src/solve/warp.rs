@@ -56,13 +56,18 @@ impl Fem {
             let v = apply(&transpose(&rotation), moved);
             out.extend([v[0], v[1] - x[1], v[2] - x[2]].map(|c| c as f32));
         }
-        let pressures = state.field.pressure.iter().zip(&self.pattern.of_pressure);
+        let pressures = state.field.pressure.iter().enumerate();
         out.extend(
             pressures
-                .filter(|(_, unknown)| **unknown != NONE)
-                .map(|(&p, _)| p as f32),
+                .filter(|(i, _)| self.has_pressure(*i))
+                .map(|(_, &p)| p as f32),
         );
         out
+    }
+
+    /// Whether an entry of the pressures is in use.
+    fn has_pressure(&self, index: usize) -> bool {
+        self.body.kept_pressures() > 0 || self.pattern.of_pressure[index] != NONE
     }
 
     /// Inverse of [`Fem::flatten`]; values that are missing at the end are zeros.
@@ -84,13 +89,8 @@ impl Fem {
                 state.field.displacement[3 * node + k] = r[k] + turned[k] - x[k];
             }
         }
-        for (p, &unknown) in state
-            .field
-            .pressure
-            .iter_mut()
-            .zip(&self.pattern.of_pressure)
-        {
-            if unknown != NONE {
+        for (i, p) in state.field.pressure.iter_mut().enumerate() {
+            if self.has_pressure(i) {
                 *p = values.next().unwrap_or_default();
             }
         }
