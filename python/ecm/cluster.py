@@ -11,17 +11,23 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.cases import Part, Report, packed
 from ecm.errors import ComputationError, FemError, InputError, MissingExtra
 from ecm.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from ecm._native import Guess
 
 F = NDArray[np.float64]
 
 _CONNECT_S = 10.0
+_CHUNK = 16
+"""Most cases that a worker is given at a time."""
 _DEATHS = 10
 """A chunk during which this many workers died is given up."""
 
@@ -65,42 +71,62 @@ class Cluster:
                 f"--scheduler {scheduler}: no worker is there. Start some with "
                 f"`dask worker {scheduler}`"
             )
-        self.ahead = 2 * workers
+        self._workers = workers
         mesh = b"" if mechanism.mesh_file is None else mechanism.mesh_file.read_bytes()
         self._work = (replace(mechanism, mesh_file=None), mesh, threads)
         if mechanism.mesh_file is not None:
             self._work = (replace(mechanism, mesh_file=None, builtin=""), mesh, threads)
-        self._futures: dict[int, Any] = {}
+        self._guess: tuple[Guess | None, Any] = (None, None)
+        self._futures: dict[Any, tuple[int, list[int]]] = {}
 
-    def begin(self, chunk: int, wrenches: F) -> None:
-        """Hand a chunk to the workers."""
-        self._futures[chunk] = self._client.submit(
-            _work, *self._work, wrenches, key=f"ecm-{id(self)}-{chunk}", pure=False
-        )
+    def solve(
+        self,
+        wrenches: F,
+        guess: Guess | None,
+        finished: Callable[[list[int], Part], None],
+        report: Report,
+    ) -> None:
+        """All cases, in chunks small enough to occupy all workers to the end."""
+        import distributed
 
-    def finish(
-        self, chunk: int, wrenches: F, report: Callable[[int, int], None] | None
-    ) -> dict[str, F]:
-        """The chunk's results, waited for."""
-        from distributed import KilledWorker
-
-        for _ in range(_DEATHS):
+        size = max(1, min(_CHUNK, len(wrenches) // (2 * self._workers)))
+        rows = [list(range(i, min(i + size, len(wrenches)))) for i in range(0, len(wrenches), size)]
+        held = self._hold(guess)
+        gather: Any = distributed.as_completed  # untyped
+        begun = [self._begin(wrenches, held, chunk, 1) for chunk in rows]
+        pending = gather(begun, loop=self._client.loop, raise_errors=False)
+        done = 0
+        for future in pending:
+            deaths, chunk = self._futures.pop(future)
             try:
-                result: dict[str, F] = self._futures.pop(chunk).result()
-                break
-            except KilledWorker:
-                self.begin(chunk, wrenches)
-        else:
-            raise ComputationError(
-                f"chunk {chunk}: workers die while solving it; do they have enough memory?"
-            )
-        if report is not None:
-            report(len(wrenches), len(wrenches))
-        return result
+                finished(chunk, future.result())
+            except distributed.KilledWorker:
+                if deaths == _DEATHS:
+                    raise ComputationError(
+                        f"{len(chunk)} cases: {deaths} workers died while solving them; do the "
+                        "workers have enough memory?"
+                    ) from None
+                pending.add(self._begin(wrenches, held, chunk, deaths + 1))
+                continue
+            done += len(chunk)
+            if report is not None:
+                report(done, len(wrenches))
+
+    def _begin(self, wrenches: F, held: Any, chunk: list[int], attempt: int) -> Any:
+        future = self._client.submit(_work, *self._work, wrenches[chunk], held, pure=False)
+        self._futures[future] = (attempt, chunk)
+        return future
+
+    def _hold(self, guess: Guess | None) -> Any:
+        """The guess on the workers; a task, so that it comes back where a worker dies with it."""
+        if self._guess[0] is not guess or self._guess[1] is None:
+            data = b"" if guess is None else guess.to_bytes()
+            self._guess = (guess, self._client.submit(bytes, data, pure=False))
+        return self._guess[1]
 
     def close(self) -> None:
         """Let go of what was begun and is not needed."""
-        for future in self._futures.values():
+        for future in self._futures:
             future.cancel()
         self._client.close()
 
@@ -109,14 +135,15 @@ _fems: dict[str, Any] = {}
 """On a worker: the last body, which many chunks share."""
 
 
-def _work(mechanism: Mechanism, mesh: bytes, threads: int, wrenches: F) -> dict[str, F]:
-    from ecm.simulate import solve_chunk
+def _work(mechanism: Mechanism, mesh: bytes, threads: int, wrenches: F, guess: bytes) -> Part:
+    from ecm._native import Guess
 
     key = mechanism.key() + str(hash(mesh))
     if key not in _fems:
         _fems.clear()
         _fems[key] = _body(mechanism, mesh)
-    return solve_chunk(_fems[key], wrenches, threads)
+    start = Guess(guess) if guess else None
+    return packed(_fems[key].solve_each(wrenches, guess=start, threads=threads))
 
 
 def _body(mechanism: Mechanism, mesh: bytes) -> Any:

@@ -8,34 +8,31 @@ its limit is the admissible rotation times `screen_margin`.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import rod_poses
+from ecm.cases import ARRAYS, Cases, room
 from ecm.errors import ComputationError, InputError
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
 from ecm.stages import Stage
 from ecm.table import POSE, WRENCH, Table
 
-if TYPE_CHECKING:
-    from ecm._native import Fem
-
 F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
-_Report = Callable[[int, int], object] | None
 
 # Table I of the paper: N, N m; compression negative.
 TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
 TABLE_I_MAX = (30.0, 100.0, 100.0, 5.0, 5.0, 5.0)
 
-_CHUNK = 64  # FEM cases that are solved, written and resumed together
+_SCHEME = 2  # of guesses and of what is kept; another one resumes nothing of this one
+_AT_LEAST = 8  # FEM cases that are solved together
+_FRUITLESS = 1280  # so many FEM cases without an admissible one: the workspace is empty
 _BLOCK = 2048  # wrenches that are drawn and screened together
 _DRY_BLOCKS = 50  # so many blocks without a single case: the workspace is empty
 
@@ -90,6 +87,8 @@ class Simulated:
     smallest_jacobian: F
     smallest_eigenvalue: F
     iterations: NDArray[np.int64]
+    newton_per_case: float
+    """Mean Newton iterations of all cases that were solved for these pairs, kept or not."""
     counts: dict[str, int]
     """drawn, screened (passed the rod), solved, unstable, failed, kept."""
     mechanism: Mechanism
@@ -105,18 +104,6 @@ class Simulated:
         columns["largest_stretch"] = self.largest_stretch
         columns["smallest_jacobian"] = self.smallest_jacobian
         return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
-
-
-_ARRAYS = (
-    "wrenches",
-    "poses",
-    "stiffness",
-    "energy_J",
-    "largest_stretch",
-    "smallest_jacobian",
-    "smallest_eigenvalue",
-    "iterations",
-)
 
 
 def simulate(
@@ -139,9 +126,10 @@ def simulate(
     workspace
         What is admissible; default |theta| <= 0.8 rad under wrenches of the paper's Table I.
     directory
-        Where finished chunks are kept; a later call with the same settings goes on there.
+        Where solved cases are kept, each within 0.1 s; a later call with the same settings goes
+        on there.
     scheduler
-        Address of a Dask scheduler (tcp://host:8786) whose workers solve the chunks; the pairs
+        Address of a Dask scheduler (tcp://host:8786) whose workers solve the cases; the pairs
         are the same to the last bit. Needs the extra `cluster`.
     progress
         Called with pairs kept, n, and a word.
@@ -155,29 +143,25 @@ def simulate(
             "mechanism": mechanism.key(),
             "workspace": workspace.__dict__,
             "seed": seed,
-            "chunk": _CHUNK,
+            "scheme": _SCHEME,
         }
         stage = Stage(directory, "simulate", settings)
     draws = _Draws(mechanism, workspace, seed)
-    solve = _solver(mechanism, threads, scheduler)
+    cases = Cases(mechanism, threads, scheduler, stage)
     parts: list[dict[str, F]] = []
-    kept = solved = unstable = failed = chunk = 0
-    ahead: deque[tuple[F, NDArray[np.int64]]] = deque()
+    kept = solved = unstable = failed = newton = first = 0
     while kept < n:
-        _go_ahead(ahead, chunk, draws, solve, stage)
-        wrenches, serial = ahead.popleft()
-        part = stage.load_part(chunk) if stage is not None else None
-        if part is None:
-            before = kept
+        # About as many as are still needed: a case depends only on those before its group.
+        wanted = (n - kept) * first // kept if kept > 0 else n
+        wrenches, serial = draws.next(min(room(first), max(wanted, _AT_LEAST)))
 
-            def report(done: int, total: int, before: int = before) -> None:
-                if progress is not None:
-                    progress(min(n, before + done * (n - before > 0)), n, "solving")
+        def report(done: int, total: int, before: int = kept) -> None:
+            if progress is not None:
+                progress(min(n, before + done * (n - before > 0)), n, "solving")
 
-            part = solve.finish(chunk, wrenches, None if progress is None else report)
-            if stage is not None:
-                stage.save_part(chunk, part)
-        ok, lost = part["ok"].astype(bool), part["unstable"].astype(bool)
+        part = cases.solve(first, wrenches, None if progress is None else report)
+        first += len(wrenches)
+        ok, lost = part["ok"], part["unstable"]
         inside = ok.copy()
         if not workspace.full_box:
             rotation = np.linalg.norm(part["poses"][:, 3:], axis=1)
@@ -192,19 +176,19 @@ def simulate(
         solved += int((ok & counted).sum())
         unstable += int((lost & counted).sum())
         failed += int((~ok & ~lost & counted).sum())
-        parts.append({name: part[name][take] for name in _ARRAYS})
+        newton += int(part["iterations"][counted].sum())
+        parts.append({name: part[name][take] for name in ARRAYS})
         kept += len(take)
-        chunk += 1
         if progress is not None:
             progress(kept, n, "solved")
-        if chunk >= 20 and kept == 0:
+        if first >= _FRUITLESS and kept == 0:
             raise ComputationError(
-                f"none of {chunk * _CHUNK} FEM poses is admissible (|theta| <= "
+                f"none of {first} FEM poses is admissible (|theta| <= "
                 f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
                 "widen the [workspace] limits or shrink the wrench box"
             )
-    solve.close()
-    arrays = {name: np.concatenate([part[name] for part in parts]) for name in _ARRAYS}
+    cases.close()
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in ARRAYS}
     counts = {
         "drawn": draws.drawn,
         "screened": draws.screened,
@@ -214,63 +198,12 @@ def simulate(
         "kept": kept,
     }
     return Simulated(
-        **{name: arrays[name] for name in _ARRAYS if name != "iterations"},
+        **{name: arrays[name] for name in ARRAYS if name != "iterations"},
         iterations=arrays["iterations"].astype(np.int64),
+        newton_per_case=newton / (solved + unstable + failed),
         counts=counts,
         mechanism=mechanism,
     )
-
-
-def solve_chunk(fem: Fem, wrenches: F, threads: int, report: _Report = None) -> dict[str, F]:
-    """Everything that is kept of one chunk of wrenches."""
-    results = fem.solve_wrenches(wrenches, threads=threads, progress=report)
-    return {
-        "ok": np.array([s == "solved" for s in results.status]),
-        "unstable": np.array([s == "unstable" for s in results.status]),
-        **{name: np.asarray(getattr(results, name)) for name in _ARRAYS},
-    }
-
-
-def _go_ahead(
-    ahead: deque[tuple[F, NDArray[np.int64]]], chunk: int, draws: _Draws, solve: Any, stage: Any
-) -> None:
-    """Workers go on with later chunks while `chunk` is waited for."""
-    while len(ahead) < solve.ahead:
-        ahead.append(draws.next(_CHUNK))
-        number = chunk + len(ahead) - 1
-        if stage is None or stage.load_part(number) is None:
-            solve.begin(number, ahead[-1][0])
-
-
-class _Here:
-    """Solves chunks in this process."""
-
-    ahead = 1
-
-    def __init__(self, mechanism: Mechanism, threads: int) -> None:
-        self._mechanism = mechanism
-        self._threads = threads
-        self._fem: Fem | None = None
-
-    def begin(self, chunk: int, wrenches: F) -> None:
-        """Nothing: the work is done when it is waited for."""
-
-    def finish(self, chunk: int, wrenches: F, report: _Report) -> dict[str, F]:
-        """The chunk's results."""
-        if self._fem is None:
-            self._fem = self._mechanism.fem()
-        return solve_chunk(self._fem, wrenches, self._threads, report)
-
-    def close(self) -> None:
-        """Nothing is open."""
-
-
-def _solver(mechanism: Mechanism, threads: int, scheduler: str | None) -> Any:
-    if scheduler is None:
-        return _Here(mechanism, threads)
-    from ecm.cluster import Cluster
-
-    return Cluster(mechanism, threads, scheduler)
 
 
 class _Draws:

@@ -36,6 +36,22 @@ where
     T: Send,
     W: FnOnce(&Work) -> T + Send,
 {
+    long_work_telling(py, threads, progress, &|_| Ok(()), work)
+}
+
+/// As [`long_work`]; `tell` is called at every wake and once when the work has ended, even
+/// when it was cancelled, so that what was finished by then is not lost.
+pub fn long_work_telling<T, W>(
+    py: Python<'_>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+    tell: &dyn Fn(Python<'_>) -> PyResult<()>,
+    work: W,
+) -> PyResult<T>
+where
+    T: Send,
+    W: FnOnce(&Work) -> T + Send,
+{
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -48,14 +64,17 @@ where
         loop {
             let finished = worker.is_finished();
             let done = state.done.load(Ordering::Relaxed);
+            let told = tell(py);
             if raised.is_none() {
-                let seen = py.check_signals().and_then(|()| match &progress {
-                    Some(callback) if done != last => {
-                        let total = state.total.load(Ordering::Relaxed);
-                        callback.call1(py, (done, total)).map(|_| ())
-                    }
-                    _ => Ok(()),
-                });
+                let seen = told
+                    .and_then(|()| py.check_signals())
+                    .and_then(|()| match &progress {
+                        Some(callback) if done != last => {
+                            let total = state.total.load(Ordering::Relaxed);
+                            callback.call1(py, (done, total)).map(|_| ())
+                        }
+                        _ => Ok(()),
+                    });
                 last = done;
                 if let Err(error) = seen {
                     raised = Some(error);

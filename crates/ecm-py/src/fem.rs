@@ -2,15 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Mutex;
 
 use ecm_fem::output::vtu;
-use ecm_fem::{CaseResult, Formulation, Load, Quality, Rod, Settings, Watch, material};
+use ecm_fem::{
+    CaseResult, Formulation, Load, Outcome, Quality, Rod, Settings, Status, Watch, material,
+};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::arrays::{from_matrices, from_rows, rows};
-use crate::door::long_work;
+use crate::door::{long_work, long_work_telling};
 use crate::errors::FemError;
 
 /// Poses (N, 6) and whether each was found.
@@ -173,7 +177,7 @@ fn integers<'py>(py: Python<'py>, values: &[usize]) -> Bound<'py, PyArray1<i64>>
 
 /// One row per load case; rows that did not converge hold the last stable state.
 #[pyclass(frozen, module = "ecm._native")]
-pub struct FemResults(Vec<CaseResult>);
+pub struct FemResults(Vec<CaseResult>, Vec<Vec<f32>>);
 
 impl FemResults {
     fn column<'py>(
@@ -261,10 +265,44 @@ impl FemResults {
         PyArray1::from_iter(py, self.0.iter().map(|r| r.iterations as i64))
     }
 
+    /// States for [`Fem::learn`], (N, M), from `solve_each`; rows of zeros where there is none.
+    #[getter]
+    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let width = self.1.iter().map(Vec::len).max().unwrap_or(0);
+        let mut flat = vec![0.0; self.1.len() * width];
+        for (row, field) in self.1.iter().enumerate() {
+            flat[row * width..row * width + field.len()].copy_from_slice(field);
+        }
+        PyArray1::from_vec(py, flat).reshape([self.1.len(), width])
+    }
+
     /// Norm of the residual over mu V / L.
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |r| r.residual)
+    }
+}
+
+/// Guesses the states of a body from solved ones; made by `Fem.learn`.
+#[pyclass(frozen, module = "ecm._native")]
+pub struct Guess(ecm_fem::Guess);
+
+#[pymethods]
+impl Guess {
+    /// From `to_bytes` of another process.
+    #[new]
+    fn new(data: &[u8]) -> PyResult<Self> {
+        ecm_fem::Guess::from_bytes(data).map(Self).ok_or_else(|| {
+            FemError::new_err(format!(
+                "Guess: {} bytes that are no guess, expected what to_bytes gave",
+                data.len()
+            ))
+        })
+    }
+
+    /// For another process with the same body.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.0.to_bytes())
     }
 }
 
@@ -281,6 +319,11 @@ fn formulation(element: &str) -> PyResult<Formulation> {
             "element = {element:?}: expected \"P2/P1\", \"P2/P0\" or \"P2\""
         ))),
     }
+}
+
+fn results(outcomes: Vec<Outcome>) -> FemResults {
+    let (results, fields) = outcomes.into_iter().map(|o| (o.result, o.field)).unzip();
+    FemResults(results, fields)
 }
 
 #[derive(FromPyObject)]
@@ -363,7 +406,7 @@ impl Fem {
         };
         let (result, field) = py.detach(|| self.0.solve_field(&load)).map_err(fem_error)?;
         std::fs::write(path, vtu(self.0.body(), &field))?;
-        Ok(FemResults(vec![result]))
+        Ok(FemResults(vec![result], Vec::new()))
     }
 
     /// K at rest.
@@ -386,6 +429,75 @@ impl Fem {
             .map(Load::Wrench)
             .collect();
         self.solve(py, loads, threads, progress)
+    }
+
+    /// Equilibria under dead wrenches, each by itself: from `guess`, or without one from rest.
+    /// `finished(rows, results)` is called within 0.1 s of each case that is done.
+    #[pyo3(signature = (wrenches, *, guess = None, threads = 0, progress = None, finished = None))]
+    fn solve_each(
+        &self,
+        py: Python<'_>,
+        wrenches: PyReadonlyArray2<'_, f64>,
+        guess: Option<&Guess>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+        finished: Option<Py<PyAny>>,
+    ) -> PyResult<FemResults> {
+        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
+            .into_iter()
+            .map(Load::Wrench)
+            .collect();
+        let queue: Mutex<Vec<(usize, Outcome)>> = Mutex::new(Vec::new());
+        let keep = finished.is_some();
+        let put = |row: usize, outcome: &Outcome| {
+            let done = outcome.result.status != Status::Cancelled;
+            if let (true, true, Ok(mut queue)) = (keep, done, queue.lock()) {
+                queue.push((row, outcome.clone()));
+            }
+        };
+        let tell = |py: Python<'_>| -> PyResult<()> {
+            let taken = queue.lock().map(|mut q| std::mem::take(&mut *q));
+            match (&finished, taken) {
+                (Some(callback), Ok(taken)) if !taken.is_empty() => {
+                    let (rows, outcomes): (Vec<usize>, Vec<_>) = taken.into_iter().unzip();
+                    callback.call1(py, (rows, results(outcomes))).map(|_| ())
+                }
+                _ => Ok(()),
+            }
+        };
+        long_work_telling(py, threads, progress, &tell, |work| {
+            work.total
+                .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
+            let watch = Watch {
+                cancel: Some(&work.cancel),
+                done: Some(&work.done),
+            };
+            self.0.solve_from(&loads, guess.map(|g| &g.0), watch, &put)
+        })?
+        .map(results)
+        .map_err(fem_error)
+    }
+
+    /// A guess from states and the wrenches that hold them; None when they are too few.
+    fn learn(
+        &self,
+        py: Python<'_>,
+        wrenches: PyReadonlyArray2<'_, f64>,
+        fields: PyReadonlyArray2<'_, f32>,
+    ) -> PyResult<Option<Guess>> {
+        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
+            .into_iter()
+            .map(Load::Wrench)
+            .collect();
+        let fields: Vec<Vec<f32>> = (fields.as_array().rows().into_iter())
+            .map(|row| row.to_vec())
+            .collect();
+        py.detach(|| {
+            let fields: Vec<&[f32]> = fields.iter().map(Vec::as_slice).collect();
+            self.0.learn(&loads, &fields)
+        })
+        .map(|guess| guess.map(Guess))
+        .map_err(fem_error)
     }
 
     /// Wrenches that poses need.
@@ -422,7 +534,7 @@ impl Fem {
             };
             self.0.solve_all(&loads, watch)
         })?
-        .map(FemResults)
+        .map(|results| FemResults(results, Vec::new()))
         .map_err(fem_error)
     }
 }

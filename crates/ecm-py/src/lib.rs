@@ -23,7 +23,7 @@ mod _native {
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
 
     #[pymodule_export]
-    use crate::fem::{Fem, FemResults, Mesh, rod_poses};
+    use crate::fem::{Fem, FemResults, Guess, Mesh, rod_poses};
 
     #[pymodule_export]
     use crate::poly::{

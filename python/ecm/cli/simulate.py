@@ -82,8 +82,21 @@ def simulate(
         if vtu is not None:
             _write_vtu(settings.mechanism, found.wrenches[:_VTU], vtu, console)
         shutil.rmtree(parts, ignore_errors=True)
-        save_json(json, {"schema": 1, "seed": seed, "counts": found.counts, "data": str(out)})
+        newton = {"kept": float(found.iterations.mean()), "all": found.newton_per_case}
+        save_json(
+            json,
+            {
+                "schema": 1,
+                "seed": seed,
+                "counts": found.counts,
+                "newton_per_case": newton,
+                "data": str(out),
+            },
+        )
         console.say(", ".join(f"{name} {count}" for name, count in found.counts.items()))
+        console.say(
+            f"Newton iterations a case: {newton['kept']:.2f} of kept, {newton['all']:.2f} of all"
+        )
         console.say(f"{out}: {len(found)} wrench-pose pairs")
 
 
