@@ -9,7 +9,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  ?= cargo
 
-.PHONY: demo test setup build test-rust test-python wheel bench-diagnose clean
+.PHONY: demo test setup build test-rust test-python wheel bench-diagnose bench-blind clean
 
 demo: build
 	$(BIN)/ecm identify examples/neck.toml --out demo
@@ -49,6 +49,10 @@ wheel: setup
 # Eight effects and nothing hidden, ten seeds each (long).
 bench-diagnose: build
 	$(BIN)/python benches/diagnose.py --out out/bench-diagnose
+
+# The blind benchmark: what is missing is run, so it may be stopped (long; SETS=20 runs fewer).
+bench-blind: build
+	$(BIN)/python benches/blind.py --out out/bench-blind $(if $(SETS),--sets $(SETS))
 
 clean:
 	rm -rf target $(VENV) dist demo out

@@ -208,7 +208,7 @@ def _noise_source(table: Table, repeated: int) -> str:
         instrument.force_sd_N,
         instrument.torque_sd_Nm,
     )
-    return "declared" if any(value is not None for value in declared) else "assumed"
+    return "declared" if any(declared) else "assumed"
 
 
 def _effects(

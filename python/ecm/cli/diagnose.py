@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,6 +28,9 @@ from ecm.cli.options import (
 )
 from ecm.cli.text import columns
 
+if TYPE_CHECKING:
+    from ecm.table import Table
+
 _SHOWN = 10
 
 
@@ -40,6 +45,10 @@ def diagnose(
     data: Data,
     meta: Meta = None,
     skip_bad_rows: SkipBadRows = False,
+    next_plan: Annotated[
+        Path | None,
+        typer.Option("--next", metavar="PLAN", help="Write the next experiment for campaign."),
+    ] = None,
     json: Json = None,
     report: Report = None,
     seed: Seed = 0,
@@ -49,20 +58,29 @@ def diagnose(
     """Rank the effects that the model may lack, and say which one is missing."""
     from ecm.cli.models import open_model
     from ecm.cli.reports import write_diagnosis
+    from ecm.compare import compare
     from ecm.diagnose import diagnose as run
 
     with Console(quiet=quiet) as console:
-        output(json, report)
+        output(json, report, next_plan)
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        found = run(open_model(model), table, seed=seed)
+        before = open_model(model)
+        found = run(before, table, seed=seed)
         document = found.to_dict()
         document["warnings"] = [*document["warnings"], *table.warnings]
         save_json(json, document)
         if report is not None:
-            write_diagnosis(report, document)
+            compared = compare(before, table, seed=seed)
+            predicted = None
+            if found.effects:
+                after = replace(before, effects=(*before.effects, *found.effects))
+                predicted = (after.predict(table) - before.predict(table))[compared.row]
+            write_diagnosis(report, document, compared, predicted)
         _print(document, console)
+        if next_plan is not None:
+            _write_next(next_plan, table, document["next_experiment"], console)
         for warning in found.warnings:
             console.warn(warning)
 
@@ -94,3 +112,18 @@ def _print(document: Mapping[str, Any], console: Console) -> None:
         console.say(columns(missing, header=False))
     for item in document["next_experiment"][:3]:
         console.say(f"next: {item['action']} ({item['minutes']} min)")
+
+
+def _write_next(
+    path: Path, table: Table, proposed: Sequence[Mapping[str, Any]], console: Console
+) -> None:
+    """The first proposed experiment that a campaign can drive."""
+    from ecm.design import drivable, follow_up_plan
+
+    chosen = next((item["action"] for item in proposed if drivable(item["action"])), None)
+    if chosen is None:
+        console.say(f"{path}: not written, no campaign is needed or could drive what is proposed")
+        return
+    plan = follow_up_plan(table, chosen)
+    plan.write(path)
+    console.say(f"{path}: {len(plan)} visits, to {chosen}")

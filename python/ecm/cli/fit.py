@@ -51,6 +51,9 @@ def fit(
     stable: Annotated[
         bool, typer.Option("--stable", help="A stable rest at the undeformed pose.")
     ] = False,
+    weights: Annotated[
+        str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
+    ] = "auto",
     meta: Meta = None,
     skip_bad_rows: SkipBadRows = False,
     json: Json = None,
@@ -72,6 +75,7 @@ def fit(
             console=console,
             zero_at_home=zero_at_home,
             stable=stable,
+            weights=weights,
         )
         fitted.save(out)
         summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ecm.cli.console import Console
     from ecm.mechanism import Mechanism
     from ecm.models import Model
+    from ecm.models.fit import Weights
     from ecm.table import Table
 
 F = NDArray[np.float64]
@@ -56,25 +57,31 @@ def fit_named(
     console: Console,
     zero_at_home: bool = False,
     stable: bool = False,
+    weights: str = "auto",
 ) -> Model:
     """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
-    from ecm.models import fit_model
+    from ecm.models import fit_model, physics_map
 
     if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
         raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
-    mechanism = None
+    mechanism = physics = None
     if name.lower().endswith(".toml"):
         name, mechanism = "physics", _mechanism(Path(name))
     if name == "physics":
-        console.say("FEM poses for the physics model (kept for the next time) ...")
+        body = table.meta.body() if mechanism is None else mechanism
+        if body is not None:
+            bar = console.bar("FEM of the body, kept for the next time")
+            physics = physics_map(body, threads=threads, progress=bar)
     return fit_model(
         table,
         name,
         pcr=pcr,
         mechanism=mechanism,
+        physics=physics,
         threads=threads,
         zero_at_home=zero_at_home,
         stable=stable,
+        weights=cast("Weights", weights),
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from ecm.compare import Comparison
@@ -52,9 +53,22 @@ def write_comparison(path: Path, found: Comparison) -> None:
     write_page(path, f"{found.model} against measurements", lead, sections)
 
 
-def write_diagnosis(path: Path, document: Mapping[str, Any]) -> None:
-    """Verdict, errors before and after, ranking, what cannot be tested, what to measure next."""
-    from ecm.report import Section, TableBlock, TextBlock, write_page
+def write_diagnosis(
+    path: Path,
+    document: Mapping[str, Any],
+    compared: Comparison | None = None,
+    predicted: NDArray[np.float64] | None = None,
+) -> None:
+    """Verdict, errors before and after, where, ranking, what cannot be tested, what comes next.
+
+    Parameters
+    ----------
+    compared
+        The model before, on the same rows: gives the residual maps.
+    predicted
+        (N, m) what the effects of the answer add to the wrench of its rows.
+    """
+    from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
     from ecm.report.loop import ranking_table
     from ecm.report.page import number
 
@@ -70,6 +84,17 @@ def write_diagnosis(path: Path, document: Mapping[str, Any]) -> None:
             ],
         )
     ]
+    if compared is not None:
+        from ecm.report.where import residual_map, where_section
+
+        section = where_section(compared.where())
+        if predicted is not None:
+            drawn = FigureBlock(
+                "What the answer predicts (crosses) on the residuals of the model before.",
+                residual_map(compared.where(), predicted=predicted),
+            )
+            section = Section(section.title, [section.blocks[0], drawn, *section.blocks[1:]])
+        sections.append(section)
     if document["ranking"]:
         sections.append(Section("Ranking", [ranking_table(dict(document))]))
     if document["not_testable"]:

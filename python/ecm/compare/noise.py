@@ -107,20 +107,33 @@ def covariance_parts(rows: Rows) -> F:
 
 
 def declared_noise(table: Table) -> Noise:
-    """Instrument figures of the data's TOML; what is not there is assumed, and said so."""
-    instrument = table.meta.instrument
-    figures = (
-        instrument.pose_position_sd_m,
-        instrument.pose_rotation_sd_rad,
-        instrument.force_sd_N,
-        instrument.torque_sd_Nm,
-    )
+    """Instrument figures of the data's TOML; what is not there is assumed, and said so.
+
+    Where all four are 0 the data are exact: they have no noise to compare with, and a common
+    rig's is assumed.
+    """
+    figures = _figures(table) if not is_exact(table) else (None,) * 4
     default = Noise()
     values = np.array(
         [d if f is None else f for f, d in zip(figures, default.parameters(), strict=True)]
     )
     source: Source = "declared" if all(f is not None for f in figures) else "assumed"
     return default.with_parameters(values, source)
+
+
+def is_exact(table: Table) -> bool:
+    """Whether the data's TOML declares all four noise figures as 0, as simulated pairs do."""
+    return all(figure == 0.0 for figure in _figures(table))
+
+
+def _figures(table: Table) -> tuple[float | None, ...]:
+    instrument = table.meta.instrument
+    return (
+        instrument.pose_position_sd_m,
+        instrument.pose_rotation_sd_rad,
+        instrument.force_sd_N,
+        instrument.torque_sd_Nm,
+    )
 
 
 def whiteners(covariance: F) -> F:

@@ -7,6 +7,7 @@ effects a plan can name and from what size, `how_many` what further poses would 
 
 from ecm.design.base import BaseForDesign, nominal_base
 from ecm.design.choose import Design, choose
+from ecm.design.follow_up import drivable, follow_up_plan
 from ecm.design.how_many import Size, how_many
 from ecm.design.plans import DWELLS_S, diagnosable_plan, paper_plan, plain_plan
 from ecm.design.regressors import polynomial_degree
@@ -20,6 +21,8 @@ __all__ = [
     "Size",
     "choose",
     "diagnosable_plan",
+    "drivable",
+    "follow_up_plan",
     "how_many",
     "nominal_base",
     "paper_plan",

@@ -72,7 +72,7 @@ def diagnosable_plan(
     n = 2 * m if visits is None else visits
     if n < m:
         raise InputError(f"a diagnosable plan of {m} poses needs at least {m} visits, got {n}")
-    beyond = _beyond(poses)
+    beyond = outer_poses(poses)
     legs = [(i, "initial") for i in range(m)]
     both = [i for i in rng.permutation(m) if beyond[i] >= 0][: 3 * (n - m) // 4]
     legs += [(int(i), str(int(own[chosen.indices[beyond[i]]]))) for i in both]
@@ -123,7 +123,7 @@ def _pose_ids(candidates: Table) -> F:
     return np.arange(len(candidates), dtype=np.float64)
 
 
-def _beyond(poses: F) -> I:
+def outer_poses(poses: F) -> I:
     """For each pose the nearest pose from which it is approached from outside, or -1.
 
     The side of approach is a = sign((p - p_from) M (p - p0)) (interfaces.md); home gives +1,

@@ -56,11 +56,14 @@ def answer_class(
     present = {other.id for other in chosen}
     own = bic(equations, problem, chosen)
     found: dict[str, float] = {}
-    for rival in problem.candidates:
+    for rival in (*problem.candidates, *problem.shadows):
         if rival.id in present:
             continue
         loss = own - bic(equations, problem, (*others, rival))
         alike = separability(problem, equations, item, rival, others) < SEPARABLE
+        if rival in problem.shadows:
+            # The data cannot show its true form: half of what the named one explains is enough.
+            alike = alike or loss < 0.5 * own
         if loss < least or alike:
             found[rival.id] = min(loss, found.get(rival.id, np.inf))
     ordered = sorted(found, key=lambda id: found[id])

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import estimate_noise, usable_sd
@@ -17,6 +16,14 @@ from ecm.compare.gram import Gram
 from ecm.compare.lack_of_fit import omnibus
 from ecm.compare.noise import Noise, declared_noise, whiteners
 from ecm.compare.residuals import features
+from ecm.diagnose.tangents import (
+    basis_of,
+    projected,
+    refined,
+    robust_weights,
+    screened,
+    tangents_of,
+)
 from ecm.effects import Effect, Missing, Rows
 from ecm.refit import JointFit, base_columns, joint_fit
 
@@ -27,8 +34,6 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 
-ABSORBED = 0.9
-_OUTLIER_CHANCE = 1e-4
 _MOST_BASE_IN_GRAM = 80
 
 
@@ -74,6 +79,8 @@ class Problem:
     """(K,) lengths taken out of the columns."""
     n_base: int
     candidates: tuple[Candidate, ...]
+    shadows: tuple[Candidate, ...]
+    """Effects that cannot be tested here, and yet may stand behind the name of another."""
     untestable: dict[str, Missing]
     gram: Gram
     scale: float
@@ -111,48 +118,32 @@ def assemble(
     whitener = whiteners(noise.covariance(rows, base.error))
     response = fit.whitened
     base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
-    untestable: dict[str, Missing] = {}
-    tangents: list[tuple[Effect, F]] = []
-    for effect in effects:
-        lacking = effect.missing(table)
-        if lacking is not None:
-            untestable[effect.id] = lacking
-        if lacking is not None or effect.kind == "noise":
-            continue
-        for variant in effect.variants(table):
-            zero = np.zeros(len(variant.parameters))
-            tangent = np.einsum("nij,njk->nik", whitener, variant.jacobian(rows, zero))
-            tangents.append((variant, tangent))
-    weights = _robust_weights(response, [base_block, *(t for _, t in tangents)])
+    found, untestable = tangents_of(rows, whitener, effects)
+    weights = robust_weights(response, [base_block, *(item.columns for item in found)])
     root = np.sqrt(weights)
-    basis = _basis(base_block, root)
+    basis = basis_of(base_block, root)
+    left = projected(response[:, :, None], basis, root)[:, :, 0]
+    found += refined(rows, whitener, left, found, root)
     if base_block.shape[2] > _MOST_BASE_IN_GRAM:
         # Too many columns to carry along: project them out once, for all refits.
-        response = _projected(response[:, :, None], basis, root)[:, :, 0]
-        tangents = [(e, _projected(t, basis, root)) for e, t in tangents]
+        response = left
+        found = [replace(t, columns=projected(t.columns, basis, root)) for t in found]
         base_block = base_block[:, :, :0]
-    kept: list[tuple[Effect, F]] = []
-    for effect, tangent in tangents:
-        share = _absorbed(tangent, basis, root)
-        if share > ABSORBED:
-            untestable[effect.id] = Missing(
-                f"the base absorbs it ({100.0 * share:.0f} %)",
-                "[mechanism], so that the physics model is the base",
-            )
-        else:
-            kept.append((effect, tangent))
-    for effect, _ in kept:
-        untestable.pop(effect.id, None)
-    design = np.concatenate([base_block, *(t for _, t in kept)], axis=2)
+    kept, absorbed = screened(found, basis, root, base.kind)
+    untestable |= absorbed
+    design = np.concatenate([base_block, *(item.columns for item in kept)], axis=2)
     norms = np.sqrt((design**2).sum(axis=(0, 1)))
     norms = np.where(norms > 0.0, norms, 1.0)
     design = design / norms
-    candidates, at = [], base_block.shape[2]
-    for effect, tangent in kept:
-        candidates.append(Candidate(effect, tuple(range(at, at + tangent.shape[2]))))
-        at += tangent.shape[2]
+    candidates: list[Candidate] = []
+    shadows: list[Candidate] = []
+    at = base_block.shape[2]
+    for item in kept:
+        columns = tuple(range(at, at + item.columns.shape[2]))
+        (shadows if item.shadow else candidates).append(Candidate(item.effect, columns))
+        at = columns[-1] + 1
     groups = row_groups(table)
-    found = Problem(
+    problem = Problem(
         table=table,
         base=base,
         rows=rows,
@@ -167,12 +158,13 @@ def assemble(
         norms=norms,
         n_base=base_block.shape[2],
         candidates=tuple(candidates),
+        shadows=tuple(shadows),
         untestable=untestable,
         gram=Gram.of(design, response, groups, weights),
         scale=1.0,
         base_error=_base_error(base, rows, whitener),
     )
-    return _scaled(found)
+    return _scaled(problem)
 
 
 def _scaled(problem: Problem) -> Problem:
@@ -206,56 +198,6 @@ def omnibus_columns(problem: Problem, most: int = 90) -> F:
     values, _ = features(problem.rows, max(1, min(most, 90, n // 3)))
     blocks = [problem.whitener[:, :, j : j + 1] * values[:, None, :] for j in range(m)]
     return np.concatenate(blocks, axis=2)
-
-
-def _robust_weights(response: F, blocks: Sequence[F]) -> F:
-    """Weight of each row: rows that no column explains and no Gaussian gives count less."""
-    n, m = response.shape
-    design = np.concatenate(blocks, axis=2)
-    norms = np.sqrt((design**2).sum(axis=(0, 1)))
-    flat = (design / np.where(norms > 0.0, norms, 1.0)).reshape(n * m, -1)
-    if flat.shape[1] >= n * m // 2:
-        flat = flat[:, : blocks[0].shape[2]]
-    limit = float(special.chdtri(m, _OUTLIER_CHANCE))
-    middle = float(special.chdtri(m, 0.5))
-    weights = np.ones(n)
-    for _ in range(3):
-        root = np.repeat(np.sqrt(weights), m)
-        z = flat * root[:, None]
-        y = response.ravel()
-        normal = z.T @ z
-        normal[np.diag_indices_from(normal)] += 1e-9
-        theta = np.linalg.solve(normal, z.T @ (y * root))
-        squares = ((y - flat @ theta).reshape(n, m) ** 2).sum(axis=1)
-        scale = max(float(np.median(squares)) / middle, 1e-12)
-        weights = np.minimum(1.0, (limit * scale / np.maximum(squares, 1e-300)) ** 2)
-    return weights
-
-
-def _basis(block: F, root: F) -> F:
-    flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
-    if flat.shape[1] == 0:
-        return flat
-    norms = np.sqrt((flat**2).sum(axis=0))
-    q, r = np.linalg.qr(flat / np.where(norms > 0.0, norms, 1.0))
-    return np.asarray(q[:, np.abs(np.diag(r)) > 1e-10])
-
-
-def _projected(tangent: F, basis: F, root: F) -> F:
-    """Columns without their part in the base; the weights stay outside."""
-    safe = np.where(root > 0.0, root, 1.0)
-    flat = (tangent * root[:, None, None]).reshape(-1, tangent.shape[2])
-    left = flat - basis @ (basis.T @ flat)
-    return np.asarray(left.reshape(tangent.shape) / safe[:, None, None])
-
-
-def _absorbed(tangent: F, basis: F, root: F) -> float:
-    """Share that the base takes of the effect's best visible parameter."""
-    flat = (tangent * root[:, None, None]).reshape(-1, tangent.shape[2])
-    whole = (flat**2).sum(axis=0)
-    inside = ((basis.T @ flat) ** 2).sum(axis=0)
-    shares = np.where(whole > 0.0, inside / np.where(whole > 0.0, whole, 1.0), 1.0)
-    return float(shares.min(initial=1.0))
 
 
 def _base_error(base: StiffnessMap, rows: Rows, whitener: F) -> float:

@@ -40,6 +40,8 @@ _LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
 _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
+_MOST_SCALE = {"repeats": 2.5, "declared": 9.0, "assumed": np.inf}
+"""A name needs a residual that is noise: its variance over that of the noise, by its source."""
 _MOST_FACTOR = 5.0
 """The stated E is not wrong by more than this; then it is a sign or a unit."""
 _CLOSE_BIC = 20.0
@@ -86,13 +88,17 @@ def diagnose(
     ranked = rank(problem)
     chosen = list(search(problem)) if ranked else []
     accepted, classes, checks = _accepted(problem, chosen, seed)
-    left, remains = _left_over(problem, smooth, accepted, before)
+    left, remains, over = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
     strange = _implausible(problem)
     if strange:
         accepted, classes, verdict = [], [], "unknown"
         unknown = describe(problem, problem.response, (), before) | {"words": strange}
+    elif accepted and problem.scale > _MOST_SCALE[problem.noise.source]:
+        verdict = "unknown"
+        words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
+        unknown = describe(problem, left, accepted, before) | {"words": words}
     elif accepted and not remains:
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
     elif remains and (rejected or accepted):
@@ -131,6 +137,7 @@ def diagnose(
         seed=seed,
         upper_bound=_upper_bound(problem, first),
         warnings=_warnings(problem, copies),
+        left=over,
     )
 
 
@@ -193,8 +200,8 @@ def _accepted(
 
 def _left_over(
     problem: Problem, smooth: F, accepted: Sequence[Candidate], before: float
-) -> tuple[F, bool]:
-    """Whitened residual after the accepted effects, and whether it matters.
+) -> tuple[F, bool, dict[str, float]]:
+    """Whitened residual after the accepted effects, whether it matters, and its figures.
 
     It must be seen by the omnibus, exceed a share of what was there, and a strength below which
     neither the base nor the form of an effect can be trusted.
@@ -210,7 +217,13 @@ def _left_over(
     after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
     share = not accepted or after > _LEFT_SHARE[min(len(accepted), 3)] * before
-    return left, bool(test.p < LEVEL and strong and share)
+    figures = {
+        "beyond_chance": after,
+        "dof": test.dof,
+        "share": after / before if before > 0.0 else 0.0,
+        "p": test.p,
+    }
+    return left, bool(test.p < LEVEL and strong and share), figures
 
 
 def _upper_bound(problem: Problem, test: FTest) -> float:

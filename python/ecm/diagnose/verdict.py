@@ -39,6 +39,8 @@ class Diagnosis:
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""
     warnings: tuple[str, ...] = field(default=())
+    left: dict[str, float] = field(default_factory=dict)
+    """What stays after the accepted effects: chi2 beyond chance, its dof, share, p."""
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -122,5 +124,6 @@ class Diagnosis:
             "next_experiment": list(self.next_experiment),
             "outliers": list(self.outliers),
             "upper_bound": self.upper_bound,
+            "left_over": self.left,
             "warnings": list(self.warnings),
         }

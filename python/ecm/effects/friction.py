@@ -63,7 +63,7 @@ class Hysteresis(LinearEffect):
         if len(known) == 0:
             return Missing("the approach of every row is unknown", "approach")
         if min(float((known > 0).mean()), float((known < 0).mean())) < 0.05:
-            return Missing("one approach direction", "approach from both sides")
+            return Missing("one approach direction", "approach from both sides", imitates=True)
         return None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import largest_so_far
+from ecm.effects.history import again, largest_so_far
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 F = NDArray[np.float64]
+
+_LEAST_AGAIN = 5
 
 
 class TemperatureModulus(LinearEffect):
@@ -81,8 +83,8 @@ class Ageing(LinearEffect):
         }
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs time."""
-        return needs_varying(table, "time_s", 1.0)
+        """Needs time, and poses that are measured again: else time and pose are one."""
+        return _needs_again(table, "repeat the first set at the end, and next day")
 
     def columns(self, rows: Rows) -> F:
         """t h."""
@@ -92,7 +94,8 @@ class Ageing(LinearEffect):
 class MullinsSoftening(LinearEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
-    W = h (p - p0) / 2, that of a linear body: only its ratio counts.
+    W = h (p - p0) / 2, that of a linear body. With a `width` the loss is full a width below the
+    maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median.
     """
 
     id = "mullins_softening"
@@ -101,24 +104,49 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     kind = "time"
 
+    def __init__(self, width: float = 0.0) -> None:
+        self._width = width
+
+    @property
+    def shape(self) -> Shape:
+        """Over which the loss sets in, in typical energies; none where it is a straight line."""
+        return {} if self._width == 0.0 else {"width": self._width}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A straight line, and three widths."""
+        return (*(MullinsSoftening(w) for w in (0.0, 0.25, 0.7, 2.0)),)
+
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
             "ageing": "5 conditioning cycles, then repeat the first 10 poses",
             "stress_relaxation": "hold 60 s",
+            "hysteresis": "5 conditioning cycles, then repeat the first 10 poses",
         }
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs time, so that the order of visits is known."""
-        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+        """Needs time, and poses that are measured again: else order and size are one."""
+        return needs_full(table) or _needs_again(table, "repeat the first 10 poses")
 
     def columns(self, rows: Rows) -> F:
-        """-(1 - W / W_max) h."""
+        """The share that is lost, times -h."""
         energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
         largest = largest_so_far(rows.table, energy)
-        below = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
-        return np.asarray(-(below[:, None] * rows.wrench)[:, :, None])
+        if self._width > 0.0:
+            typical = float(np.median(energy[~rows.unloaded])) if not rows.unloaded.all() else 1.0
+            lost = np.tanh((largest - energy) / max(self._width * typical, 1e-300))
+        else:
+            lost = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
+        return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
+
+
+def _needs_again(table: Table, record: str) -> Missing | None:
+    """Missing without time or with every pose visited once."""
+    found = needs_varying(table, "time_s", 1.0)
+    if found is None and again(table) < _LEAST_AGAIN:
+        return Missing("no pose was measured again", record, imitates=True)
+    return found
 
 
 EFFECTS: Sequence[Effect] = (MullinsSoftening(), TemperatureModulus(), Ageing())

@@ -44,6 +44,8 @@ class Missing:
     record: str
     absent: bool = False
     """The columns are not there at all, so that the effect cannot be predicted either."""
+    imitates: bool = False
+    """Its columns can be computed all the same: it may stand behind the name of another effect."""
 
 
 @runtime_checkable

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.effects.history import again
 from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
 from ecm.effects.rows import Rows
 from ecm.effects.sensor_axes import adjoint
@@ -44,12 +45,9 @@ def needs_repeats(table: Table) -> Missing | None:
     found = needs_full(table)
     if found is not None:
         return found
-    measured = table.measured()
-    if not measured.has("pose_id"):
-        return Missing("no repeats", "repeats at small and large poses", absent=True)
-    again = len(measured) - len(np.unique(measured.column("pose_id")))
-    if again < _LEAST_REPEATS:
-        return Missing(f"{again} repeats", "repeats at small and large poses")
+    repeats = again(table)
+    if repeats < _LEAST_REPEATS:
+        return Missing(f"{repeats} repeats", "repeats at small and large poses")
     return None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,9 @@ from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import usable_sd
 from ecm.compare.folds import row_groups
-from ecm.compare.noise import Noise, declared_noise
+from ecm.compare.noise import Noise, declared_noise, is_exact
 from ecm.errors import InputError
+from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.leverage import leverages
 from ecm.models.maps import (
     EnergyMap,
@@ -26,6 +27,7 @@ from ecm.models.maps import (
 from ecm.models.model import Model
 from ecm.models.pcr import singular_threshold
 from ecm.models.physics import PhysicsMap, physics_map
+from ecm.models.polynomial_gls import fit_polynomial_gls
 from ecm.models.training import domain_of, training_of
 
 if TYPE_CHECKING:
@@ -36,9 +38,8 @@ F = NDArray[np.float64]
 
 BASELINES = ("rod", "constant-curvature", "gp", "mlp")
 """Maps of the literature, for comparison."""
-_MAX_REWEIGHTINGS = 6
-_MOVED = 0.01
-"""Reweighting ends when no coefficient moves by this share of its standard deviation."""
+Weights = Literal["auto", "noise", "spread"]
+"""How rows and components count (`fit_model`)."""
 
 
 def fit_model(
@@ -51,6 +52,7 @@ def fit_model(
     threads: int = 0,
     zero_at_home: bool = False,
     stable: bool = False,
+    weights: Weights = "auto",
 ) -> Model:
     """The model of that name (interfaces.md) fitted to the measured rows of a table.
 
@@ -66,8 +68,14 @@ def fit_model(
         Of the physics model; default the table's `[mechanism]`.
     zero_at_home, stable
         No wrench, and a stable rest, at the undeformed pose (constraints.py).
+    weights
+        noise: by the declared noise of wrench and pose, errors in variables. spread: each
+        component over its own standard deviation (energies), which for polynomials is the paper's
+        ordinary least squares. auto: noise for energies, spread for polynomials and for exact data.
     """
-    fitted = _fitted(table, name, pcr=pcr, body=(mechanism, physics), threads=threads)
+    fitted = _fitted(
+        table, name, pcr=pcr, body=(mechanism, physics), threads=threads, weights=weights
+    )
     if zero_at_home or stable:
         from ecm.models.constraints import constrained
 
@@ -82,36 +90,50 @@ def _fitted(
     pcr: float | str | None,
     body: tuple[Mechanism | None, PhysicsMap | None],
     threads: int,
+    weights: Weights,
 ) -> Model:
     if pcr is not None and (name in ("physics", *BASELINES) or name.startswith("energy")):
         raise InputError(f"model {name}: a PCR threshold belongs to polynomials; leave it out")
+    if pcr is not None and weights == "noise":
+        raise InputError("a PCR threshold belongs to ordinary least squares; leave out one of both")
+    if weights not in ("auto", "noise", "spread"):
+        raise InputError(f"weights = {weights!r}: expected auto, noise or spread")
+    if weights != "auto" and name in ("physics", *BASELINES):
+        raise InputError(f"model {name}: weights are chosen for polynomials and energies only")
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")
     if name == "physics":
         return _fit_physics(measured, *body, threads)
     if name.startswith("energy"):
-        return _fit_energy(measured, name)
+        return _fit_energy(measured, name, weights)
     if name in BASELINES:
         return _fit_baseline(measured, name)
-    return _fit_polynomial(measured, parse_polynomial_name(name), pcr)
+    return _fit_polynomial(measured, parse_polynomial_name(name), pcr, weights)
 
 
-def _fit_polynomial(table: Table, degree: int, pcr: float | str | None) -> Model:
+def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights: Weights) -> Model:
     inputs, outputs = table.pose_columns, table.wrench_columns
     if not inputs or not outputs:
         what = "pose" if not inputs else "wrench"
         raise InputError(f"{table.source}: a fit needs at least one {what} column, found none")
-    poses = np.ascontiguousarray(np.stack([table.column(c) for c in inputs], axis=1))
-    wrenches = np.ascontiguousarray(np.stack([table.column(c) for c in outputs], axis=1))
+    poses, wrenches = table.matrix(inputs), table.matrix(outputs)
     model = _native.PolynomialModel.fit(
-        poses,
-        wrenches,
+        np.ascontiguousarray(poses),
+        np.ascontiguousarray(wrenches),
         degree,
         method="least_squares" if pcr is None else "pcr",
         threshold=0.0 if pcr is None else singular_threshold(pcr, poses, wrenches, degree),
     )
     base = PolynomialMap(model, inputs, outputs)
+    if weights == "noise":
+        noise = declared_noise(table)
+
+        def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
+            return fit_polynomial_gls(base, poses, wrenches, covariance)
+
+        found = fit_with_pose_noise(table, base, noise, solve)
+        return _model(found.base, noise, found.covariance, table, found.residual_variance)
     residual = wrenches - base.predict(poses)
     k = len(model.coefficients)
     if inputs == POSE and outputs == WRENCH:
@@ -122,14 +144,16 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None) -> Model
         noise = Noise(source="assumed", components=usable_sd(spread, wrenches))
     covariance = None
     if pcr is None and len(poses) > k:
-        regressor = _native.polynomial_regressor(poses, degree, model.lower, model.upper)
+        regressor = _native.polynomial_regressor(
+            np.ascontiguousarray(poses), degree, model.lower, model.upper
+        )
         inverse = np.linalg.pinv(regressor.T @ regressor, hermitian=True)
         variance = (residual**2).sum(axis=0) / (len(poses) - k)
         covariance = np.asarray(np.kron(np.diag(variance), inverse), dtype=np.float64)
     return _model(base, noise, covariance, table)
 
 
-def _fit_energy(table: Table, name: str) -> Model:
+def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
     stem, groups = parse_groups(name)
     degree, symmetry = parse_energy_name(stem)
     length = table.meta.mechanism.get("length_m")
@@ -138,34 +162,28 @@ def _fit_energy(table: Table, name: str) -> Model:
             f"{table.source}: {name} needs the mechanism's length; "
             "give [mechanism] length_m in the data's TOML"
         )
-    poses = np.ascontiguousarray(table.poses)
-    wrenches = np.ascontiguousarray(table.wrenches)
-    noise = declared_noise(table)
-    first = _native.EnergyModel.fit(
-        poses, wrenches, length_m=float(length), degree=degree, symmetry=symmetry, groups=groups
-    )
-    from ecm.effects import Rows
 
-    # Errors in variables: the pose noise acts through the stiffness, which is that of the fit
-    # before, until the coefficients stay.
-    model, before = first, first.coefficients
-    for _ in range(_MAX_REWEIGHTINGS):
-        covariance = noise.covariance(Rows(table, EnergyMap(model)))
-        model = _native.EnergyModel.fit(
-            poses,
-            wrenches,
+    def fit(poses: F, wrenches: F, covariance: F | None) -> _native.EnergyModel:
+        return _native.EnergyModel.fit(
+            np.ascontiguousarray(poses),
+            np.ascontiguousarray(wrenches),
             length_m=float(length),
             degree=degree,
             symmetry=symmetry,
             groups=groups,
-            covariance=np.ascontiguousarray(covariance),
+            covariance=None if covariance is None else np.ascontiguousarray(covariance),
         )
-        sd = np.sqrt(np.diag(model.covariance))
-        moved = float(np.max(np.abs(model.coefficients - before) / np.where(sd > 0.0, sd, 1.0)))
-        before = model.coefficients
-        if moved < _MOVED:
-            break
-    return _model(EnergyMap(model), noise, np.asarray(model.covariance), table)
+
+    def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
+        model = fit(poses, wrenches, covariance)
+        return EnergyMap(model), np.asarray(model.covariance), model.residual_variance
+
+    noise = declared_noise(table)
+    first = fit(table.poses, table.wrenches, None)
+    if weights == "spread" or (weights == "auto" and is_exact(table)):
+        return _model(EnergyMap(first), noise, np.asarray(first.covariance), table)
+    found = fit_with_pose_noise(table, EnergyMap(first), noise, solve)
+    return _model(found.base, noise, found.covariance, table, found.residual_variance)
 
 
 def _fit_baseline(table: Table, name: str) -> Model:
@@ -216,8 +234,19 @@ def _fit_physics(
     return _model(found.base, noise, found.covariance, table)
 
 
-def _model(base: StiffnessMap, noise: Noise, covariance: F | None, table: Table) -> Model:
+def _model(
+    base: StiffnessMap,
+    noise: Noise,
+    covariance: F | None,
+    table: Table,
+    residual_variance: float | None = None,
+) -> Model:
+    """With the covariance widened where the residuals are larger than the stated noise."""
     training = training_of(table)
+    if residual_variance is not None and np.isfinite(residual_variance):
+        training["residual_variance"] = residual_variance
+        if covariance is not None:
+            covariance = covariance * max(1.0, residual_variance)
     if covariance is not None and noise.components is None and base.inputs == POSE:
         found = leverages(base, covariance, noise, np.ascontiguousarray(table.poses))
         training["largest_leverage"] = float(found.max())

@@ -110,6 +110,25 @@ class Model:
         variance = np.einsum("nmk,kl,nml->nm", columns, self.covariance, columns)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
 
+    def reading_sd(self, poses: F) -> F | None:
+        """(N, m) standard deviation of a new reading around the prediction, where known.
+
+        Of the coefficients and of one row's noise, the latter widened where the training
+        residuals are larger than it.
+        """
+        from ecm.meta import Meta
+        from ecm.table import Table
+
+        sd = self.predict_sd(poses)
+        if sd is None:
+            return None
+        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        known = {} if self.length_m is None else {"length_m": self.length_m}
+        rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
+        wider = max(1.0, float(self.training.get("residual_variance", 1.0)))
+        of_row = np.einsum("njj->nj", self.noise.covariance(rows))
+        return np.asarray(np.sqrt(sd**2 + wider * of_row))
+
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
         from ecm.models.leverage import leverages

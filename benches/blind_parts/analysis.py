@@ -1,0 +1,100 @@
+"""What the diagnosis says of a set, and what one who knows the truth could reach."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from blind_parts.data import Data
+from blind_parts.sets import Set
+from ecm.diagnose import diagnose
+from ecm.diagnose.accept import held_out_rms
+from ecm.diagnose.base import choose_base
+from ecm.diagnose.problem import Candidate, Problem, assemble
+from ecm.diagnose.search import rank
+from ecm.effects import all_effects
+from ecm.effects.registry import with_shape
+from ecm.refit import joint_fit
+
+SEEDS = 20
+_NORMAL_90 = 1.6449
+
+
+def library(removed: Sequence[str]) -> list[str]:
+    """All ids but those that were taken out."""
+    return [effect.id for effect in all_effects() if effect.id not in removed]
+
+
+def our_answer(asked: Set, data: Data, seed: int = 0) -> dict[str, Any]:
+    """The report of `diagnose`, what a score needs of it."""
+    began = time.perf_counter()
+    report = diagnose(data.model, data.table, seed=seed, effects=library(asked.removed)).to_dict()
+    keys = (
+        "verdict", "answer", "effects", "held_out", "gate", "confusable", "not_testable",
+        "next_experiment", "noise",
+    )  # fmt: skip
+    kept = {key: report[key] for key in keys}
+    kept["first"] = [row["id"] for row in report["ranking"][:3]]
+    kept["seconds"] = time.perf_counter() - began
+    kept["rows"] = len(data.table)
+    return kept
+
+
+def same_verdicts(asked: Set, data: Data, first: dict[str, Any]) -> float:
+    """Share of further seeds of the analysis with the same verdict and answer."""
+    same = 0
+    for seed in range(1, SEEDS):
+        again = our_answer(asked, data, seed)
+        same += (again["verdict"], again["answer"]) == (first["verdict"], first["answer"])
+    return same / (SEEDS - 1)
+
+
+def problem_of(asked: Set, data: Data) -> Problem:
+    """The linearised problem that ours and the simpler methods share."""
+    tested = [effect for effect in all_effects() if effect.id not in asked.removed]
+    return assemble(choose_base(data.model, data.table), data.table, tested, None)
+
+
+def oracle(asked: Set, problem: Problem) -> float | None:
+    """Held-out error with the truth's own effects; None where the library lacks one."""
+    chosen: list[Candidate] = []
+    for id, _ in asked.hidden:
+        ranked = [item for item in rank(problem, chosen) if item.candidate.id == id]
+        if not ranked:
+            return None
+        chosen.append(ranked[0].candidate)
+    return held_out_rms(problem, chosen)
+
+
+def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str, Any]]:
+    """Values of rightly named effects against a fit of the same form to data without noise."""
+    hidden = dict(asked.hidden)
+    right = [item for item in report["effects"] if item["id"] in hidden]
+    if not right or len(right) != len(report["effects"]):
+        return []
+    effects = [with_shape(item["id"], item["shape"]) for item in right]
+    from ecm.compare.noise import declared_noise
+
+    base = choose_base(data.model, data.quiet)
+    found = joint_fit(base, effects, data.quiet, declared_noise(data.table))
+    result = []
+    for item, fitted in zip(right, found.effects, strict=True):
+        value = np.array([p["value"] for p in item["parameters"].values()])
+        sd = np.array([p["sd"] for p in item["parameters"].values()])
+        scale = np.array([p.scale for p in fitted.effect.parameters])
+        size = float(np.linalg.norm(fitted.values / scale))
+        error = float(np.linalg.norm((value - fitted.values) / scale)) / max(size, 1e-300)
+        inside = np.abs(value - fitted.values) < _NORMAL_90 * sd
+        result.append(
+            {
+                "id": item["id"],
+                "s": hidden[item["id"]],
+                "relative_error": error,
+                "inside": int(inside.sum()),
+                "of": len(inside),
+            }
+        )
+    return result

@@ -1,0 +1,140 @@
+"""The data of a set: a table, the same without noise, and the base that it is diagnosed with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind_parts.plans import fem_candidates, model_of, plan_of, rod_candidates
+from blind_parts.rod_tables import rod_table
+from blind_parts.sets import Set
+from blind_parts.strange import STRANGE, Law, smooth_misfit
+from blind_parts.strength import Strength
+from ecm.columns import WRENCH
+from ecm.compare.noise import declared_noise
+from ecm.effects import Rows
+from ecm.models import Model, PhysicsMap
+from ecm.rig import Campaign, Hidden, RigSettings, fem_source
+from ecm.stages import cache_directory
+from ecm.table import Table
+
+F = NDArray[np.float64]
+BASE_ERROR = 0.1
+UNEVEN_NOISE = 0.005
+_RIG_SAMPLES = 100
+"""Sensor samples in a window of the rig's defaults: noise per load is per sample there."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a method gets (table and model), and what only the scorer sees (quiet)."""
+
+    table: Table
+    quiet: Table
+    model: Model
+
+
+@lru_cache(maxsize=4)
+def shared_plan(source: str, protocol: str, folder: Path) -> Table:
+    """The plan of a source, kept in `folder`."""
+    from ecm.table import read_table
+
+    path = folder / f"plan-{source}-{protocol}.csv"
+    if path.exists():
+        return read_table(path)
+    candidates = rod_candidates() if source == "rod" else fem_candidates(folder)
+    plan = plan_of(candidates, protocol)
+    plan.write(path)
+    return plan
+
+
+@lru_cache(maxsize=2)
+def shared_model(source: str) -> Model:
+    """The physics base of a source."""
+    return model_of(source)
+
+
+def data_of(asked: Set, folder: Path, plan: Table | None = None) -> Data:
+    """Simulate a set; `plan` other than the shared one for a further experiment."""
+    plan = shared_plan(asked.source, asked.protocol, folder) if plan is None else plan
+    model = shared_model(asked.source)
+    uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
+    if asked.source == "rod":
+        base = model.base
+        made = rod_table(
+            plan, asked.hidden, asked.seed, base_columns=base.columns, uneven_noise=uneven
+        )
+        table, quiet = made.table, made.quiet
+    else:
+        table, quiet = _rig(asked, plan, uneven)
+    if asked.strange:
+        table, quiet = _with(STRANGE[asked.strange], asked.strength, (table, quiet), model, asked)
+    if asked.variant == "base_error":
+        before = table.wrenches
+        table, quiet = _with(smooth_misfit, BASE_ERROR, (table, quiet), model, asked)
+        model = _less_sure(model, table.wrenches - before)
+    return Data(table, quiet, model)
+
+
+def _rig(asked: Set, plan: Table, uneven: float) -> tuple[Table, Table]:
+    settings = RigSettings()
+    if asked.variant == "noise":
+        settings = replace(
+            settings,
+            instrument=replace(
+                settings.instrument,
+                outlier_share=0.01,
+                force_noise_per_load=uneven * np.sqrt(_RIG_SAMPLES),
+            ),
+        )
+    campaign = Campaign(
+        plan,
+        settings,
+        fem_source(plan),
+        hide=[Hidden(id, s) for id, s in asked.hidden],
+        seed=asked.seed,
+        folder=cache_directory(),
+    )
+    table = campaign.run()
+    silent = dict.fromkeys(
+        ("force_noise_N", "torque_noise_Nm", "force_noise_per_load", "camera_error_m",
+         "camera_error_rad", "camera_jitter_m", "camera_jitter_rad", "thermometer_noise_degC"),
+        0.0,
+    )  # fmt: skip
+    campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
+    return table, campaign.run()
+
+
+def _with(
+    law: Law, strength: float, tables: tuple[Table, Table], model: Model, asked: Set
+) -> tuple[Table, Table]:
+    """Both tables with a law's wrench of a strength on the rows that measure a pose."""
+    table, quiet = tables
+    wrench = law(quiet, np.random.default_rng([asked.seed, 9]))
+    rows = Rows(quiet, model.base)
+    is_pose = np.asarray(quiet.text("kind") == "pose")
+    covariance = declared_noise(table).covariance(Rows(table, model.base))
+    columns = np.asarray(model.base.columns(rows.poses))
+    scale = Strength(covariance[is_pose], columns[is_pose])
+    wrench = wrench * is_pose[:, None]
+    size = strength / scale(wrench[is_pose])
+    return _added(table, size * wrench), _added(quiet, size * wrench)
+
+
+def _added(table: Table, wrench: F) -> Table:
+    return table.with_columns(
+        {name: table.column(name) + wrench[:, j] for j, name in enumerate(WRENCH)}
+    )
+
+
+def _less_sure(model: Model, misfit: F) -> Model:
+    """The model with a base that states how wrong it is."""
+    base = model.base
+    if not isinstance(base, PhysicsMap):
+        raise TypeError(f"expected a physics base, found {base.kind}")
+    own = np.hypot(base.own_error, np.sqrt(np.mean(misfit**2, axis=0)))
+    return replace(model, base=replace(base, own_error=own))

@@ -1,0 +1,92 @@
+"""The plans and bases that all sets share: the neck by FEM, and a rod."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind_parts.rod import Section
+from blind_parts.rod_tables import rod_mechanism
+from ecm import _native
+from ecm.columns import POSE
+from ecm.design import choose, diagnosable_plan
+from ecm.design.plans import paper_plan
+from ecm.mechanism import Mechanism
+from ecm.meta import Meta
+from ecm.models import Model, PhysicsMap, physics_map, surrogate_of
+from ecm.simulate import fem_poses
+from ecm.stages import write_atomically
+from ecm.table import Table
+
+F = NDArray[np.float64]
+POSES, VISITS = 100, 300
+PAPER_POSES = 200
+
+
+def fem_candidates(folder: Path) -> Table:
+    """FEM poses of the neck, kept in `folder`."""
+    mechanism = Mechanism()
+    path = folder / "fem-candidates.json"
+    if path.exists():
+        poses = np.asarray(json.loads(path.read_text()))
+    else:
+        poses, _ = fem_poses(mechanism, 2 * PAPER_POSES, seed=100)
+        write_atomically(path, json.dumps(poses.tolist()))
+    return _candidates(poses, mechanism.to_dict())
+
+
+def rod_candidates() -> Table:
+    """Poses of the rod under random wrenches of the paper's size."""
+    poses, _ = rod_samples(2 * PAPER_POSES, 100)
+    return _candidates(poses, rod_mechanism())
+
+
+def _candidates(poses: F, mechanism: dict[str, Any]) -> Table:
+    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+    return Table(columns, Meta(mechanism=mechanism), "candidates")
+
+
+def plan_of(candidates: Table, protocol: str) -> Table:
+    """`diagnosable`: 100 poses in 300 visits; `paper`: 200 poses once each."""
+    count = PAPER_POSES if protocol == "paper" else POSES
+    chosen = choose(candidates.poses, count, criterion="maximin", seed=0)
+    if protocol == "paper":
+        return paper_plan(candidates, chosen, seed=0)
+    return diagnosable_plan(candidates, chosen, VISITS, seed=0)
+
+
+def rod_samples(count: int, seed: int) -> tuple[F, F]:
+    """Poses and wrenches of the library's own rod: the base of the rod's data."""
+    random = np.random.default_rng(seed)
+    s = Section()
+    low = np.array([-110.0, -65.0, -65.0, -1.6, -4.5, -4.5])
+    high = np.array([30.0, 65.0, 65.0, 1.6, 4.5, 4.5])
+    wrenches = random.uniform(low, high, (3 * count, 6))
+    poses, ok = _native.rod_poses(
+        wrenches,
+        length_m=s.length_m,
+        axial_stiffness_N=s.axial_N,
+        shear_stiffness_N=s.shear_N,
+        bending_stiffness_Nm2=s.bending_Nm2,
+        torsion_stiffness_Nm2=s.torsion_Nm2,
+    )
+    ok &= np.linalg.norm(poses[:, 3:], axis=1) < 0.6
+    return poses[ok][:count], wrenches[ok][:count]
+
+
+def rod_base() -> PhysicsMap:
+    """The library's rod as physics base."""
+    train, test = rod_samples(300, 1), rod_samples(80, 2)
+    return surrogate_of(
+        *train, Section().length_m, test_poses=test[0], test_wrenches=test[1],
+        mechanism=rod_mechanism(),
+    )  # fmt: skip
+
+
+def model_of(source: str) -> Model:
+    """The physics model before any measurement."""
+    return Model(base=rod_base() if source == "rod" else physics_map(Mechanism()))

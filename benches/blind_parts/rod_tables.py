@@ -1,0 +1,236 @@
+"""Measurement tables of the rod, with an effect of a wanted strength inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind_parts.rod import Section
+from blind_parts.rod_course import Asked, lay_out
+from blind_parts.rod_effects import BODY
+from blind_parts.rod_instruments import INSTRUMENTS, occluded
+from blind_parts.rod_world import (
+    COUNT,
+    FORCE_SD_N,
+    POSITION_SD_M,
+    RANGE,
+    ROTATION_SD_RAD,
+    SENSOR_IN_TOP,
+    TORQUE_SD_NM,
+    Physics,
+    World,
+    measured,
+)
+from blind_parts.strength import Strength
+from ecm.columns import POSE, WRENCH
+from ecm.meta import FileMeta, Instrument, Meta, Scene
+from ecm.table import Table
+
+F = NDArray[np.float64]
+EFFECTS = {**BODY, **INSTRUMENTS}
+"""What the rod can hide."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """A table, the same without noise, and the sizes of what was hidden."""
+
+    table: Table
+    quiet: Table
+    sizes: dict[str, float]
+
+
+def rod_mechanism() -> dict[str, Any]:
+    """The `[mechanism]` of the ideal rod."""
+    s = Section()
+    return {
+        "builtin": "rod",
+        "length_m": s.length_m,
+        "radius_m": s.radius_m,
+        "axial_stiffness_N": s.axial_N,
+        "shear_stiffness_N": s.shear_N,
+        "bending_stiffness_Nm2": s.bending_Nm2,
+        "torsion_stiffness_Nm2": s.torsion_Nm2,
+    }
+
+
+def rod_table(
+    plan: Table,
+    hidden: Sequence[tuple[str, float]],
+    seed: int,
+    *,
+    base_columns: Callable[[F], F],
+    uneven_noise: float = 0.0,
+    outliers: bool = True,
+) -> Made:
+    """A campaign on the rod.
+
+    Parameters
+    ----------
+    hidden
+        (id, s) pairs.
+    base_columns
+        (N, 6) poses to the (N, 6, k) change of the wrench per base parameter.
+    """
+    random = np.random.default_rng([seed, 77])
+    asked = asked_of(plan)
+    rest = np.array([Section().length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+    course = lay_out(asked, rest, random)
+    world = World(course, Section())
+    rows = np.asarray([kind == "pose" for kind in asked.kind])
+    of_loaded = rows[world.loaded]
+    strength = Strength(world.covariance()[of_loaded], base_columns(course.poses[rows]))
+    plain = _excess(world, Physics())[rows]
+    physics, sizes = Physics(), {}
+    for id, s in hidden:
+        first, make = EFFECTS[id](random, world)
+
+        def change(size: float, make: Callable[[float], Physics] = make) -> F:
+            return np.asarray(_excess(world, make(size))[rows] - plain)
+
+        sizes[id] = strength.size(change, first, s)
+        physics = _joined(physics, make(sizes[id]))
+    noise = np.random.default_rng([seed, 78])
+    poses, wrenches = measured(world, physics, noise, uneven_noise=uneven_noise)
+    meta = _meta(plan)
+    quiet_poses, quiet_wrenches = world.readings(physics)
+    build = _Build(plan, world, meta, seed)
+    return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), sizes)
+
+
+def asked_of(plan: Table) -> Asked:
+    """The columns of a plan; actions other than measure, home and unload change what follows."""
+    n = len(plan)
+    action = [str(a) for a in plan.text("action")] if plan.has("action") else ["measure"] * n
+    words = {"measure": "pose", "home": "home", "unload": "unloaded", "dead_weight": "unloaded"}
+    mount, payload, run, shift = 0.0, True, 0, 0
+    keep, kinds, mounts, payloads, dead, runs = [], [], [], [], [], []
+    own = plan.column("run") if plan.has("run") else np.zeros(n)
+    for i, text in enumerate(action):
+        name, _, value = text.partition(":")
+        if name in ("remount", "remove_payload", "warm_up"):
+            mount += np.deg2rad(float(value)) if name == "remount" else 0.0
+            payload = payload and name != "remove_payload"
+            shift += name != "warm_up"
+            continue
+        run = int(own[i]) + shift
+        keep.append(i)
+        kinds.append(words[name])
+        mounts.append(mount)
+        payloads.append(payload)
+        dead.append(float(value) if name == "dead_weight" else 0.0)
+        runs.append(run)
+    at = np.asarray(keep)
+    dwell = plan.column("dwell_s")[at] if plan.has("dwell_s") else np.full(len(at), 2.0)
+    return Asked(
+        poses=plan.poses[at],
+        pose_id=plan.column("pose_id")[at].astype(np.int64),
+        approach=[str(a) for a in plan.text("approach")[at]],
+        dwell_s=np.where(np.isfinite(dwell), dwell, 2.0),
+        run=np.asarray(runs),
+        kind=kinds,
+        mount_rad=np.asarray(mounts),
+        payload_on=np.asarray(payloads),
+        dead_weight_kg=np.asarray(dead),
+    )
+
+
+def _excess(world: World, physics: Physics) -> F:
+    """Readings without noise minus the ideal rod at the pose that was seen, first order."""
+    poses, wrenches = world.readings(physics)
+    ideal = np.zeros_like(wrenches)
+    ideal[world.loaded] = world.elastic
+    true = world.course.poses
+    from blind_parts.rod import turn, turn_back
+
+    angle = turn_back(turn(poses[:, 3:]) @ np.swapaxes(turn(true[:, 3:]), 1, 2))
+    step = np.concatenate([poses[:, :3] - true[:, :3], angle], axis=1)[world.loaded]
+    ideal[world.loaded] += np.einsum("nij,nj->ni", world.screw, step)
+    return wrenches - ideal
+
+
+def _joined(a: Physics, b: Physics) -> Physics:
+    return Physics(
+        {**a.section, **b.section},
+        a.felt + b.felt,
+        a.wrench + b.wrench,
+        a.load + b.load,
+        a.sensor + b.sensor,
+        a.seen + b.seen,
+    )
+
+
+class _Build:
+    """The columns that a table has whatever was measured."""
+
+    def __init__(self, plan: Table, world: World, meta: Meta, seed: int) -> None:
+        course = world.course
+        asked = course.asked
+        seen: dict[tuple[str, int], int] = {}
+        repeat = []
+        for kind, id in zip(asked.kind, asked.pose_id, strict=True):
+            repeat.append(seen.get((kind, int(id)), 0))
+            seen[kind, int(id)] = repeat[-1] + 1
+        approach = [
+            source if kind == "pose" else "initial"
+            for source, kind in zip(asked.approach, asked.kind, strict=True)
+        ]
+        hidden = occluded(course.poses, float(np.random.default_rng(seed).uniform(0.0, 6.28)))
+        self._columns: dict[str, Any] = {
+            "pose_id": asked.pose_id.astype(np.float64),
+            "run": asked.run.astype(np.float64),
+            "repeat": np.asarray(repeat, dtype=np.float64),
+            "time_s": course.time_s,
+            "dwell_s": course.dwell_s,
+            "approach": np.asarray(approach, dtype=object),
+            "kind": np.asarray(asked.kind, dtype=object),
+            "temperature_degC": course.temperature_degC,
+            "sensor_temperature_degC": course.sensor_degC,
+            "leds_visible": 9.0 - hidden,
+        }
+        runs: dict[int, dict[str, Any]] = {}
+        for i, run in enumerate(asked.run):
+            different: dict[str, Any] = {}
+            if asked.mount_rad[i]:
+                different["mount_angle_rad"] = float(asked.mount_rad[i])
+            if not asked.payload_on[i]:
+                different["payload_mass_kg"] = 0.0
+            if asked.dead_weight_kg[i]:
+                different["payload_mass_kg"] = float(asked.dead_weight_kg[i])
+            if different:
+                runs[int(run)] = different
+        self._meta = Meta(
+            file=meta.file, mechanism=meta.mechanism, instrument=meta.instrument,
+            scene=meta.scene, runs=runs,
+        )  # fmt: skip
+
+    def __call__(self, poses: F, wrenches: F) -> Table:
+        columns = dict(self._columns)
+        columns |= {name: poses[:, j].copy() for j, name in enumerate(POSE)}
+        columns |= {name: wrenches[:, j].copy() for j, name in enumerate(WRENCH)}
+        return Table(columns, self._meta, "rod campaign")
+
+
+def _meta(plan: Table) -> Meta:
+    from scipy.spatial.transform import Rotation
+
+    lever, angle = SENSOR_IN_TOP
+    quaternion = Rotation.from_rotvec(angle).as_quat(scalar_first=True)
+    return Meta(
+        file=FileMeta(),
+        mechanism=plan.meta.mechanism,
+        instrument=Instrument(
+            pose_position_sd_m=POSITION_SD_M,
+            pose_rotation_sd_rad=ROTATION_SD_RAD,
+            force_sd_N=FORCE_SD_N,
+            torque_sd_Nm=TORQUE_SD_NM,
+            fts_range=tuple(RANGE.tolist()),
+            fts_resolution=tuple(COUNT.tolist()),
+            top_from_sensor=(*lever.tolist(), *quaternion.tolist()),
+        ),
+        scene=Scene(),
+    )

@@ -1,0 +1,259 @@
+"""Figures of the table from the results of the sets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+LARGEST_CLASS = 3
+GOALS_ONE = {0.2: 0.80, 0.3: 0.90, 0.5: 0.95, 1.0: 0.98, 3.0: 0.99}
+GOALS_TWO = {0.5: 0.85, 1.0: 0.93}
+GOALS_FOREIGN = {0.5: 0.20, 1.0: 0.05}
+OURS = "ours"
+Result = dict[str, Any]
+
+
+def answer_of(result: Result, method: str) -> dict[str, Any]:
+    """Verdict and answer of a method on a set."""
+    found: dict[str, Any] = result["ours"] if method == OURS else result["simple"][method]
+    return found
+
+
+def names(answer: dict[str, Any]) -> list[list[str]]:
+    """Classes that name something: of at most three."""
+    return [c for c in answer["answer"] if 0 < len(c) <= LARGEST_CLASS]
+
+
+def one_right(result: Result, method: str = OURS) -> bool:
+    """The hidden effect is named first, alone or in a class of at most three, and nothing else."""
+    hidden = result["set"]["hidden"][0][0]
+    found = answer_of(result, method)["answer"]
+    return len(found) == 1 and hidden in found[0] and len(found[0]) <= LARGEST_CLASS
+
+
+def all_right(result: Result, method: str = OURS) -> bool:
+    """Every hidden effect in a class of its own, no class left over."""
+    hidden = [id for id, _ in result["set"]["hidden"]]
+    found = names(answer_of(result, method))
+    if len(found) != len(hidden) or len(answer_of(result, method)["answer"]) != len(found):
+        return False
+    if len(hidden) == 1:
+        return hidden[0] in found[0]
+    a, b = hidden
+    return (a in found[0] and b in found[1]) or (b in found[0] and a in found[1])
+
+
+def clean_wrong(result: Result, method: str = OURS) -> bool:
+    """One single name that is not the truth."""
+    hidden = [id for id, _ in result["set"]["hidden"]]
+    found = answer_of(result, method)["answer"]
+    return len(found) == 1 and len(found[0]) == 1 and found[0][0] not in hidden
+
+
+def honest(result: Result, method: str = OURS) -> bool:
+    """The hidden effect is listed as not testable, or is in a class."""
+    hidden = result["set"]["hidden"][0][0]
+    answer = answer_of(result, method)
+    listed = any(item["id"] == hidden for item in answer.get("not_testable", ()))
+    return listed or any(len(c) > 1 and hidden in c for c in answer["answer"])
+
+
+def share(values: Iterable[bool]) -> float:
+    """Mean, not a number where there is nothing."""
+    got = list(values)
+    return float(np.mean(got)) if got else float("nan")
+
+
+def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[str, Any]]:
+    """One line per figure of discovery.md: what, sets, goal, value per method, goal met by ours."""
+    by = {t: [r for r in results if r["set"]["tier"] == t] for t in range(6)}
+    lines: list[dict[str, Any]] = []
+
+    def line(what: str, own: list[Result], goal: str, figure: Any, met: Any) -> None:
+        if not own:
+            return
+        values = {m: figure(own, m) for m in methods if _has(own, m)}
+        lines.append(
+            {"what": what, "sets": len(own), "goal": goal, "values": values,
+             "met": bool(met(values[OURS]))}
+        )  # fmt: skip
+
+    def rate(test: Any) -> Any:
+        return lambda own, m: share(test(r, m) for r in own if _has([r], m))
+
+    nothing = by[0]
+    limit = 4.0 / 200.0
+    line(
+        "0: any name given",
+        nothing,
+        "<= 4 of 200",
+        rate(lambda r, m: bool(answer_of(r, m)["answer"])),
+        lambda v: v <= max(limit, 1.0 / max(len(nothing), 1) if len(nothing) < 50 else limit),
+    )
+    for s, goal in GOALS_ONE.items():
+        own = [r for r in by[1] if r["set"]["hidden"][0][1] == s]
+        line(
+            f"1: first or in a class, s = {s:g}",
+            own,
+            f">= {goal:.2f}",
+            rate(one_right),
+            lambda v, goal=goal: v >= goal,
+        )
+    for s, goal in GOALS_TWO.items():
+        own = [r for r in by[2] if r["set"]["hidden"][0][1] == s]
+        line(
+            f"2: both, s = {s:g}",
+            own,
+            f">= {goal:.2f}",
+            rate(all_right),
+            lambda v, goal=goal: v >= goal,
+        )
+    for s, goal in GOALS_FOREIGN.items():
+        own = [r for r in by[3] if _strength(r) == s]
+        line(
+            f"3: one clean wrong name, s = {s:g}",
+            own,
+            f"<= {goal:.2f}",
+            rate(clean_wrong),
+            lambda v, goal=goal: v <= goal,
+        )
+    line("4: not testable, or a class", by[4], ">= 0.95", rate(honest), lambda v: v >= 0.95)
+    second = [r for r in by[5] if r.get("second")]
+    if second:
+        value = share(one_named(r["second"], r) for r in second)
+        lines.append(
+            {
+                "what": "5: right single name after one experiment",
+                "sets": len(second),
+                "goal": ">= 0.85",
+                "values": {OURS: value},
+                "met": value >= 0.85,
+            }
+        )
+    return lines
+
+
+def one_named(answer: dict[str, Any], result: Result) -> bool:
+    """The single name is the truth."""
+    return bool(answer["answer"] == [[result["set"]["hidden"][0][0]]])
+
+
+def _strength(result: Result) -> float:
+    hidden = result["set"]["hidden"]
+    return float(hidden[0][1] if hidden else result["set"]["strength"])
+
+
+def _has(results: Sequence[Result], method: str) -> bool:
+    return method == OURS or any(method in r.get("simple", {}) for r in results)
+
+
+def beside(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """The figures beside the tiers, ours only."""
+    one = [r for r in results if r["set"]["tier"] == 1]
+    lines: list[dict[str, Any]] = []
+
+    def line(what: str, values: list[float], figure: float, goal: str, met: bool) -> None:
+        if values:
+            lines.append({"what": what, "sets": len(values), "value": figure, "goal": goal,
+                          "met": met})  # fmt: skip
+
+    ratio = [r["ours"]["held_out"]["after"] / r["oracle"] for r in one if r.get("oracle")]
+    if ratio:
+        line(
+            "held-out error over the oracle's, median",
+            ratio,
+            float(np.median(ratio)),
+            "<= 1.02",
+            float(np.median(ratio)) <= 1.02,
+        )
+        late = float(np.quantile(ratio, 0.95))
+        line("held-out error over the oracle's, 95 %", ratio, late, "<= 1.10", late <= 1.10)
+    fitted = [p for r in one for p in r.get("parameters", [])]
+    errors = [p["relative_error"] for p in fitted if p["s"] == 0.5]
+    if errors:
+        line(
+            "relative error of parameters at s = 0.5, median",
+            errors,
+            float(np.median(errors)),
+            "<= 0.10",
+            float(np.median(errors)) <= 0.10,
+        )
+    inside, of = sum(p["inside"] for p in fitted), sum(p["of"] for p in fitted)
+    if of:
+        sd = np.sqrt(0.09 / of)
+        value = inside / of
+        low, high = 0.9 - 2.576 * sd, 0.9 + 2.576 * sd
+        line(
+            "coverage of 90 % intervals",
+            [1.0] * of,
+            value,
+            f"{low:.3f} to {high:.3f}",
+            bool(low <= value <= high),
+        )
+    sizes = [float(len(c)) for r in one for c in r["ours"]["answer"]]
+    if sizes:
+        line(
+            "mean size of a class",
+            sizes,
+            float(np.mean(sizes)),
+            "<= 1.5",
+            float(np.mean(sizes)) <= 1.5,
+        )
+    gone = [g for r in one if (g := _gone(r)) is not None]
+    if gone:
+        line(
+            "excess error gone, median at s >= 0.5",
+            gone,
+            float(np.median(gone)),
+            ">= 0.90",
+            float(np.median(gone)) >= 0.9,
+        )
+    same = [float(r["same_verdict"] >= 0.999) for r in results if "same_verdict" in r]
+    if same:
+        line(
+            "sets with the same verdict for 20 seeds",
+            same,
+            float(np.mean(same)),
+            ">= 0.95",
+            float(np.mean(same)) >= 0.95,
+        )
+    times = [r["ours"]["seconds"] for r in results]
+    if times:
+        slow = float(np.quantile(times, 0.95))
+        line("seconds a verdict, 95 %", times, slow, "<= 10", slow <= 10.0)
+    return lines
+
+
+def _gone(result: Result) -> float | None:
+    """Share of the excess error, sqrt(rms^2 - floor^2), that is gone; the floor is the oracle's."""
+    floor, held = result.get("oracle"), result["ours"]["held_out"]
+    if not floor or result["set"]["hidden"][0][1] < 0.5 or held["before"] <= floor:
+        return None
+    before = np.sqrt(held["before"] ** 2 - floor**2)
+    after = np.sqrt(max(held["after"] ** 2 - floor**2, 0.0))
+    return float(1.0 - after / before)
+
+
+def failing(results: Sequence[Result]) -> list[str]:
+    """One line for every set of tiers 0 to 4 whose figure fails."""
+    test = {
+        0: lambda r: not answer_of(r, OURS)["answer"],
+        1: one_right,
+        2: all_right,
+        3: lambda r: not clean_wrong(r),
+        4: honest,
+    }
+    lines = []
+    for r in results:
+        asked = r["set"]
+        if asked["tier"] in test and not test[asked["tier"]](r):
+            truth = " + ".join(f"{id} at {s:g}" for id, s in asked["hidden"])
+            truth = truth or asked["strange"] or f"nothing {asked['variant']}".strip()
+            said = " + ".join("|".join(c) for c in r["ours"]["answer"]) or r["ours"]["verdict"]
+            lines.append(
+                f"tier {asked['tier']} set {asked['index']} ({asked['source']}): {truth} -> "
+                f"{r['ours']['verdict']}: {said}; first {', '.join(r['ours'].get('first', []))}"
+            )
+    return lines

@@ -1,0 +1,138 @@
+"""The sets of the benchmark: what is hidden in each, by tier; the first N are as mixed as all.
+
+Tiers and numbers of sets are those of the table in docs/discovery.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from blind_parts.rod_tables import EFFECTS as ROD_EFFECTS
+from blind_parts.strange import STRANGE
+from ecm.effects import all_effects
+from ecm.rig.draws import DRAWS as RIG_EFFECTS
+
+TIER_SETS = {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
+STRENGTHS = (0.2, 0.3, 0.5, 1.0, 3.0)
+UNSEEN_WITH_BASE = ("compressibility",)
+"""Free in the base, hence never missing."""
+HISTORY = ("hysteresis", "stress_relaxation", "ageing")
+LOOK_ALIKE = ("own_weight", "length_error", "pre_curvature", "payload", "pretension")
+"""Effects of tier 5: each is hard to tell from another without a second experiment."""
+
+
+@dataclass(frozen=True)
+class Set:
+    """One set: everything that its data depend on."""
+
+    tier: int
+    index: int
+    source: str
+    """`rig`: the neck by FEM on the simulated rig; `rod`: the second generator."""
+    hidden: tuple[tuple[str, float], ...] = ()
+    strange: str = ""
+    """An effect that never was in the library, at `strength`."""
+    strength: float = 0.0
+    removed: tuple[str, ...] = ()
+    """Ids taken out of the library."""
+    protocol: str = "diagnosable"
+    variant: str = ""
+    """`base_error` or `noise`: what is not ideal in a set of tier 0."""
+
+    @property
+    def seed(self) -> int:
+        """Of the data."""
+        return 10_000 * (self.tier + 1) + self.index
+
+    @property
+    def name(self) -> str:
+        """File name: tier, index and what it holds."""
+        text = repr(sorted(asdict(self).items())).encode()
+        return f"{self.tier}-{self.index:04d}-{hashlib.sha256(text).hexdigest()[:10]}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the result file."""
+        return asdict(self)
+
+
+def sets_of(tier: int, count: int | None = None) -> list[Set]:
+    """The first `count` sets of a tier."""
+    n = TIER_SETS[tier] if count is None else min(count, TIER_SETS[tier])
+    return [_MAKE[tier](i) for i in range(n)]
+
+
+def hideable(source: str) -> list[str]:
+    """Ids that a source can hide and the library can name."""
+    known = {effect.id for effect in all_effects()}
+    own = RIG_EFFECTS if source == "rig" else ROD_EFFECTS
+    return sorted(id for id in own if id in known and id not in UNSEEN_WITH_BASE)
+
+
+def _source(index: int) -> str:
+    return ("rig", "rod")[index % 2]
+
+
+def _random(tier: int, index: int) -> np.random.Generator:
+    return np.random.default_rng([tier, index, 6])
+
+
+def _nothing(index: int) -> Set:
+    variant = ("", "base_error", "", "noise")[(index // 2) % 4]
+    return Set(0, index, _source(index), variant=variant)
+
+
+def _dealt(source: str, deal: int, seed: int) -> str:
+    """Cards are dealt without replacement, then shuffled anew."""
+    ids = hideable(source)
+    round_, place = divmod(deal, len(ids))
+    order = np.random.default_rng([seed, round_]).permutation(len(ids))
+    return ids[order[place]]
+
+
+def _one(index: int) -> Set:
+    source = _source(index)
+    # Strengths change fastest, so that the first ten sets hold each of them from both sources.
+    strength = STRENGTHS[(index // 2) % len(STRENGTHS)]
+    id = _dealt(source, index // (2 * len(STRENGTHS)), 1)
+    # Another effect for every strength: a small run sees more of them.
+    ids = hideable(source)
+    id = ids[(ids.index(id) + 5 * STRENGTHS.index(strength)) % len(ids)]
+    return Set(1, index, source, hidden=((id, strength),))
+
+
+def _two(index: int) -> Set:
+    source, random = _source(index), _random(2, index)
+    strength = (0.5, 1.0)[(index // 2) % 2]
+    pair = random.choice(hideable(source), 2, replace=False)
+    return Set(2, index, source, hidden=tuple((str(id), strength) for id in pair))
+
+
+def _foreign(index: int) -> Set:
+    source, random = _source(index), _random(3, index)
+    strength = (0.5, 1.0)[(index // 2) % 2]
+    if (index // 4) % 2:
+        name = sorted(STRANGE)[(index // 8) % len(STRANGE)]
+        return Set(3, index, source, strange=name, strength=strength)
+    id = str(random.choice(hideable(source)))
+    return Set(3, index, source, hidden=((id, strength),), removed=(id,))
+
+
+def _paper(index: int) -> Set:
+    source = _source(index)
+    known = [id for id in HISTORY if id in hideable(source)]
+    id = known[(index // 2) % len(known)]
+    return Set(4, index, source, hidden=((id, 1.0),), protocol="paper")
+
+
+def _alike(index: int) -> Set:
+    source = _source(index)
+    known = [id for id in LOOK_ALIKE if id in hideable(source)]
+    id = known[(index // 2) % len(known)]
+    return Set(5, index, source, hidden=((id, 1.0),))
+
+
+_MAKE = {0: _nothing, 1: _one, 2: _two, 3: _foreign, 4: _paper, 5: _alike}

@@ -1,0 +1,188 @@
+"""Five simpler methods on the same sets, given the same library, base and whitened rows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind_parts.analysis import library
+from blind_parts.data import Data
+from blind_parts.sets import Set
+from ecm.compare.estimate import estimate_noise
+from ecm.compare.noise import Noise
+from ecm.diagnose import diagnose
+from ecm.diagnose.base import choose_base
+from ecm.diagnose.problem import Problem, declared_or_fitted
+from ecm.diagnose.search import rank
+from ecm.effects import Rows
+
+F = NDArray[np.float64]
+Answer = dict[str, Any]
+
+
+def _named(ids: list[str]) -> Answer:
+    return {"verdict": "named" if ids else "none", "answer": [[id] for id in ids]}
+
+
+def _flat(problem: Problem) -> tuple[F, F, list[str]]:
+    """Weighted response and effect columns after projecting out the base; an id per column."""
+    root = np.sqrt(problem.weights)[:, None]
+    y = (problem.response * root).ravel()
+    z = (problem.design * root[:, :, None]).reshape(len(y), -1)
+    base, rest = z[:, : problem.n_base], z[:, problem.n_base :]
+    q = np.linalg.qr(base)[0] if problem.n_base else base
+    ids = [""] * rest.shape[1]
+    for candidate in problem.candidates:
+        for column in candidate.columns:
+            ids[column - problem.n_base] = candidate.id
+    return y - q @ (q.T @ y), rest - q @ (q.T @ rest), ids
+
+
+def sparse_regression(asked: Set, data: Data, problem: Problem) -> Answer:
+    """Sequentially thresholded least squares over all columns of the library.
+
+    A column stays while its coefficient exceeds a threshold in standard errors; the threshold is
+    the largest within one standard error of the least error in random cross-validation.
+    """
+    y, z, ids = _flat(problem)
+    z = z / np.maximum(np.linalg.norm(z, axis=0), 1e-12)
+    fold = np.random.default_rng([asked.seed, 4]).permutation(len(y)) % 5
+    whole = z.T @ z, z.T @ y
+    parts = [(z[fold == k].T @ z[fold == k], z[fold == k].T @ y[fold == k]) for k in range(5)]
+    thresholds = np.array([2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0])
+    errors = np.empty((5, len(thresholds)))
+    for k, (gram, vector) in enumerate(parts):
+        for j, threshold in enumerate(thresholds):
+            w = _thresholded(whole[0] - gram, whole[1] - vector, float(threshold))
+            left = y[fold == k] - z[fold == k] @ w
+            errors[k, j] = (left**2).mean()
+    mean = errors.mean(axis=0)
+    best = int(mean.argmin())
+    bar = mean[best] + errors[:, best].std(ddof=1) / np.sqrt(5.0)
+    pick = float(thresholds[np.flatnonzero(mean <= bar)[-1]])
+    kept = np.flatnonzero(_thresholded(*whole, pick))
+    return _named(sorted({ids[i] for i in kept}))
+
+
+def _thresholded(gram: F, vector: F, threshold: float) -> F:
+    """Coefficients (K,), 0 where thrown out; noise of the rows is 1."""
+    active = np.arange(len(vector))
+    w = np.zeros(len(vector))
+    while len(active):
+        part = gram[np.ix_(active, active)] + 1e-6 * np.eye(len(active))
+        inverse = np.linalg.inv(part)
+        own = inverse @ vector[active]
+        keep = np.abs(own) > threshold * np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+        if keep.all():
+            w[active] = own
+            break
+        # The weakest half of what fails goes, or columns that share an effect all go at once.
+        order = np.argsort(np.abs(own) / np.sqrt(np.maximum(np.diag(inverse), 1e-300)))
+        out = order[: max(1, int((~keep).sum()) // 2)]
+        active = np.delete(active, out)
+    return w
+
+
+def bic_forward(asked: Set, data: Data, problem: Problem) -> Answer:
+    """Forward selection while BIC falls; no class, no held-out error, no resampling."""
+    chosen: list[Any] = []
+    while len(chosen) < 4:
+        ranked = rank(problem, chosen)
+        if not ranked or ranked[0].delta_bic <= 0.0:
+            break
+        chosen.append(ranked[0].candidate)
+    return _named([item.id for item in chosen])
+
+
+def gaussian_process(asked: Set, data: Data, problem: Problem) -> Answer:
+    """A GP of the residual over pose, time and temperature; named is what is most like it."""
+    table = data.table
+    columns = [*problem.rows.poses.T]
+    for name in ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s"):
+        if table.has(name):
+            columns.append(table.column(name))
+    x = np.stack(columns, axis=1)
+    spread = x.std(axis=0)
+    x = (x - x.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    distance = ((x[:, None, :] - x[None, :, :]) ** 2).sum(axis=2)
+    y = problem.response * np.sqrt(problem.weights)[:, None]
+    n, m = y.shape
+    best = (0.5 * float((y**2).sum()), np.zeros_like(y))  # no process at all
+    for reach in (1.5, 3.0, 6.0):
+        for power in (0.1, 0.3, 1.0, 3.0, 10.0):
+            kernel = power * np.exp(-0.5 * distance / reach**2)
+            root = np.linalg.cholesky(kernel + np.eye(n))
+            half = np.linalg.solve(root, y)
+            evidence = 0.5 * float((half**2).sum()) + m * float(np.log(np.diag(root)).sum())
+            if evidence < best[0] - 3.0:
+                best = evidence, kernel @ np.linalg.solve(root.T, half)
+    mean = best[1].ravel()
+    if not np.any(mean):
+        return _named([])
+    _, z, _ids = _flat(problem)
+    shares: dict[str, float] = {}
+    for candidate in problem.candidates:
+        own = z[:, [c - problem.n_base for c in candidate.columns]]
+        fitted = own @ np.linalg.lstsq(own, mean, rcond=1e-10)[0]
+        shares[candidate.id] = max(
+            shares.get(candidate.id, 0.0), float((fitted**2).sum() / (mean**2).sum())
+        )
+    return _named([max(shares, key=lambda id: shares[id])] if shares else [])
+
+
+def random_folds(asked: Set, data: Data, problem: Problem) -> Answer:
+    """Our procedure with held-out rows drawn at random."""
+
+    def at_random(table: Any, poses: Any, groups: Any, by: str) -> Any:
+        count = int(np.max(groups)) + 1
+        parts = np.random.default_rng(5).permutation(count) % 5
+        return parts[groups]
+
+    with mock.patch("ecm.diagnose.accept.folds", at_random):
+        found = diagnose(data.model, data.table, effects=library(asked.removed))
+    return {"verdict": found.verdict, "answer": [list(m) for m in found.answer]}
+
+
+class _Diagonal(Noise):
+    """The same figures without what links the components."""
+
+    def covariance(self, rows: Any, base_error: Any = None) -> F:
+        whole = super().covariance(rows, base_error)
+        return np.asarray(whole * np.eye(whole.shape[1]))
+
+
+def diagonal_noise(asked: Set, data: Data, problem: Problem) -> Answer:
+    """Our procedure with one variance per component: the mean over rows, nothing off it."""
+    base = choose_base(data.model, data.table)
+    rows = Rows(data.table, base)
+    noise = estimate_noise(rows, rows.wrench, fallback=declared_or_fitted(base, data.table))
+    plain = _Diagonal(
+        noise.position_sd_m, noise.rotation_sd_rad, noise.force_sd_N, noise.torque_sd_Nm,
+        noise.source, noise.components,
+    )  # fmt: skip
+    found = diagnose(data.model, data.table, effects=library(asked.removed), noise=plain)
+    return {"verdict": found.verdict, "answer": [list(m) for m in found.answer]}
+
+
+SIMPLE: dict[str, Callable[[Set, Data, Problem], Answer]] = {
+    "sparse regression": sparse_regression,
+    "BIC forward": bic_forward,
+    "GP discrepancy": gaussian_process,
+    "random folds": random_folds,
+    "diagonal noise": diagonal_noise,
+}
+
+
+def simple_answers(asked: Set, data: Data, problem: Problem) -> dict[str, Answer]:
+    """What each of the five says, with its time."""
+    answers = {}
+    for name, method in SIMPLE.items():
+        began = time.perf_counter()
+        answers[name] = method(asked, data, problem)
+        answers[name]["seconds"] = time.perf_counter() - began
+    return answers

@@ -1,0 +1,211 @@
+"""The campaign of a proposed experiment: what `diagnose` wants measured next, as a plan.
+
+The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
+so that both tables together are one campaign.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE
+from ecm.errors import InputError
+from ecm.meta import Meta
+from ecm.table import Table
+
+F = NDArray[np.float64]
+
+HOLDS_S = (2.0, 8.0, 60.0)
+_DWELL_S = 2.0
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """One row of a plan; a pose is its position in the list of distinct poses, -1 is home."""
+
+    action: str
+    pose: int = -1
+    approach: str = "initial"
+    dwell_s: float = _DWELL_S
+
+
+def follow_up_plan(data: Table, experiment: str) -> Table:
+    """The plan of an experiment that a diagnosis of these data proposes.
+
+    Parameters
+    ----------
+    data
+        The measurement table that was diagnosed; needs all six pose columns.
+    experiment
+        The `action` of an entry of `next_experiment`.
+
+    Raises
+    ------
+    InputError
+        For an experiment that is done by hand and not by driving to poses (a calliper, a gauge).
+    """
+    lacking = [name for name in POSE if not data.has(name)]
+    if lacking:
+        raise InputError(f"{data.source}: a plan needs the pose column {lacking[0]}")
+    recipe = next((make for pattern, make in _RECIPES if re.search(pattern, experiment)), None)
+    if recipe is None:
+        raise InputError(
+            f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
+            "it into the data's TOML, and run diagnose again."
+        )
+    poses, ids = _distinct(data)
+    visits = [_Visit("unload"), _Visit("home"), *recipe(poses, ids), _Visit("home")]
+    return _plan(data, poses, ids, [*visits, _Visit("unload")])
+
+
+def drivable(experiment: str) -> bool:
+    """Whether a campaign can carry the experiment out."""
+    return any(re.search(pattern, experiment) for pattern, _ in _RECIPES)
+
+
+def _distinct(data: Table) -> tuple[F, NDArray[np.int64]]:
+    """Mean measured pose of each pose_id, in order of the first visit, and the ids."""
+    measured = data.measured()
+    own = (
+        measured.column("pose_id").astype(np.int64)
+        if measured.has("pose_id")
+        else np.arange(len(measured))
+    )
+    ids, first = np.unique(own, return_index=True)
+    ids = ids[np.argsort(first)]
+    return np.stack([measured.poses[own == i].mean(axis=0) for i in ids]), ids
+
+
+def _spread_out(poses: F, count: int) -> list[int]:
+    """Poses far from each other: each next one is the farthest from those before."""
+    size = np.maximum(poses.std(axis=0), 1e-12)
+    scaled = (poses - poses.mean(axis=0)) / size
+    chosen = [int((scaled**2).sum(axis=1).argmax())]
+    nearest = ((scaled - scaled[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(poses)):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, ((scaled - scaled[chosen[-1]]) ** 2).sum(axis=1))
+    return chosen
+
+
+def _measure(
+    poses: Iterable[int], *, approach: str = "initial", dwell_s: float = _DWELL_S
+) -> list[_Visit]:
+    return [_Visit("measure", i, approach, dwell_s) for i in poses]
+
+
+def _between(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
+    found: list[_Visit] = []
+    for i, visit in enumerate(visits):
+        if i and i % every == 0:
+            found.append(_Visit(check))
+        found.append(visit)
+    return found
+
+
+def _holds(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    return [v for i in _spread_out(poses, 8) for d in HOLDS_S for v in _measure([i], dwell_s=d)]
+
+
+def _both_sides(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    """From home, from a pose beyond, and from there again after 60 s."""
+    from ecm.design.plans import outer_poses
+
+    farther = outer_poses(poses)
+    pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
+    found: list[_Visit] = []
+    for i in pairs:
+        side = str(int(ids[farther[i]]))
+        found += _measure([farther[i], i])
+        found += _measure([i], approach=side)
+        found += _measure([i], approach=side, dwell_s=60.0)
+    return found
+
+
+def _first_ten(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    return _measure(range(min(10, len(poses))))
+
+
+def _conditioning(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    """Five times to the three largest poses, then the first ten again."""
+    largest = np.argsort(-(((poses - np.median(poses, axis=0)) / poses.std(axis=0)) ** 2).sum(1))
+    return [*(v for _ in range(5) for v in _measure(largest[:3])), *_first_ten(poses, ids)]
+
+
+def _warm_and_cold(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    ten = _measure(_spread_out(poses, 10))
+    return [*ten, _Visit("warm_up:60"), _Visit("unload"), _Visit("home"), *ten]
+
+
+def _zeros(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    return _between(_measure(_spread_out(poses, 40)), "unload", 10)
+
+
+def _homes(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    return _between(_measure(_spread_out(poses, 20)), "home", 1)
+
+
+def _turned(degrees: int) -> Callable[[F, NDArray[np.int64]], list[_Visit]]:
+    return lambda poses, ids: [
+        _Visit(f"remount:{degrees}"), _Visit("unload"), _Visit("home"),
+        *_measure(_spread_out(poses, 20)),
+    ]  # fmt: skip
+
+
+def _without_payload(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    after = _measure(_spread_out(poses, 15))
+    return [_Visit("remove_payload"), _Visit("unload"), _Visit("home"), *after]
+
+
+def _dead_weights(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    loads = (0.5, 1.0, 2.0, 4.0, 2.0, 1.0, 0.5)
+    weights = [_Visit(f"dead_weight:{mass:g}") for mass in loads]
+    return [*weights, *_measure(_spread_out(poses, 10))]
+
+
+def _repeated(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    some = _spread_out(poses, 10)
+    return _measure([i for _ in range(4) for i in some])
+
+
+_RECIPES: tuple[tuple[str, Callable[[F, NDArray[np.int64]], list[_Visit]]], ...] = (
+    (r"remount.*\b90\b", _turned(90)),
+    (r"remount.*\b180\b", _turned(180)),
+    (r"warm", _warm_and_cold),
+    (r"conditioning", _conditioning),
+    (r"both sides", _both_sides),
+    (r"\bhold\b|dwell", _holds),
+    (r"payload", _without_payload),
+    (r"dead weight", _dead_weights),
+    (r"home", _homes),
+    (r"unloaded|\bzero\b", _zeros),
+    (r"repeat the first", _first_ten),
+    (r"repeat", _repeated),
+)
+"""First match wins."""
+
+
+def _plan(data: Table, poses: F, ids: NDArray[np.int64], visits: list[_Visit]) -> Table:
+    length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
+    home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
+    at = np.stack([home if v.pose < 0 else poses[v.pose] for v in visits])
+    kinds = {"measure": "pose", "unload": "unloaded"}
+    run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
+    columns: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
+        name: at[:, j] for j, name in enumerate(POSE)
+    }
+    columns |= {
+        "pose_id": np.array([-1.0 if v.pose < 0 else float(ids[v.pose]) for v in visits]),
+        "kind": np.array([kinds.get(v.action, "home") for v in visits], dtype=object),
+        "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
+        "dwell_s": np.array([v.dwell_s for v in visits]),
+        "run": np.full(len(visits), run),
+        "action": np.array([v.action for v in visits], dtype=object),
+    }
+    meta = Meta(mechanism=data.meta.mechanism, scene=data.meta.scene, source=data.meta.source)
+    return Table(columns=columns, meta=meta, source="plan", warnings=())

@@ -1,0 +1,115 @@
+"""Fit with noise in the pose as well as in the wrench (errors in variables).
+
+Maximum likelihood over the coefficients and the true poses p_i of
+
+    sum_i |h_i - h(p_i)|^2_(Sigma_w^-1) + |p~_i - p_i|^2_(Sigma_p^-1),
+
+p~ the measured poses. The poses are eliminated to first order: with K_s at the present p_i, in
+rotation increments of base axes, and delta_i = p~_i - p_i,
+
+    e_i = h_i - h(p_i) - K_s delta_i,      Sigma_i = Sigma_w + K_s Sigma_p K_s',
+    delta_i <- -Sigma_p K_s' Sigma_i^-1 e_i,
+
+and the coefficients follow by generalised least squares of h_i - K_s delta_i on the columns at
+p_i. At the fixed point both gradients of the sum are zero. Weights Sigma_i alone, with the columns
+at the measured poses, would leave every stiffness too small by the share of the pose noise in the
+spread of the poses, however many rows there are (attenuation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.columns import POSE
+from ecm.compare.noise import Noise, whiteners
+from ecm.effects import Rows
+
+if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+Solve = Callable[[F, F, F], tuple["StiffnessMap", F, float]]
+"""poses, wrenches, covariance (N, m, m) to map, covariance (k, k), whitened residual variance."""
+
+_MAX_ITERATIONS = 20
+_MOVED = 0.01
+"""Ends when no coefficient moves by this share of its standard deviation."""
+_FARTHEST = 6.0
+"""No pose is moved by more standard deviations of the pose noise than this."""
+
+
+@dataclass(frozen=True)
+class NoisyPoseFit:
+    """What a fit with pose noise found."""
+
+    base: StiffnessMap
+    covariance: F
+    """(k, k) of the coefficients, from the stated noise."""
+    residual_variance: float
+    """Whitened residual square per degree of freedom: 1 where noise and model are right."""
+    poses: F
+    """(N, n) where the rows most likely were."""
+    converged: bool
+
+
+def fit_with_pose_noise(
+    table: Table, start: StiffnessMap, noise: Noise, solve: Solve
+) -> NoisyPoseFit:
+    """The maximum of the likelihood from the map `start`.
+
+    Parameters
+    ----------
+    solve
+        Generalised least squares of the map's family.
+    """
+    base = start
+    measured = table.matrix(base.inputs)
+    wrenches = np.ascontiguousarray(table.matrix(base.outputs))
+    poses, away = measured.copy(), np.zeros_like(measured)
+    before, covariance, variance = base.coefficients, np.zeros((0, 0)), np.nan
+    moved = np.inf
+    for _ in range(_MAX_ITERATIONS):
+        here = table.with_columns(dict(zip(base.inputs, poses.T, strict=True)))
+        rows = Rows(here, base)
+        k_s = rows.screw_stiffness if base.inputs == POSE else rows.stiffness
+        carried = np.einsum("nij,nj->ni", k_s, away)
+        base, covariance, variance = solve(poses, wrenches - carried, noise.covariance(rows))
+        sd = np.sqrt(np.diag(covariance))
+        change = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
+        before, last = base.coefficients, moved
+        moved = float(change.max())
+        if moved < _MOVED or (moved > last and moved < 0.1):
+            break
+        away = _away(Rows(here, base), wrenches, away, noise)
+        poses = _moved(measured, away, base.inputs)
+    return NoisyPoseFit(base, covariance, variance, poses, moved < 0.1)
+
+
+def _away(rows: Rows, wrenches: F, away: F, noise: Noise) -> F:
+    """(N, n) measured minus most likely pose, rotations as increments in base axes."""
+    inputs = rows.base.inputs
+    k_s = rows.screw_stiffness if inputs == POSE else rows.stiffness
+    sd = np.array([noise.position_sd_m if c in POSE[:3] else noise.rotation_sd_rad for c in inputs])
+    whitener = whiteners(noise.covariance(rows))
+    e = wrenches - rows.wrench - np.einsum("nij,nj->ni", k_s, away)
+    weighted = np.einsum("nji,nj->ni", whitener, np.einsum("nij,nj->ni", whitener, e))
+    found = -np.einsum("nij,ni->nj", k_s, weighted) * sd**2
+    return np.asarray(np.clip(found, -_FARTHEST * sd, _FARTHEST * sd))
+
+
+def _moved(measured: F, away: F, inputs: tuple[str, ...]) -> F:
+    """Poses with p~ - p = away; exp([away]x) R(theta) = R(theta~) to first order."""
+    poses = measured - away
+    if inputs == POSE:
+        jacobian = _native.left_jacobians(np.ascontiguousarray(measured[:, 3:]))
+        turn = np.linalg.solve(jacobian, away[:, 3:, None])[:, :, 0]
+        poses[:, 3:] = measured[:, 3:] - turn
+    return np.ascontiguousarray(poses)

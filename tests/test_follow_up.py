@@ -1,0 +1,86 @@
+"""A proposed experiment becomes a plan that the rig runs and whose data join the first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.columns import POSE
+from ecm.design import drivable, follow_up_plan
+from ecm.effects import all_effects
+from ecm.errors import InputError
+from ecm.rig import RigSettings, run_campaign
+from ecm.table import read_table
+from stand_in_campaign import campaign
+from test_rig_stand_in import StandIn
+
+EXPERIMENTS = sorted({text for effect in all_effects() for text in effect.rivals.values()})
+DRIVEN = [text for text in EXPERIMENTS if drivable(text)]
+
+
+def test_most_experiments_of_the_catalogue_can_be_driven() -> None:
+    assert len(DRIVEN) >= 18
+
+
+@pytest.mark.parametrize("experiment", DRIVEN)
+def test_the_plan_revisits_known_poses_in_a_run_of_its_own(experiment: str) -> None:
+    first = campaign(seed=3)
+    plan = follow_up_plan(first, experiment)
+    actions = [str(a) for a in plan.text("action")]
+    assert actions[0] == actions[-1] == "unload"
+    assert set(plan.column("run")) == {float(first.column("run").max()) + 1.0}
+    own = {int(i) for i in first.column("pose_id")}
+    assert {int(i) for i in plan.column("pose_id")} <= own
+    for pose_id in {int(i) for i in plan.measured().column("pose_id")}:
+        then = first.poses[first.column("pose_id") == pose_id].mean(axis=0)
+        now = plan.poses[plan.column("pose_id") == pose_id]
+        assert np.abs(now - then).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("experiment", "sign"),
+    [
+        ("remount turned by 180 degrees", "remount:180"),
+        ("remove the payload", "remove_payload"),
+        ("dead weights", "dead_weight:2"),
+        ("repeat 10 poses warm and cold", "warm_up:60"),
+    ],
+)
+def test_the_rig_runs_the_plan_and_its_data_join_the_first(
+    experiment: str, sign: str, tmp_path: object
+) -> None:
+    from pathlib import Path
+
+    folder = Path(str(tmp_path))
+    first = campaign(seed=3)
+    first.write(folder / "first.csv")
+    plan = follow_up_plan(first, experiment)
+    assert sign in [str(a) for a in plan.text("action")]
+    second = run_campaign(plan, RigSettings(), folder / "second.csv", seed=4, source=StandIn())
+    assert len(second) > 0
+    joined = read_table([folder / "first.csv", folder / "second.csv"])
+    assert len(joined) == len(first) + len(second)
+    assert len(set(joined.column("run"))) > len(set(first.column("run")))
+    assert np.all(np.diff(joined.column("time_s")) > 0.0)
+
+
+def test_holds_and_both_sides_have_what_they_are_named_for() -> None:
+    first = campaign(seed=3)
+    holds = follow_up_plan(first, "hold one pose for 60 s").measured()
+    for pose_id in set(holds.column("pose_id")):
+        assert set(holds.column("dwell_s")[holds.column("pose_id") == pose_id]) == {2.0, 8.0, 60.0}
+    sides = follow_up_plan(first, "the same pose from both sides, again after 60 s").measured()
+    both = [
+        pose_id
+        for pose_id in set(sides.column("pose_id"))
+        if len({str(a) for a in sides.text("approach")[sides.column("pose_id") == pose_id]}) == 2
+    ]
+    assert len(both) >= 5
+
+
+def test_what_is_done_by_hand_is_said() -> None:
+    first = campaign(seed=3)
+    with pytest.raises(InputError, match="by hand"):
+        follow_up_plan(first, "calliper")
+    with pytest.raises(InputError, match="pose column"):
+        follow_up_plan(first.drop(POSE[0]), "dead weights")
