@@ -198,6 +198,8 @@ class Fem:
     ) -> FemResults:
         """As solve_wrenches, but each case by itself: from `guess`, or without one from rest.
         finished(rows, results) hears within 0.1 s of every case that is done."""
+    def guessed_poses(self, wrenches: _F, guess: Guess) -> _F:
+        """Poses (N, 6) that a guess expects; nothing is solved."""
     def learn(self, wrenches: _F, fields: NDArray[np.float32]) -> Guess | None:
         """A guess from states and the wrenches that hold them; None when they are too few."""
     def solve_poses(

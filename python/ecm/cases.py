@@ -38,6 +38,7 @@ FLAGS = ("ok", "unstable")
 
 _FIRST = 16
 _LEARNED = 1024
+_TELLS = 64  # cases from which on a guess (then quadratic) is within some percent of the pose
 
 
 class Solver(Protocol):
@@ -152,6 +153,15 @@ class Cases:
             self._solver.solve(wrenches[missing], guess, finished, report)
         rows = [self._known[first + i] for i in range(len(wrenches))]
         return {name: np.array([row[name] for row in rows]) for name in (*FLAGS, *ARRAYS)}
+
+    def rotations(self, first: int, wrenches: F) -> F | None:
+        """|theta| that the guess of case `first` expects; None where it knows too little."""
+        guess = self._guess(_learned(first))
+        if guess is None or _learned(first) < _TELLS:
+            return None
+        poses = self._body().guessed_poses(np.ascontiguousarray(wrenches), guess)
+        rotation: F = np.linalg.norm(poses[:, 3:], axis=1)
+        return rotation
 
     def close(self) -> None:
         """Let go of the workers."""

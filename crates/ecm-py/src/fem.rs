@@ -478,6 +478,21 @@ impl Fem {
         .map_err(fem_error)
     }
 
+    /// Poses (N, 6) that a guess expects under wrenches; nothing is solved.
+    fn guessed_poses<'py>(
+        &self,
+        py: Python<'py>,
+        wrenches: PyReadonlyArray2<'py, f64>,
+        guess: &Guess,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
+            .into_iter()
+            .map(Load::Wrench)
+            .collect();
+        let poses = py.detach(|| self.0.guessed_poses(&loads, &guess.0));
+        from_rows(py, &poses.map_err(fem_error)?)
+    }
+
     /// A guess from states and the wrenches that hold them; None when they are too few.
     fn learn(
         &self,

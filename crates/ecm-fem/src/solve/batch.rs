@@ -91,17 +91,7 @@ impl Fem {
         finished: Finished,
     ) -> Result<Vec<Outcome>, FemError> {
         self.check_loads(loads)?;
-        if let Some(found) = guess
-            .map(Guess::field_length)
-            .filter(|&n| n != self.field_length())
-        {
-            return Err(FemError::Size {
-                what: "the guess's field",
-                found,
-                expected: self.field_length(),
-                why: "a guess serves the body it was learned from",
-            });
-        }
+        guess.map_or(Ok(()), |guess| self.check_guess(guess))?;
         let all: Vec<usize> = (0..loads.len()).collect();
         Ok(self.solve_group(loads, &all, guess, watch, finished))
     }
@@ -135,6 +125,33 @@ impl Fem {
         let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
         let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
         Ok(Guess::fit(&samples))
+    }
+
+    /// Poses that a guess expects, far cheaper than to solve for them.
+    ///
+    /// # Errors
+    /// As [`Fem::solve_from`].
+    pub fn guessed_poses(&self, loads: &[Load], guess: &Guess) -> Result<Vec<[f64; 6]>, FemError> {
+        self.check_loads(loads)?;
+        self.check_guess(guess)?;
+        Ok(loads
+            .par_iter()
+            .map(|load| guess.pose(&self.point(load)))
+            .collect())
+    }
+
+    fn check_guess(&self, guess: &Guess) -> Result<(), FemError> {
+        let (found, expected) = (guess.field_length(), self.field_length());
+        if found == expected {
+            return Ok(());
+        }
+        let why = "a guess serves the body it was learned from";
+        Err(FemError::Size {
+            what: "the guess's field",
+            found,
+            expected,
+            why,
+        })
     }
 
     /// Values in a flat field.

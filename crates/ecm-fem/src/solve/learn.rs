@@ -117,11 +117,27 @@ impl Guess {
 
     /// The state guessed for a load at `point`.
     pub(super) fn state(&self, point: &[f64; 6], fem: &Fem) -> State {
+        let terms = self.terms_at(point);
+        fem.unflatten(self.values(&terms))
+    }
+
+    /// Its pose alone.
+    pub(super) fn pose(&self, point: &[f64; 6]) -> [f64; 6] {
+        let terms = self.terms_at(point);
+        let mut values = self.values(&terms);
+        std::array::from_fn(|_| values.next().unwrap_or_default())
+    }
+
+    fn terms_at(&self, point: &[f64; 6]) -> Vec<f64> {
         let mut terms = Vec::new();
         let x = std::array::from_fn(|k| point[k] / self.scale[k]);
         monomials(&x, self.degree, &mut terms);
-        let dot = |c: &[f32]| c.iter().zip(&terms).map(|(a, b)| f64::from(*a) * b).sum();
-        fem.unflatten(self.coefficients.chunks_exact(self.terms).map(dot))
+        terms
+    }
+
+    fn values<'a>(&'a self, terms: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let dot = move |c: &[f32]| c.iter().zip(terms).map(|(a, b)| f64::from(*a) * b).sum();
+        self.coefficients.chunks_exact(self.terms).map(dot)
     }
 }
 
