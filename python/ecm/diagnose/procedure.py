@@ -31,6 +31,7 @@ from ecm.diagnose.verdict import Diagnosis, Verdict
 from ecm.effects import Effect, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.models.ladder import ceiling_rms
+from ecm.models.physics import PhysicsMap
 from ecm.refit import JointFit, joint_fit
 
 if TYPE_CHECKING:
@@ -317,9 +318,9 @@ def _rmse(
 
 def _implausible(problem: Problem) -> str:
     """What is wrong with the factor on E of a physics base; empty where it could be true."""
-    if problem.base.kind != "physics":
+    if not isinstance(problem.base, PhysicsMap):
         return ""
-    factor = float(problem.base.coefficients[0])
+    factor = problem.base.factor
     if 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
         return ""
     guess = "a sign" if factor < 0.0 else "a unit"

@@ -85,7 +85,7 @@ class PhysicsFamily:
         thin, thick = (self.centre[1] * float(np.exp(x)) for x in self.x_range)
         length, diameter = values["length_m"], values["diameter_m"]
         return {
-            "young_modulus_Pa": (0.0, np.inf),
+            "young_modulus_Pa": (-np.inf, np.inf),
             "poisson_ratio": (farthest / slack, min(nearest * slack, 0.5)),
             "length_m": (diameter / thick / slack, diameter / thin * slack),
             "diameter_m": (thin * length / slack, thick * length * slack),
@@ -103,7 +103,7 @@ class PhysicsFamily:
         energy, by_s, by_x = self._energy(values)
         nu, length = values["poisson_ratio"], values["length_m"]
         if name == "young_modulus_Pa":
-            change = energy / values["young_modulus_Pa"]
+            change = self._energy({**values, name: 1.0})[0]
         elif name == "poisson_ratio":
             change = -energy / (1.0 + nu) + by_s * (-4.5 / (1.0 + nu) ** 2)
         elif name == "diameter_m":
