@@ -3,13 +3,15 @@
     python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1] [--no-simple]
 
 Data come from the simulated rig (FEM of the neck, quasi-static) and from a second generator that
-shares no code with the library (a Cosserat rod), half and half. Every set is a file in --out; one
-that is there is not run again, so that a run may be stopped and gone on with.
+shares no code with the library (a Cosserat rod), half and half. Every set is a file under --out; one
+that is there is not run again, so that a run may be stopped and gone on with. A hash of the code
+names the folder: what other code found is not mixed in.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import sys
@@ -53,9 +55,21 @@ def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
     return result
 
 
+def code_hash() -> str:
+    """Of the sources that a result depends on: library and benchmark."""
+    import ecm
+
+    library = Path(ecm.__file__).parent
+    parts = ("diagnose", "effects", "compare", "models", "rig")
+    files = [f for part in parts for f in sorted((library / part).rglob("*.py"))]
+    files += sorted((Path(__file__).parent / "blind_parts").glob("*.py"))
+    sums = [hashlib.sha256(f.read_bytes()).hexdigest() for f in (*files, library / "refit.py")]
+    return hashlib.sha256("".join(sums).encode()).hexdigest()[:12]
+
+
 def kept(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any] | None:
     """The result of a set that has been run, with the simpler methods where they are asked for."""
-    path = folder / "sets" / f"{asked.name}.json"
+    path = folder / f"{asked.name}.json"
     if not path.exists():
         return None
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -73,14 +87,17 @@ def main() -> int:
     parser.add_argument("--source", choices=("rig", "rod"))
     parser.add_argument("--no-simple", action="store_true", help="ours alone")
     parser.add_argument("--table", action="store_true", help="only print what is there")
+    parser.add_argument("--code", help="go on with the sets of that hash of the code")
     given = parser.parse_args()
-    (given.out / "sets").mkdir(parents=True, exist_ok=True)
+    # Results of other code are not mixed in.
+    folder = given.out / f"sets-{given.code or code_hash()}"
+    folder.mkdir(parents=True, exist_ok=True)
     simple = not given.no_simple
     asked = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
     asked = [one for one in asked if given.source in (None, one.source)]
     results, broken = [], 0
     for number, one in enumerate(asked):
-        found = kept(one, given.out, simple=simple and not given.table)
+        found = kept(one, folder, simple=simple and not given.table)
         if found is None and not given.table:
             try:
                 found = run_set(one, given.out, simple=simple)
@@ -89,7 +106,7 @@ def main() -> int:
                 print(f"{one.name} {one.hidden}: failed", file=sys.stderr)
                 traceback.print_exc()
                 continue
-            write_atomically(given.out / "sets" / f"{one.name}.json", json.dumps(found))
+            write_atomically(folder / f"{one.name}.json", json.dumps(found))
             print(f"\r{number + 1}/{len(asked)} {one.name}  ", end="", file=sys.stderr, flush=True)
         if found is not None:
             results.append(found)

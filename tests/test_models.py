@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import ecm.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
 from ecm.meta import Meta
 from ecm.models import (
     EnergyMap,
@@ -23,7 +21,6 @@ from ecm.models import (
     load_model,
     parse_energy_name,
     parse_polynomial_name,
-    physics_map,
     surrogate_of,
 )
 from ecm.table import Table
@@ -121,26 +118,6 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
     assert fitted.base.coefficients[0] == pytest.approx(1.07, abs=0.003)
     with pytest.raises(InputError, match=r"\[mechanism\]"):
         fit_model(table.with_meta(Meta()), "physics")
-
-
-def test_physics_of_a_body_is_cached_by_its_key(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    calls = []
-
-    def few(mechanism: Mechanism, n: int, **_: object) -> tuple[np.ndarray, np.ndarray]:
-        calls.append(n)
-        poses = workspace_poses(n, 8)
-        return poses, wrench(poses)
-
-    monkeypatch.setattr(sys.modules["ecm.simulate"], "fem_poses", few)
-    first = physics_map(Mechanism(), cache=tmp_path)
-    again = physics_map(Mechanism(), cache=tmp_path)
-    other = physics_map(Mechanism(young_modulus_Pa=0.7e6), cache=tmp_path)
-    assert len(calls) == 2
-    poses = workspace_poses(5, 9)
-    np.testing.assert_array_equal(first.predict(poses), again.predict(poses))
-    assert other.mechanism["young_modulus_Pa"] == 0.7e6
-    with pytest.raises(InputError, match="needs a body"):
-        physics_map(Mechanism(builtin="", young_modulus_Pa=0.0), cache=tmp_path)
 
 
 @pytest.mark.parametrize("name", ["cubic", "energy4", "energy6-revolution", "physics"])

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ecm.effects import all_effects
 from ecm.errors import InputError
 from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.draws import CORE, DRAWS
+from ecm.rig.draws import DRAWS
 from ecm.rig.frames import rotate, rotation
 from ecm.rig.observe import residual, wrench_in_base
 from ecm.table import Table, read_table
@@ -52,17 +53,10 @@ def test_the_wanted_strength_is_reached(effect: str) -> None:
     assert 3.0 < sizes[1] / sizes[0] < 5.5
 
 
-def test_the_eight_of_the_first_catalogue_are_there() -> None:
-    assert set(CORE) == {
-        "fts_offset",
-        "fts_drift",
-        "payload",
-        "base_compliance",
-        "tip_frame_misalignment",
-        "hysteresis",
-        "temperature_modulus",
-        "anisotropy",
-    }
+def test_thirty_effects_of_the_catalogue_can_be_hidden() -> None:
+    known = {effect.id for effect in all_effects()}
+    assert len(set(DRAWS) & known) >= 30
+    assert set(DRAWS) <= known
 
 
 def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
@@ -91,13 +85,30 @@ def test_a_plan_that_cannot_show_the_effect_is_refused() -> None:
 def test_random_is_drawn_by_the_seed() -> None:
     plan = both_sides()
     drawn = []
-    for seed in range(12):
+    for seed in range(24):
         campaign = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random"), seed=seed)
         again = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random"), seed=seed)
         assert campaign.truth_text() == again.truth_text()
-        drawn.append(campaign.secrets[0].effect)
-    assert len(set(drawn)) >= 4
-    assert set(drawn) <= set(CORE)
+        document = json.loads(campaign.truth_text() or "")
+        drawn.append(document["effects"][0]["id"] if document["effects"] else "nothing")
+    assert len(set(drawn)) >= 12
+    assert set(drawn) <= {*DRAWS, "nothing"}
+    assert "nothing" in drawn
+    sure = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random=1"), seed=seed)
+    assert sure.secrets[0].strength == 1.0
+
+
+def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
+    right = reveal(out, {"verdict": "none", "answer": []})
+    assert right.score is not None
+    assert right.score["correct"]
+    assert "hidden: nothing" in right.text()
+    wrong = reveal(out, {"verdict": "named", "answer": [["payload"]]})
+    assert wrong.score is not None
+    assert wrong.score["wrong"] == [["payload"]]
 
 
 def test_two_effects_can_be_hidden() -> None:
@@ -110,7 +121,16 @@ def test_two_effects_can_be_hidden() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["fts_drfit=1", "fts_drift=x", "fts_drift=0", "=1", "payload=1,payload=2", "payload=nan"],
+    [
+        "fts_drfit=1",
+        "fts_drift=x",
+        "fts_drift=0",
+        "=1",
+        "payload=1,payload=2",
+        "payload=nan",
+        "none=1",
+        "none,payload",
+    ],
 )
 def test_wrong_wishes_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="--hide"):

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.rig.elastic import CONTRAST, COS2, PLAIN, Anchors, Elastic, Progress, Smooth
+from ecm.rig.elastic import (
+    CONTRAST,
+    COS2,
+    PLAIN,
+    STIFF,
+    TAPER,
+    THICK,
+    Anchors,
+    Elastic,
+    Progress,
+    Smooth,
+)
 from ecm.rig.frames import left_jacobian_inverse, rotate, rotation, skew, transpose
 
 F = NDArray[np.float64]
@@ -39,6 +50,18 @@ def forces(c: F, theta: F, grade: str) -> tuple[F, F]:
     share = CONTRAST / 3.0
     (cy, cz), (ty, tz) = c[:, 1:].T, theta[:, 1:].T
     zero = np.zeros_like(cy)
+    if grade == TAPER:
+        d_c = np.stack([zero, 20.0 * LATERAL * L * tz, -20.0 * LATERAL * L * ty], 1)
+        d_t = np.stack([zero, -20.0 * LATERAL * L * cz, 20.0 * LATERAL * L * cy], 1)
+        return q_c + 0.1 * share * d_c, q_t + 0.1 * share * d_t
+    if grade == THICK:
+        return q_c * (1.0 + CONTRAST * np.array([2.0, 3.0, 3.0])), q_t * (
+            1.0 + CONTRAST * np.array([4.0, 3.4, 3.4])
+        )
+    if grade == STIFF:
+        return q_c * (1.0 + CONTRAST * swing), q_t * (1.0 + CONTRAST) + (
+            CONTRAST * 4.0 * np.sum(theta**2, 1, keepdims=True) * theta
+        )
     if grade == COS2:
         d_c = np.stack([zero, LATERAL * cy, -LATERAL * cz], 1)
         d_t = np.stack([zero, -BEND * ty, BEND * tz], 1)

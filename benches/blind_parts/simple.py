@@ -15,7 +15,7 @@ from blind_parts.data import Data
 from blind_parts.sets import Set
 from ecm.compare.estimate import estimate_noise
 from ecm.compare.noise import Noise
-from ecm.diagnose import diagnose
+from ecm.diagnose import Diagnosis, diagnose
 from ecm.diagnose.base import choose_base
 from ecm.diagnose.problem import Problem, declared_or_fitted
 from ecm.diagnose.search import rank
@@ -145,7 +145,15 @@ def random_folds(asked: Set, data: Data, problem: Problem) -> Answer:
 
     with mock.patch("ecm.diagnose.accept.folds", at_random):
         found = diagnose(data.model, data.table, effects=library(asked.removed))
-    return {"verdict": found.verdict, "answer": [list(m) for m in found.answer]}
+    return _said(found)
+
+
+def _said(found: Diagnosis) -> Answer:
+    return {
+        "verdict": found.verdict,
+        "answer": [list(m) for m in found.answer],
+        "not_testable": list(found.not_testable),
+    }
 
 
 class _Diagonal(Noise):
@@ -166,7 +174,7 @@ def diagonal_noise(asked: Set, data: Data, problem: Problem) -> Answer:
         noise.source, noise.components,
     )  # fmt: skip
     found = diagnose(data.model, data.table, effects=library(asked.removed), noise=plain)
-    return {"verdict": found.verdict, "answer": [list(m) for m in found.answer]}
+    return _said(found)
 
 
 SIMPLE: dict[str, Callable[[Set, Data, Problem], Answer]] = {

@@ -25,7 +25,7 @@ from ecm.config import Config, read_config
 from ecm.design import Design, choose, diagnosable_plan, paper_plan
 from ecm.errors import MissingExtra
 from ecm.loop import run_loop
-from ecm.models import Model, PhysicsMap, fit_model, load_model, surrogate_of
+from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
 from ecm.report.page import require_report
 from ecm.rig import HiddenTable, RigSettings, run_campaign
 from ecm.simulate import Simulated, simulate
@@ -118,7 +118,7 @@ def identify(
         designs = _select(job, pairs, train, test, summary)
     with job.step("measure", "3 Measure and identify: the simulated rig"):
         campaigns = _measure(job, pairs, train, designs, summary)
-        physics = _physics(job, pairs, train, test)
+        physics = _physics(job)
         _identify(job, campaigns, physics, summary)
     with job.step("loop", "4 The loop: an effect is hidden in the rig, and found again"):
         _loop(job, pairs, train, physics, summary)
@@ -331,17 +331,10 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
     return read_table(out)
 
 
-def _physics(
-    job: Job, pairs: Simulated, train: NDArray[np.int64], test: NDArray[np.int64]
-) -> PhysicsMap:
-    return surrogate_of(
-        pairs.poses[train],
-        pairs.wrenches[train],
-        job.config.mechanism.length_m,
-        test_poses=pairs.poses[test],
-        test_wrenches=pairs.wrenches[test],
-        mechanism=job.config.mechanism.to_dict(),
-    )
+def _physics(job: Job) -> PhysicsMap:
+    """FEM of the body as a map; built once per shape, in the cache folder."""
+    bar = job.console.bar("FEM of the body, kept for the next time")
+    return physics_map(job.config.mechanism, threads=job.threads, progress=bar)
 
 
 def _identify(
@@ -396,7 +389,7 @@ def _model_table(
         ("energy4", fit_model(few, "energy4"), len(few)),
         ("energy4", fit_model(train, "energy4"), len(train)),
         ("energy6", fit_model(train, "energy6"), len(train)),
-        ("physics, E free", fit_model(few, "physics", physics=physics), len(few)),
+        ("physics, E and nu free", fit_model(few, "physics", physics=physics), len(few)),
     ]
     rows: list[dict[str, Any]] = []
     floor: list[float] = []

@@ -102,7 +102,11 @@ def joint_fit(
     z = np.einsum("nij,njk->nik", whitener, design)
     y = np.einsum("nij,nj->ni", whitener, residual)
     weighted = (z * root[:, None, None]).reshape(-1, z.shape[2])
-    covariance = np.asarray(np.linalg.pinv(weighted.T @ weighted, hermitian=True))
+    # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
+    size = np.sqrt((weighted**2).sum(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    inverse = np.linalg.pinv((weighted / size).T @ (weighted / size), hermitian=True)
+    covariance = np.asarray(inverse / np.outer(size, size))
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=base,
@@ -163,6 +167,10 @@ def _bounded_step(
     scale = np.where(scale > 0.0, scale, 1.0)
     step = np.linalg.lstsq(z / scale, y, rcond=1e-12)[0] / scale
     lower, upper = np.full(len(step), -np.inf), np.full(len(step), np.inf)
+    limits = getattr(base, "bounds", None)
+    if limits is not None and free_base:
+        lower[:free_base] = limits[0] - base.coefficients
+        upper[:free_base] = limits[1] - base.coefficients
     at = free_base
     for item in fitted:
         if item.frozen:

@@ -174,6 +174,10 @@ class Stage:
                 "result": plain,
             },
         )
+        self.forget_parts()
+
+    def forget_parts(self) -> None:
+        """Chunks whose result is kept elsewhere."""
         shutil.rmtree(self._parts, ignore_errors=True)
 
     def _read(self) -> dict[str, Any] | None:

@@ -76,6 +76,16 @@ pub enum DesignError {
         /// First dependent column of the regressor.
         column: usize,
     },
+    /// The rows of the poses depend on each other.
+    #[error(
+        "no design of n = {n} poses was found that determines the {terms} coefficients: the rows of so few poses depend on each other; raise n or take a smaller model"
+    )]
+    Singular {
+        /// Design size asked for.
+        n: usize,
+        /// Coefficients of the model.
+        terms: usize,
+    },
     /// A candidate index outside the table.
     #[error("{what} names candidate {index}, expected 0 to {last}; check the list")]
     Index {

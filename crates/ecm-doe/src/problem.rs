@@ -56,7 +56,15 @@ pub struct Problem {
     /// R^-1 transposed, k x k: whitens a column vector x as `back * x`.
     pub(crate) back: Vec<f64>,
     pub(crate) objective: Objective,
+    /// Variance of a whitened coefficient above which a design counts as singular.
+    most_variance: f64,
 }
+
+/// [`Problem::most_variance`]: so many times that of one average pose. What is singular has
+/// rounding there, 1e10 and more, and exchanges would chase it.
+const MOST_VARIANCE: f64 = 1e9;
+/// The same where a prior alone may determine a coefficient, however weakly.
+const MOST_VARIANCE_WITH_PRIOR: f64 = 1e12;
 
 impl Problem {
     /// Whitens the (N * block) x k regressor `rows`; `prior` (k x k) is known beforehand.
@@ -121,6 +129,11 @@ impl Problem {
             available: vec![true; poses],
             back,
             objective: Objective::Determinant,
+            most_variance: if prior.is_some() {
+                MOST_VARIANCE_WITH_PRIOR
+            } else {
+                MOST_VARIANCE
+            },
         })
     }
 
@@ -163,10 +176,17 @@ impl Problem {
         m
     }
 
+    /// log det M and M^-1 (whitened); `None` where M is singular but for rounding.
+    pub(crate) fn regular_inverse(&self, m: &[f64]) -> Option<(f64, Vec<f64>)> {
+        let k = self.terms;
+        let (log_det, inverse) = inverse(m, k).ok()?;
+        let regular = (0..k).all(|i| inverse[i * k + i] < self.most_variance);
+        regular.then_some((log_det, inverse))
+    }
+
     /// log det of F + the information of `design` in the given (not whitened) coordinates.
     pub fn log_det(&self, design: &[usize]) -> Option<f64> {
-        inverse(&self.information(design), self.terms)
-            .ok()
+        self.regular_inverse(&self.information(design))
             .map(|(v, _)| v + self.shift)
     }
 }

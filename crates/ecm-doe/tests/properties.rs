@@ -265,6 +265,54 @@ fn six_rows_a_pose_match_a_fresh_determinant() {
     assert!(design.efficiency > 0.95, "{}", design.efficiency);
 }
 
+/// Just enough poses: none of them can leave alone, only be exchanged.
+#[test]
+fn exchanges_of_designs_that_can_lose_no_pose() {
+    let mut rows = blocks(2, 150);
+    // Columns of one length, so that the fresh determinants below are not rounding.
+    for c in 0..22 {
+        let own = rows.iter().skip(c).step_by(22);
+        let length = own.map(|v| v * v).sum::<f64>().sqrt();
+        rows.iter_mut()
+            .skip(c)
+            .step_by(22)
+            .for_each(|v| *v /= length);
+    }
+    let rows = rows;
+    let swap_free = |design: &[usize], merit: &dyn Fn(&InformationMatrix) -> f64| {
+        let all =
+            |d: &[usize]| -> Vec<usize> { d.iter().flat_map(|&i| 6 * i..6 * i + 6).collect() };
+        let own = merit(&InformationMatrix::new(&gram(&rows, 22, &all(design)), 22).unwrap());
+        for at in 0..design.len() {
+            for j in (0..150).filter(|j| !design.contains(j)) {
+                let mut other = design.to_vec();
+                other[at] = j;
+                if let Ok(m) = InformationMatrix::new(&gram(&rows, 22, &all(&other)), 22) {
+                    assert!(merit(&m) <= own + 1e-6, "{at} {j}: {} {own}", merit(&m));
+                }
+            }
+        }
+    };
+    let of = |n| DSettings {
+        n,
+        starts: 3,
+        iterations: 20,
+        ..DSettings::default()
+    };
+    let settings = of(6);
+    // 30 rows, but an energy makes them depend on each other: rank 21.
+    let few = d_optimal(&rows, 6, 22, &of(5), &Control::new()).unwrap_err();
+    assert_eq!(few, DesignError::Singular { n: 5, terms: 22 });
+    let d = d_optimal(&rows, 6, 22, &settings, &Control::new()).unwrap();
+    assert!(d.exchanges > 0);
+    swap_free(&d.indices, &|m| m.log_det());
+    let i = i_optimal(&rows, 6, 22, None, &settings, &Control::new()).unwrap();
+    swap_free(&i.indices, &|m| {
+        let one = |x: &[f64]| m.solve(x).iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+        -rows.chunks_exact(22).map(one).sum::<f64>().ln()
+    });
+}
+
 #[test]
 fn measured_rows_count_and_change_the_choice() {
     let rows = cubic(400);

@@ -188,3 +188,42 @@ fn shares_lead_from_i_to_d() {
         Err(DesignError::Setting { name: "share", .. })
     ));
 }
+
+#[test]
+fn no_subset_beats_the_bound_of_both_criteria_and_it_is_near() {
+    let (k, count, n, share) = (3, 11, 5, 0.4);
+    let points = common::uniform(8, count, 2);
+    let rows = Model::polynomial(&points, 1, &[-1.0; 2], &[1.0; 2])
+        .unwrap()
+        .rows;
+    let design = compound_optimal(&rows, 1, k, share, &settings(n), &Control::new()).unwrap();
+    let mut best = f64::NEG_INFINITY;
+    for mask in 0u32..1 << count {
+        if mask.count_ones() as usize == n {
+            let chosen: Vec<usize> = (0..count).filter(|i| mask >> i & 1 == 1).collect();
+            let m = information(&rows, 1, k, &chosen);
+            let d = m.log_det() / k as f64 - (n as f64).ln();
+            let i = mean(&variances(&rows, 1, k, &chosen)).ln();
+            best = best.max(share * d - (1.0 - share) * i);
+        }
+    }
+    assert!(
+        (design.value - best).abs() < 1e-9,
+        "{} {best}",
+        design.value
+    );
+    assert!(design.bound >= best - 1e-9);
+    // Of many poses whole numbers cost little: the bound is that of both together.
+    let rows = quadratic(4, 300);
+    let many = compound_optimal(&rows, 1, 10, 0.5, &settings(80), &Control::new()).unwrap();
+    assert!(many.efficiency > 0.997, "{}", many.efficiency);
+    assert!(many.gap < 1e-6);
+}
+
+/// Where weights are capped the average over the D-optimum alone says too little.
+#[test]
+fn the_bound_of_the_largest_variance_is_near_for_many_poses() {
+    let rows = quadratic(6, 300);
+    let g = g_optimal(&rows, 1, 10, &settings(100), &Control::new()).unwrap();
+    assert!(g.efficiency > 0.95, "{}", g.efficiency);
+}

@@ -82,7 +82,6 @@ impl Symbolic {
     }
 
     /// Row and column of each stored entry.
-    #[cfg(test)]
     pub fn positions(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         (0..self.unknowns).flat_map(|c| {
             self.row_idx[self.col_ptr[c]..self.col_ptr[c + 1]]

@@ -33,7 +33,9 @@ def campaign(
     out: Out,
     hide: Annotated[
         str | None,
-        typer.Option("--hide", metavar="EFFECT=S", help="Hide an effect of strength S; or random."),
+        typer.Option(
+            "--hide", metavar="EFFECT=S", help="Hide an effect of strength S; random; none."
+        ),
     ] = None,
     json: Json = None,
     seed: Seed = 0,

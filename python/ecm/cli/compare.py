@@ -58,7 +58,7 @@ def compare(
             {
                 **found.to_dict(),
                 "never_excited": list(never_excited(table)),
-                "warnings": list(table.warnings),
+                "warnings": [*found.warnings, *table.warnings],
             },
         )
         if report is not None:

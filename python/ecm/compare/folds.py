@@ -17,14 +17,19 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 
+_STRETCHES = 12
+
 
 def row_groups(table: Table) -> I:
     """(N,) group of each row: `[columns] group`, else pose_id, else the row itself.
 
-    Home and unloaded rows are each a group of their own.
+    Home and unloaded rows are each a group of their own; samples of a continuous test are grouped
+    in stretches of time.
     """
     n = len(table)
     own = np.arange(n, dtype=np.int64)
+    if is_continuous(table):
+        return _stretches(table)
     names = [name for name in table.meta.group if table.has(name)]
     if not names and table.has("pose_id"):
         names = ["pose_id"]
@@ -38,6 +43,34 @@ def row_groups(table: Table) -> I:
         groups = np.where(checks, groups.max() + 1 + own, groups)
     _, packed = np.unique(groups, return_inverse=True)
     return np.asarray(packed, dtype=np.int64).ravel()
+
+
+def is_continuous(table: Table) -> bool:
+    """Whether the rows are samples of a continuous test."""
+    return table.meta.file.kind == "continuous" and table.has("time_s")
+
+
+def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
+    """How an effect of this kind is held out: time for pose, pose for time, else run by run."""
+    if is_continuous(table):
+        several = table.has("run") and len(np.unique(table.column("run"))) > 1
+        return "run" if several else "time"
+    return "time" if kind == "pose" else "pose"
+
+
+def _stretches(table: Table) -> I:
+    """(N,) number of the stretch of time that each sample is in, twelve a run."""
+    time = table.column("time_s")
+    run = table.column("run") if table.has("run") else np.zeros(len(table))
+    found = np.zeros(len(table), dtype=np.int64)
+    first = 0
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        pieces = min(_STRETCHES, len(rows))
+        found[rows] = first + np.arange(len(rows)) * pieces // len(rows)
+        first += pieces
+    return found
 
 
 def is_pose(table: Table) -> NDArray[np.bool_]:

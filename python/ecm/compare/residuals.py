@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import POSE
+from ecm.compare.covariates import offered
 from ecm.compare.noise import Noise, whiteners
 from ecm.effects.history import sides
 from ecm.effects.rows import Rows
@@ -70,12 +71,10 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
 def _covariates(rows: Rows) -> dict[str, F]:
     table = rows.table
     found: dict[str, F] = {}
-    names = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
-    for name in (*names, *table.covariates):
-        if table.has(name):
-            values = np.nan_to_num(table.column(name))
-            if float(np.ptp(values)) > 0.0:
-                found[name] = _standard(values[:, None])[:, 0]
+    for name in offered(table, rows.base.inputs, rows.base.outputs):
+        values = np.nan_to_num(table.column(name))
+        if float(np.ptp(values)) > 0.0:
+            found[name] = _standard(values[:, None])[:, 0]
     if "time_s" not in found and len(table) > 1:
         found["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:

@@ -13,6 +13,7 @@ from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
 from ecm.compare.noise import Noise
 from ecm.compare.residuals import residuals
+from ecm.compare.unlike_runs import unlike_runs
 from ecm.compare.where import Where, where
 from ecm.effects.rows import Rows
 from ecm.errors import InputError
@@ -69,6 +70,7 @@ class Comparison:
     """(N,) their rows in the table, from 0."""
     maps: Where
     """Where the residuals are."""
+    warnings: tuple[str, ...] = ()
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -110,6 +112,7 @@ class Comparison:
             "lack_of_fit": None if self.lack_of_fit is None else asdict(self.lack_of_fit),
             "outside_domain": self.outside_domain,
             "where": self.where().to_dict(),
+            "warnings": list(self.warnings),
         }
 
 
@@ -166,6 +169,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         whitened=whitened,
         physical=physical,
         row=np.flatnonzero(scored),
+        warnings=tuple(r.sentence() for r in unlike_runs(table, model.inputs, model.outputs)),
         maps=where(rows, found, scored, model.leverage(rows.poses[scored])),
     )
 

@@ -7,7 +7,7 @@ simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,12 @@ class BaseForDesign:
     """The physics at two Poisson ratios and their difference, for its sensitivity."""
 
     def poisson_column(self, poses: F) -> F:
-        """(N, 6, 1) sensitivity of the wrench to Poisson's ratio, or (N, 6, 0) if unknown."""
-        if self.other_poisson is None:
+        """(N, 6, 1) sensitivity of the wrench to Poisson's ratio.
+
+        (N, 6, 0) where it is unknown, or the base has it among its own coefficients.
+        """
+        own = getattr(self.base, "parameter_names", ())
+        if self.other_poisson is None or "poisson_ratio" in own:
             return np.zeros((len(poses), 6, 0))
         lower, upper, step = self.other_poisson
         poses = np.ascontiguousarray(poses)
@@ -109,12 +113,9 @@ def nominal_base(
     known = body is not None and body.has_body
     pair = None
     if poisson and body is not None and known:
-        lower = replace(body, poisson_ratio=body.poisson_ratio - _POISSON_STEP)
-        pair = (
-            physics_map(lower, threads=threads),
-            physics_map(body, threads=threads),
-            _POISSON_STEP,
-        )
+        physics = physics_map(body, threads=threads)
+        below = physics.at(poisson_ratio=body.poisson_ratio - _POISSON_STEP)
+        pair = (below, physics.at(), _POISSON_STEP)
     if model is not None:
         return BaseForDesign(model.base, noise, _with_length(meta, model.base.length_m), pair)
     length = candidates.meta.length_m

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from ecm.compare.folds import folds
+from ecm.compare.folds import folds, held_out_by
 from ecm.compare.gram import explained
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import (
@@ -111,10 +111,8 @@ def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate
 
 def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
     """(g,) held-out sums of squares; blocks of time for effects of pose, of poses for time."""
-    by = "time" if kind == "pose" else "pose"
-    parts = folds(
-        problem.table, problem.rows.poses, problem.groups, "time" if by == "time" else "pose"
-    )
+    by = held_out_by(problem.table, kind)
+    parts = folds(problem.table, problem.rows.poses, problem.groups, by)
     fold_of_group = np.zeros(len(problem.gram.squares), dtype=np.int64)
     fold_of_group[problem.groups] = parts
     columns = problem.base_index + tuple(c for other in chosen for c in other.columns)

@@ -9,6 +9,7 @@ import numpy as np
 from ecm.columns import POSE, WRENCH
 from ecm.models.fit import fit_model
 from ecm.models.maps import StiffnessMap
+from ecm.models.physics import FREE, PhysicsMap
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -21,10 +22,11 @@ _POLYNOMIAL_DEGREES = (1, 2, 3)
 def choose_base(model: Model, table: Table) -> StiffnessMap:
     """Physics where there is a body, else a symmetric energy, else a polynomial.
 
-    Degrees are taken by generalised cross-validation: rows over fitted coefficients decide.
+    Of the physics E and nu are free; L and D enter only as effects. Degrees are taken by
+    generalised cross-validation: rows over fitted coefficients decide.
     """
-    if model.base.kind == "physics":
-        return model.base
+    if isinstance(model.base, PhysicsMap):
+        return model.base if model.base.family is None else model.base.with_free(*FREE)
     body = table.meta.body()
     full = table.has(*POSE, *WRENCH)
     if full and body is not None and body.has_body:

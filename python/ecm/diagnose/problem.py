@@ -177,7 +177,9 @@ def _scaled(problem: Problem) -> Problem:
     test = omnibus(problem.response, everything, base, problem.weights)
     if test.dof_error <= 0:
         return problem
-    return replace(problem, scale=float(np.clip(test.rest / test.dof_error, 0.25, np.inf)))
+    # Where nothing is known of the noise the spread of the base's residual stands for it.
+    least = 1e-6 if problem.noise.components and problem.noise.source == "assumed" else 0.25
+    return replace(problem, scale=float(np.clip(test.rest / test.dof_error, least, np.inf)))
 
 
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:

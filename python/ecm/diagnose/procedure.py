@@ -10,23 +10,28 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ecm.blas import one_blas_thread
+from ecm.check import never_excited
+from ecm.compare.covariates import derived, ordered_with
 from ecm.compare.estimate import repeat_cells
-from ecm.compare.folds import distinct_rows, informative_rows
+from ecm.compare.folds import distinct_rows, held_out_by, informative_rows
 from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
+from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
 from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable
+from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
-from ecm.diagnose.search import Ranked, rank, search
+from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
 from ecm.diagnose.signature import signature_shares
 from ecm.diagnose.unknown import describe, structure
 from ecm.diagnose.verdict import Diagnosis, Verdict
 from ecm.effects import Effect, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.models.ladder import ceiling_rms
+from ecm.models.physics import PhysicsMap
 from ecm.refit import JointFit, joint_fit
 
 if TYPE_CHECKING:
@@ -130,7 +135,8 @@ def diagnose(
         detection_limits=detection_limits(problem),
         unknown=unknown,
         rmse=_rmse(model, table, problem, final),
-        held_out={"before": held_out_rms(problem, ()), "after": held_out_rms(problem, accepted)},
+        held_out=_held_out(problem, accepted),
+        further=tuple(item.to_dict() for item in further(problem, accepted)),
         signature=signature_shares(problem),
         next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
         outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
@@ -216,6 +222,8 @@ def _left_over(
     left = problem.response - fitted @ theta
     after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
+    # What the effects explain was structure, whether smooth functions see it or not.
+    before = max(before, fall(normal_equations(problem), problem, accepted))
     share = not accepted or after > _LEFT_SHARE[min(len(accepted), 3)] * before
     figures = {
         "beyond_chance": after,
@@ -267,6 +275,23 @@ def _row(problem: Problem, item: Ranked) -> dict[str, Any]:
     }
 
 
+def _held_out(problem: Problem, accepted: Sequence[Candidate]) -> dict[str, Any]:
+    """Whitened rms on held-out rows; of a continuous test also run by run."""
+    found: dict[str, Any] = {
+        "before": held_out_rms(problem, ()),
+        "after": held_out_rms(problem, accepted),
+    }
+    if held_out_by(problem.table, "time") == "run":
+        before = held_out_by_fold(problem, ())
+        after = held_out_by_fold(problem, accepted)
+        runs = np.unique(problem.table.column("run")).astype(int).tolist()
+        found["by_run"] = [
+            {"run": run, "before": float(b), "after": float(a)}
+            for run, b, a in zip(runs, before, after, strict=True)
+        ]
+    return found
+
+
 def _rmse(
     model: Model, table: Table, problem: Problem, final: JointFit
 ) -> dict[str, dict[str, float]]:
@@ -293,9 +318,9 @@ def _rmse(
 
 def _implausible(problem: Problem) -> str:
     """What is wrong with the factor on E of a physics base; empty where it could be true."""
-    if problem.base.kind != "physics":
+    if not isinstance(problem.base, PhysicsMap):
         return ""
-    factor = float(problem.base.coefficients[0])
+    factor = problem.base.factor
     if 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
         return ""
     guess = "a sign" if factor < 0.0 else "a unit"
@@ -303,7 +328,19 @@ def _implausible(problem: Problem) -> str:
 
 
 def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
-    found = []
+    found = [
+        run.sentence()
+        for run in unlike_runs(problem.table, problem.base.inputs, problem.base.outputs)
+    ]
+    own = (problem.table, problem.base.inputs, problem.base.outputs)
+    if out := derived(*own):
+        found.append(f"not offered as causes, computed from pose and reading: {', '.join(out)}")
+    if together := ordered_with(*own):
+        found.append(
+            f"{' and '.join(together)} and time cannot be separated: rows come in that order"
+        )
+    if silent := never_excited(problem.table):
+        found.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
     if copies:
         found.append(f"{copies} rows repeat an earlier row to the last digit: left out")
     if _implausible(problem):

@@ -47,11 +47,12 @@ def tangents_of(
             continue
         variants = effect.variants(rows.table) if lacking is None else (effect,)
         shadow = lacking is not None
-        found += [Tangent(v, _tangent(rows, whitener, v), shadow) for v in variants]
+        found += [Tangent(v, tangent(rows, whitener, v), shadow) for v in variants]
     return found, untestable
 
 
-def _tangent(rows: Rows, whitener: F, effect: Effect) -> F:
+def tangent(rows: Rows, whitener: F, effect: Effect) -> F:
+    """(N, m, k) whitened derivative of the correction at zero."""
     jacobian = effect.jacobian(rows, np.zeros(len(effect.parameters)))
     return np.asarray(np.einsum("nij,njk->nik", whitener, jacobian))
 
@@ -69,7 +70,7 @@ def refined(rows: Rows, whitener: F, response: F, found: list[Tangent], root: F)
         start = first
         for round_ in range(_REFINEMENTS):
             for shape in first.effect.refined(rows.table, round_):
-                trial = Tangent(shape, _tangent(rows, whitener, shape), False)
+                trial = Tangent(shape, tangent(rows, whitener, shape), False)
                 gain = _gain(trial.columns, y, root)
                 if gain > best:
                     best, first = gain, trial

@@ -30,7 +30,7 @@ class Diagnosis:
     detection_limits: dict[str, dict[str, Any]]
     unknown: dict[str, Any] | None
     rmse: dict[str, dict[str, float]]
-    held_out: dict[str, float]
+    held_out: dict[str, Any]
     signature: dict[str, float]
     next_experiment: tuple[dict[str, Any], ...]
     outliers: tuple[int, ...]
@@ -39,6 +39,8 @@ class Diagnosis:
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""
     warnings: tuple[str, ...] = field(default=())
+    further: tuple[dict[str, Any], ...] = ()
+    """Richer forms of the named effects that were tried, and whether held-out rows keep them."""
     left: dict[str, float] = field(default_factory=dict)
     """What stays after the accepted effects: chi2 beyond chance, its dof, share, p."""
 
@@ -125,5 +127,6 @@ class Diagnosis:
             "outliers": list(self.outliers),
             "upper_bound": self.upper_bound,
             "left_over": self.left,
+            "further": list(self.further),
             "warnings": list(self.warnings),
         }

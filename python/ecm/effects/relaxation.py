@@ -1,13 +1,15 @@
-"""Stress relaxation of a viscoelastic material."""
+"""Stress relaxation of a viscoelastic material, at rest and while it is moved."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.effects.history import order_of_visits
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -23,31 +25,64 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
+_TAUS = 12
+"""Time constants that are tried for a continuous test; the best is refined afterwards."""
+
 
 class StressRelaxation(LinearEffect):
-    """h (1 + g exp(-d / tau)), d the time at rest; tau from a small grid."""
+    """h (1 + g exp(-d / tau)), d the time at rest; in a continuous test its hereditary form.
+
+    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness (`linear`), or
+    d h_e in its place (`elastic`); of both the dwell form is the limit for a fast approach. A
+    second branch has a time constant of its own.
+    """
 
     id = "stress_relaxation"
     physics = "After a move the stress decays at rest, so a short dwell reads a larger wrench."
-    parameters = (Parameter("g", "1", 0.02, -0.2, 1.0),)
+    parameters: tuple[Parameter, ...] = (Parameter("g", "1", 0.02, -0.2, 1.0),)
     signature = "proportional to h, decays at rest, zero at home"
     kind = "time"
 
-    def __init__(self, tau_s: float = 10.0) -> None:
-        self._tau_s = tau_s
+    def __init__(
+        self, tau_s: float = 10.0, overstress: str = "", second_tau_s: float = 0.0
+    ) -> None:
+        self._tau_s, self._second_tau_s = float(tau_s), float(second_tau_s)
+        self._overstress = overstress
+        if overstress:
+            count = 2 if second_tau_s > 0.0 else 1
+            names = ("g", "g_second")[:count]
+            # A soft adhesive holds several times its static load while it is moved.
+            self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
 
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"ageing": "hold one pose for 60 s", "hysteresis": "dwell of 2, 8 and 60 s"}
+        return {
+            "ageing": "hold one pose for 60 s",
+            "hysteresis": "dwell of 2, 8 and 60 s",
+            "mullins_softening": "hold one pose for 60 s",
+            "viscous_damping": "hold one pose for 60 s",
+        }
 
     @property
     def shape(self) -> Shape:
-        """The time constant."""
-        return {"tau_s": self._tau_s}
+        """The time constants, and for a continuous test what relaxes."""
+        found: Shape = {"tau_s": self._tau_s}
+        if self._overstress:
+            found["overstress"] = self._overstress
+        if self._second_tau_s > 0.0:
+            found["second_tau_s"] = self._second_tau_s
+        return found
+
+    @property
+    def branches(self) -> int:
+        """Number of time constants."""
+        return 2 if self._second_tau_s > 0.0 else 1
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs dwell times that differ at least by half."""
+        """Needs dwell times that differ at least by half, or a continuous test."""
+        if continuous(table):
+            return needs_varying(table, "time_s", 1e-6)
         found = needs_varying(table, "dwell_s", 1e-3)
         if found is None:
             dwell = table.measured().column("dwell_s")
@@ -56,16 +91,91 @@ class StressRelaxation(LinearEffect):
         return found
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Time constants that the dwell times can tell apart."""
+        """Time constants that the dwell times, or the samples, can tell apart."""
+        if continuous(table):
+            return tuple(
+                StressRelaxation(float(t), overstress)
+                for overstress in ("linear", "elastic")
+                for t in _time_constants(table)
+            )
         dwell = table.measured().column("dwell_s")
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
         return tuple(StressRelaxation(float(t)) for t in np.geomspace(low, high, 4))
 
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Time constants between this one and its neighbours."""
+        if not self._overstress:
+            return ()
+        taus = _time_constants(table)
+        step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
+        return tuple(
+            StressRelaxation(self._tau_s * factor, self._overstress) for factor in (1 / step, step)
+        )
+
+    def further(self, table: Table) -> tuple[Effect, ...]:
+        """The same with a second branch, slower or faster; none where there is one already."""
+        if not self._overstress or self._second_tau_s > 0.0:
+            return ()
+        return tuple(
+            StressRelaxation(self._tau_s, self._overstress, float(t))
+            for t in _time_constants(table)
+            if not 0.5 < t / self._tau_s < 2.0
+        )
+
     def columns(self, rows: Rows) -> F:
-        """exp(-d / tau) h."""
-        dwell = rows.table.column("dwell_s")
-        decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self._tau_s)
-        return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
+        """exp(-d / tau) h, or the convolution, one column per branch."""
+        if not self._overstress:
+            dwell = rows.table.column("dwell_s")
+            decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self._tau_s)
+            return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
+        driven = rows.wrench
+        if self._overstress == "linear":
+            driven = rows.poses @ rows.stiffness.mean(axis=0).T
+        taus = [self._tau_s, self._second_tau_s][: self.branches]
+        return np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
+
+
+def continuous(table: Table) -> bool:
+    """Whether the rows are samples of a continuous test."""
+    return table.meta.file.kind == "continuous" and table.has("time_s")
+
+
+def hereditary(table: Table, driven: F, tau_s: float) -> F:
+    """(N, m) int exp(-(t - s) / tau) d(driven), linear between samples, anew in each run.
+
+    A run starts from rest at the first sample; of the way there, as long as the second step is
+    assumed for it.
+    """
+    time = table.column("time_s")
+    found = np.zeros_like(driven)
+    for order in order_of_visits(table):
+        if len(order) < 2:
+            continue
+        steps = np.diff(time[order])
+        first = driven[order[0]] * _kept(float(steps[0]), tau_s)
+        found[order[0]] = first
+        for (before, now), step in zip(pairwise(order), steps, strict=True):
+            grown = (driven[now] - driven[before]) * _kept(float(step), tau_s)
+            found[now] = found[before] * np.exp(-step / tau_s) + grown
+    return found
+
+
+def _kept(step_s: float, tau_s: float) -> float:
+    """Share of a ramp of this duration that has not relaxed at its end."""
+    ratio = step_s / tau_s
+    return 1.0 if ratio < 1e-9 else float(-np.expm1(-ratio) / ratio)
+
+
+def _time_constants(table: Table) -> tuple[float, ...]:
+    """From a few samples to a good part of the longest run."""
+    time = table.column("time_s")
+    orders = [order for order in order_of_visits(table) if len(order) > 2]
+    if not orders:
+        return (10.0,)
+    step = float(np.median(np.concatenate([np.diff(time[order]) for order in orders])))
+    span = max(float(np.ptp(time[order])) for order in orders)
+    low = max(step, 1e-3 * span)
+    return tuple(float(t) for t in np.geomspace(low, max(0.5 * span, 2.0 * low), _TAUS))
 
 
 EFFECTS: Sequence[Effect] = (StressRelaxation(),)

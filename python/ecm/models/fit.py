@@ -218,7 +218,7 @@ def _fit_baseline(table: Table, name: str) -> Model:
 def _fit_physics(
     table: Table, mechanism: Mechanism | None, physics: PhysicsMap | None, threads: int
 ) -> Model:
-    from ecm.refit import joint_fit
+    from ecm.models.physics_refit import refit_physics
 
     base = physics
     if base is None:
@@ -230,7 +230,7 @@ def _fit_physics(
             )
         base = physics_map(body, threads=threads)
     noise = declared_noise(table)
-    found = joint_fit(base, (), table, noise)
+    found = refit_physics(base, table, noise)
     return _model(found.base, noise, found.covariance, table)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import POSE
-from ecm.compare.folds import folds, is_pose, row_groups
+from ecm.compare.folds import folds, held_out_by, is_pose, row_groups
 from ecm.compare.gram import Gram
 from ecm.compare.noise import whiteners
 
@@ -56,7 +56,7 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
 
 def _rung(name: str, table: Table, found: JointFit, model: Model) -> Rung:
     groups = row_groups(table)
-    parts = folds(table, found.rows.poses, groups, "pose")
+    parts = folds(table, found.rows.poses, groups, held_out_by(table, "time"))
     scored = is_pose(table)
     squares = (found.whitened**2).sum(axis=1)[scored]
     m = found.whitened.shape[1]

@@ -1,12 +1,14 @@
-"""The physics base: FEM of the stated body with a free factor on E, as an energy surrogate.
+"""The physics base: the FEM mechanism itself as a map, with E and nu (and L and D) to refit.
 
-h(p) = factor h_FEM(p): for a hyperelastic body whose energy is proportional to E the wrench at a
-given pose is too, so one factor covers every error of E exactly.
+h(p; E, nu, L, D) is a native energy whose coefficients follow from the parameters in closed form
+(physics_family.py). The FEM behind it runs once per shape (physics_build.py) and is kept in the
+cache folder. `at` gives the fixed-parameter model for a controller.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,23 +21,28 @@ from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
 from ecm.models.maps import EnergyMap, Symmetry
-from ecm.stages import cache_directory, write_atomically
+from ecm.models.physics_family import PARAMETERS, PhysicsFamily
+from ecm.stages import Stage, cache_directory, hash_of, write_atomically
 
 if TYPE_CHECKING:
     from ecm.mechanism import Mechanism
+    from ecm.models.physics_build import BuildSettings
 
 F = NDArray[np.float64]
+Progress = Callable[[int, int, str], object] | None
 
-_TRAIN = 240
-_TEST = 60
 _DEGREE = 6
-_SEED = 20
-_VERSION = 2
+_VERSION = 3
+FREE = ("young_modulus_Pa", "poisson_ratio")
+"""What a refit changes unless it is told otherwise: L and D are what the file says."""
 
 
 @dataclass(frozen=True)
 class PhysicsMap:
-    """factor * h0(p), h0 an energy surrogate fitted to FEM poses of the mechanism."""
+    """factor * h0(p), h0 the energy `surrogate`; with a `family` also of other nu, L and D.
+
+    Without one (made of given pairs, `surrogate_of`) only the factor on E is free.
+    """
 
     surrogate: EnergyMap
     own_error: F
@@ -43,6 +50,12 @@ class PhysicsMap:
     mechanism: dict[str, Any]
     """The `[mechanism]` table."""
     factor: float = 1.0
+    """E over that of `surrogate`."""
+    family: PhysicsFamily | None = None
+    values: Mapping[str, float] | None = None
+    """E, nu, L, D by name, where there is a family; E includes the factor."""
+    free: tuple[str, ...] = FREE
+    """Names of the values that `coefficients` holds."""
 
     @property
     def name(self) -> str:
@@ -70,9 +83,25 @@ class PhysicsMap:
         return self.surrogate.length_m
 
     @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Of the coefficients; `factor` on E without a family."""
+        return ("factor",) if self.family is None else self.free
+
+    @property
     def coefficients(self) -> F:
-        """The factor on E."""
-        return np.array([self.factor])
+        """The free values; the factor on E without a family."""
+        if self.values is None:
+            return np.array([self.factor])
+        return np.array([self.values[name] for name in self.free])
+
+    @property
+    def bounds(self) -> tuple[F, F]:
+        """Lower and upper limits of the coefficients: what was tabulated."""
+        if self.family is None or self.values is None:
+            return np.full(1, -np.inf), np.full(1, np.inf)
+        limits = self.family.bounds(self.values)
+        low, high = zip(*(limits[name] for name in self.free), strict=True)
+        return np.array(low), np.array(high)
 
     @property
     def error(self) -> F:
@@ -88,16 +117,69 @@ class PhysicsMap:
         return self.factor * self.surrogate.stiffness(poses, kind)
 
     def columns(self, poses: F) -> F:
-        """(N, 6, 1): h0."""
-        return np.asarray(self.surrogate.predict(poses)[:, :, None])
+        """(N, 6, k) derivative to the coefficients."""
+        if self.family is None:
+            return np.asarray(self.surrogate.predict(poses)[:, :, None])
+        return np.stack([self.sensitivity(poses, name) for name in self.free], axis=2)
+
+    def sensitivity(self, poses: F, name: str) -> F:
+        """(N, 6) dh/d(name) at fixed poses; name young_modulus_Pa, poisson_ratio, length_m or
+        diameter_m (all transverse dimensions in proportion)."""
+        family, values = self._tabulated()
+        return family.derivative(values, name).predict(poses)
+
+    def at(self, **changed: float) -> EnergyMap:
+        """The fixed-parameter native model: these values by name, the others as they are."""
+        family, values = self._tabulated()
+        for name in changed:
+            if name not in PARAMETERS:
+                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        wanted = {**values, **changed}
+        family.check(wanted)
+        return family.at(wanted)
+
+    def with_free(self, *names: str) -> PhysicsMap:
+        """The same map with these values as coefficients."""
+        self._tabulated()
+        for name in names:
+            if name not in PARAMETERS:
+                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        return replace(self, free=tuple(dict.fromkeys(names)))
 
     def with_coefficients(self, coefficients: F) -> PhysicsMap:
-        """Another factor on E."""
-        return replace(self, factor=float(coefficients[0]))
+        """Other values."""
+        if self.family is None or self.values is None:
+            return replace(self, factor=float(coefficients[0]))
+        given = zip(self.free, map(float, coefficients), strict=True)
+        return self._with_values({**self.values, **dict(given)})
+
+    def _with_values(self, values: Mapping[str, float]) -> PhysicsMap:
+        family, old = self._tabulated()
+        same = all(values[name] == old[name] for name in PARAMETERS[1:])
+        if same:
+            ratio = values["young_modulus_Pa"] / old["young_modulus_Pa"]
+            return replace(self, values=dict(values), factor=self.factor * ratio)
+        own = old["young_modulus_Pa"] / self.factor
+        stated = {**values, "young_modulus_Pa": own}
+        return replace(
+            self,
+            surrogate=family.at(stated),
+            own_error=family.own_error(stated, diameter="diameter_m" in self.free),
+            factor=values["young_modulus_Pa"] / own,
+            values=dict(values),
+        )
+
+    def _tabulated(self) -> tuple[PhysicsFamily, Mapping[str, float]]:
+        if self.family is None or self.values is None:
+            raise InputError(
+                "this physics model knows one nu, L and D only, because it was made of given "
+                "pairs: make it of a [mechanism] (physics_map)"
+            )
+        return self.family, self.values
 
     def document(self) -> dict[str, Any]:
-        """The surrogate's part, the factor and the mechanism."""
-        return {
+        """The surrogate's part, the factor, the family and the mechanism."""
+        document = {
             **self.surrogate.document(),
             "kind": "physics",
             "name": "physics",
@@ -105,15 +187,29 @@ class PhysicsMap:
             "own_error": self.own_error.tolist(),
             "mechanism": self.mechanism,
         }
+        if self.family is not None and self.values is not None:
+            document["parameters"] = dict(self.values)
+            document["free"] = list(self.free)
+            document["family"] = self.family.to_dict()
+        return document
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> PhysicsMap:
         """The map of an opened model file."""
+        known: dict[str, Any] = {}
+        if "family" in document:
+            values = {name: float(document["parameters"][name]) for name in PARAMETERS}
+            known["family"] = PhysicsFamily.from_dict(document["family"])
+            known["values"] = values
+            known["free"] = tuple(str(name) for name in document["free"])
+            if not set(known["free"]) <= set(PARAMETERS):
+                raise ValueError(f"free = {document['free']}, expected some of {PARAMETERS}")
         return PhysicsMap(
             surrogate=EnergyMap.from_document(document),
             own_error=np.asarray(document["own_error"], dtype=np.float64),
             mechanism=dict(document["mechanism"]),
             factor=float(document["factor"]),
+            **known,
         )
 
 
@@ -140,51 +236,68 @@ def surrogate_of(
     return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
 
 
-def physics_map(mechanism: Mechanism, *, threads: int = 0, cache: Path | None = None) -> PhysicsMap:
-    """The physics map of a mechanism; built once per shape and material, then read from `cache`.
+def physics_map(
+    mechanism: Mechanism,
+    *,
+    threads: int = 0,
+    cache: Path | None = None,
+    progress: Progress = None,
+    settings: BuildSettings | None = None,
+) -> PhysicsMap:
+    """The physics map of a mechanism; its family is built once per shape and kept in `cache`.
 
-    The cache is `ECM_CACHE`, else `XDG_CACHE_HOME/ecm`, else `~/.cache/ecm`.
+    Parameters
+    ----------
+    cache
+        Default `ECM_CACHE`, else `XDG_CACHE_HOME/ecm`, else `~/.cache/ecm`. An interrupted build
+        goes on there.
+    progress
+        Called with poses solved, their number, and a word, while it is built.
     """
-    from ecm.simulate import fem_poses
-
     if not mechanism.has_body:
         raise InputError(
             "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
             "mesh, and young_modulus_Pa"
         )
+    from ecm.models.physics_build import BuildSettings, build_family, shape_of
+
+    settings = BuildSettings() if settings is None else settings
+    shape = shape_of(mechanism)
+    key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
     directory = cache_directory() if cache is None else cache
-    path = directory / f"physics-{_VERSION}-{mechanism.key()}.json"
-    found = _read(path)
-    if found is not None:
-        return found
-    poses, wrenches = fem_poses(mechanism, _TRAIN + _TEST, seed=_SEED, threads=threads)
-    built = surrogate_of(
-        poses[:_TRAIN],
-        wrenches[:_TRAIN],
-        mechanism.length_m,
-        test_poses=poses[_TRAIN:],
-        test_wrenches=wrenches[_TRAIN:],
+    path = directory / f"physics-{hash_of(key)[:32]}.json"
+    family = _read(path)
+    if family is None:
+        stage = Stage(directory, "physics-bodies", key)
+        family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)
+        _write(path, family)
+        stage.forget_parts()
+    own_mesh = mechanism.mesh_file is not None
+    length = mechanism.mesh().length_m if own_mesh else mechanism.length_m
+    values = {
+        "young_modulus_Pa": mechanism.young_modulus_Pa,
+        "poisson_ratio": mechanism.poisson_ratio,
+        "length_m": length,
+        "diameter_m": family.centre[1] * length,
+    }
+    return PhysicsMap(
+        surrogate=family.at(values),
+        own_error=family.own_error(values),
         mechanism=mechanism.to_dict(),
-        symmetry=_symmetry(mechanism),
+        family=family,
+        values=values,
     )
-    _write(path, built)
-    return built
 
 
-def _symmetry(mechanism: Mechanism) -> Symmetry:
-    """Built-in bodies have alike ends; a mesh may be anything."""
-    return "alike" if mechanism.mesh_file is None else "general"
-
-
-def _read(path: Path) -> PhysicsMap | None:
-    """A cached map; None where there is none or it cannot be read."""
+def _read(path: Path) -> PhysicsFamily | None:
+    """A cached family; None where there is none or it cannot be read."""
     try:
-        return PhysicsMap.from_document(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, _native.EcmError):
+        return PhysicsFamily.from_dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError, _native.EcmError):
         return None
 
 
-def _write(path: Path, built: PhysicsMap) -> None:
+def _write(path: Path, built: PhysicsFamily) -> None:
     """Best effort: a cache that cannot be written only costs time."""
     with suppress(OSError):
-        write_atomically(path, json.dumps(built.document()))
+        write_atomically(path, json.dumps(built.to_dict()))

@@ -15,10 +15,9 @@ from ecm.errors import InputError
 from ecm.rig import truth
 from ecm.rig.climate import Climate
 from ecm.rig.conceal import Secret, World, conceal
+from ecm.rig.draws import GRADES
 from ecm.rig.elastic import (
-    COS2,
     PLAIN,
-    SIN2,
     Anchors,
     Elastic,
     Progress,
@@ -27,7 +26,7 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
-from ecm.rig.hidden import Hidden
+from ecm.rig.hidden import NOTHING, Hidden
 from ecm.rig.instruments import Camera, ForceTorqueSensor, displaced
 from ecm.rig.physics import Physics
 from ecm.rig.plan import outside, requests, rest_pose
@@ -84,14 +83,13 @@ class Campaign:
         self._hide: list[Hidden] = []
         named = tuple(h.effect for h in hide)
         for wanted in hide:
-            taken = (*named, *(h.effect for h in self._hide))
+            taken = (*(n for n in named if n != "random"), *(h.effect for h in self._hide))
             self._hide.append(wanted.drawn(random, taken))
-        gradings = None
-        if any(h.effect == "anisotropy" for h in self._hide):
-            gradings = (
-                grading(source, anchors, COS2, folder, progress),
-                grading(source, anchors, SIN2, folder, progress),
-            )
+        gradings = {
+            grade: grading(source, anchors, grade, folder, progress)
+            for h in self._hide
+            for grade in GRADES.get(h.effect, ())
+        }
         self.plant = Plant(settings, Elastic(anchors, smooth), length, gradings)
         self.course = self._course(anchors)
         random = stream(seed, "sensor zero")
@@ -103,6 +101,8 @@ class Campaign:
         self.physics = nominal_physics(settings, Physics(), direction)
         self.secrets: list[Secret] = []
         for wanted in self._hide:
+            if wanted.effect == NOTHING:
+                continue
             world = World(self.plant, self.course, self.physics, self._offset, settings)
             self.physics, secret = conceal(wanted, world, self.timeline.end_s, seed)
             self.secrets.append(secret)
@@ -150,8 +150,8 @@ class Campaign:
         return self.table([self.measure(i) for i in range(len(self))])
 
     def truth_text(self) -> str | None:
-        """The sealed truth, or None where nothing was hidden."""
-        if not self.secrets:
+        """The sealed truth, which may hold nothing; None where nothing was asked for."""
+        if not self._hide:
             return None
         effects = [
             {

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.rig.draws import Scale, draw, put
+from ecm.rig.frames import rotation, transpose, turn_wrench
 from ecm.rig.hidden import Hidden
 from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
@@ -57,7 +58,13 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     rows = np.asarray([v.kind == POSE for v in course.visits])
     h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
     moved = course.reached[rows] - rest_pose(plant.length_m)
+    turn = rotation(course.reached[rows][:, 3:])
+    metric = np.repeat([1.0, plant.length_m], 3)
+    felt = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
     scale = Scale(
+        tilts_rad=tuple(np.sort(np.arccos(np.clip(turn[:, 0, 0], -1.0, 1.0))).tolist()),
+        far_m=float(np.median(np.linalg.norm(moved * metric, axis=1))),
+        loads=tuple(np.abs(felt).max(axis=0).tolist()),
         length_m=plant.length_m,
         duration_s=duration_s,
         mean_temperature_degC=float(course.temperature_degC[rows].mean()),

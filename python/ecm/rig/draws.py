@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ecm.rig.elastic import COS2, SIN2, STIFF, TAPER, THICK
 from ecm.rig.physics import Physics, Sized
 from ecm.rig.physics.ageing import Ageing
 from ecm.rig.physics.anisotropy import Anisotropy
@@ -14,18 +15,30 @@ from ecm.rig.physics.base_frame import BaseFrame
 from ecm.rig.physics.base_plate import BasePlate
 from ecm.rig.physics.cable import Cable
 from ecm.rig.physics.camera_scale import CameraScale
+from ecm.rig.physics.face_tilt import FaceTilt
+from ecm.rig.physics.graded import Graded
 from ecm.rig.physics.hysteresis import Hysteresis
+from ecm.rig.physics.leds import COUNT as LEDS
+from ecm.rig.physics.leds import Leds
+from ecm.rig.physics.lift_off import LiftOff
 from ecm.rig.physics.marker_motion import MarkerMotion
 from ecm.rig.physics.mounting_gap import MountingGap
+from ecm.rig.physics.natural_bend import NaturalBend
+from ecm.rig.physics.own_weight import OwnWeight
 from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.permanent_set import PermanentSet
 from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.physics.relaxation import Relaxation
 from ecm.rig.physics.sensor_crosstalk import SensorCrosstalk
 from ecm.rig.physics.sensor_gain import SensorGain
+from ecm.rig.physics.sensor_knee import SensorKnee
+from ecm.rig.physics.sensor_play import SensorPlay
+from ecm.rig.physics.sensor_seat import SensorSeat
 from ecm.rig.physics.sensor_strain import SensorStrain
 from ecm.rig.physics.sensor_thermal import SensorThermal
 from ecm.rig.physics.sensor_warm_up import SensorWarmUp
 from ecm.rig.physics.softening import Softening
+from ecm.rig.physics.stop import Stop
 from ecm.rig.physics.temperature import Temperature
 from ecm.rig.physics.tip_target import TipTarget
 
@@ -42,6 +55,12 @@ class Scale:
     mean_sensor_degC: float
     energy_J: float
     """Of a typical pose."""
+    tilts_rad: tuple[float, ...] = (0.3,)
+    """Of the platform's axis at the poses, growing."""
+    far_m: float = 0.02
+    """Median distance from rest, rotation counted with the length."""
+    loads: tuple[float, ...] = (50.0, 30.0, 30.0, 1.0, 2.0, 2.0)
+    """Largest load of each axis of the sensor, N and N m."""
 
 
 def _unit(random: Random, count: int) -> tuple[float, ...]:
@@ -193,9 +212,88 @@ def _cable(random: Random, scale: Scale) -> Sized:
     )
 
 
+def _axis(random: Random) -> tuple[float, float, float]:
+    a, b, c = _unit(random, 3)
+    return a, b, c
+
+
+def _stop(random: Random, scale: Scale) -> Sized:
+    return Stop(
+        1e3,
+        limit_rad=float(np.quantile(scale.tilts_rad, random.uniform(0.5, 0.75))),
+        friction=float(random.uniform(0.1, 0.3)),
+    )
+
+
+def _permanent_set(random: Random, scale: Scale) -> Sized:
+    return PermanentSet(
+        1e-4,
+        yield_m=float(random.uniform(0.8, 1.1)) * scale.far_m,
+        time_s=float(random.uniform(3.0, 20.0)),
+    )
+
+
+def _lift_off(random: Random, scale: Scale) -> Sized:
+    return LiftOff(1e-4, opening_N=float(random.uniform(10.0, 30.0)))
+
+
+def _face_tilt(random: Random, scale: Scale) -> Sized:
+    return FaceTilt(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+
+
+def _natural_bend(random: Random, scale: Scale) -> Sized:
+    return NaturalBend(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+
+
+def _taper(random: Random, scale: Scale) -> Sized:
+    return Graded(_sign(random) * 0.02, grade=TAPER)
+
+
+def _thick(random: Random, scale: Scale) -> Sized:
+    return Graded(_sign(random) * 0.01, grade=THICK)
+
+
+def _stiff(random: Random, scale: Scale) -> Sized:
+    return Graded(0.05, grade=STIFF)
+
+
+def _own_weight(random: Random, scale: Scale) -> Sized:
+    return OwnWeight(0.3)
+
+
+def _knee(random: Random, scale: Scale) -> Sized:
+    # An axis that works: the load with most of its range.
+    axis = int(random.choice(3))
+    return SensorKnee(1e-3, axis=axis, knee=float(random.uniform(0.1, 0.4)) * scale.loads[axis])
+
+
+def _play(random: Random, scale: Scale) -> Sized:
+    share = random.uniform(0.05, 0.5, (6, 3)) * np.asarray(scale.loads)[:, None]
+    return SensorPlay(0.05, widths=tuple(tuple(row) for row in share.tolist()))
+
+
+def _seat(random: Random, scale: Scale) -> Sized:
+    shift = random.uniform(0.05, 0.2) * np.asarray(_unit(random, 3))
+    return SensorSeat(5e-3, axis=_axis(random), shift_m_rad=(shift[0], shift[1], shift[2]))
+
+
+def _leds(random: Random, scale: Scale) -> Sized:
+    # The line of sight stands across the mechanism; some of the poses turn LEDs out of it.
+    azimuth = float(random.uniform(0.0, 2.0 * np.pi))
+    lean = 0.3 + 0.2 * float(random.random())
+    sight = (np.sin(lean) * np.cos(azimuth), np.sin(lean) * np.sin(azimuth), np.cos(lean))
+    errors = random.standard_normal((LEDS, 3))
+    return Leds(
+        1e-3,
+        errors=tuple(tuple(row) for row in errors.tolist()),
+        sight=(float(sight[0]), float(sight[1]), float(sight[2])),
+        limit_rad=float(random.uniform(0.7, 0.9)),
+    )
+
+
 Draw = Callable[[Random, Scale], Sized]
 
-CORE: dict[str, tuple[str, Draw]] = {
+DRAWS: dict[str, tuple[str, Draw]] = {
     "fts_offset": ("sensor_strain", _strain),
     "fts_drift": ("sensor_warm_up", _warm_up),
     "payload": ("payload", _payload),
@@ -204,11 +302,6 @@ CORE: dict[str, tuple[str, Draw]] = {
     "hysteresis": ("hysteresis", _hysteresis),
     "temperature_modulus": ("temperature", _temperature),
     "anisotropy": ("anisotropy", _anisotropy),
-}
-"""What `random` chooses from: id, field of `Physics`, and how its shape is drawn."""
-
-DRAWS: dict[str, tuple[str, Draw]] = {
-    **CORE,
     "stress_relaxation": ("relaxation", _relaxation),
     "ageing": ("ageing", _ageing),
     "mullins_softening": ("softening", _softening),
@@ -221,7 +314,29 @@ DRAWS: dict[str, tuple[str, Draw]] = {
     "platform_slip": ("platform_slip", _platform_slip),
     "length_error": ("mounting_gap", _mounting_gap),
     "cable_drag": ("cable", _cable),
+    "contact_stop": ("stop", _stop),
+    "permanent_set": ("permanent_set", _permanent_set),
+    "debonding": ("lift_off", _lift_off),
+    "face_tilt": ("face_tilt", _face_tilt),
+    "pre_curvature": ("natural_bend", _natural_bend),
+    "taper": ("taper", _taper),
+    "diameter_error": ("thickness", _thick),
+    "strain_stiffening": ("stiffening", _stiff),
+    "own_weight": ("own_weight", _own_weight),
+    "fts_saturation": ("sensor_knee", _knee),
+    "fts_hysteresis": ("sensor_play", _play),
+    "fts_frame": ("sensor_seat", _seat),
+    "led_occlusion": ("leds", _leds),
 }
+"""What can be hidden: id, field of `Physics`, and how its shape is drawn."""
+
+GRADES: dict[str, tuple[str, ...]] = {
+    "anisotropy": (COS2, SIN2),
+    "taper": (TAPER,),
+    "diameter_error": (THICK,),
+    "strain_stiffening": (STIFF,),
+}
+"""Further solutions of the mechanism that an effect needs."""
 
 
 def draw(effect: str, random: Random, scale: Scale) -> tuple[str, Sized]:

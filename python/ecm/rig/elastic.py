@@ -24,6 +24,7 @@ F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
 
 PLAIN, COS2, SIN2 = "plain", "cos2", "sin2"
+TAPER, THICK, STIFF = "taper", "thick", "stiff"
 CONTRAST = 0.05
 """Of the graded modulus whose FEM solution is subtracted from the plain one."""
 
@@ -38,7 +39,8 @@ class Source(Protocol):
         ...
 
     def solve(self, poses: F, grade: str, progress: Progress) -> Anchors:
-        """Modulus E (plain) or E (1 + CONTRAST rho^2/R^2 cos or sin 2 phi)."""
+        """Modulus E (plain), E (1 + CONTRAST rho^2/R^2 cos or sin 2 phi), E (1 + CONTRAST
+        (2 x/L - 1)) (taper), a body thicker by CONTRAST, or a rubber that stiffens (Yeoh)."""
         ...
 
     def surrogate(self, anchors: Anchors) -> Smooth | None:

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
-from ecm.rig.elastic import CONTRAST, COS2, PLAIN, SIN2, Anchors, Progress, Smooth
+from ecm.rig.elastic import (
+    CONTRAST,
+    COS2,
+    PLAIN,
+    SIN2,
+    STIFF,
+    TAPER,
+    THICK,
+    Anchors,
+    Progress,
+    Smooth,
+)
 
 if TYPE_CHECKING:
     from ecm.mechanism import Mechanism
@@ -32,8 +44,9 @@ class FemSource:
 
     def solve(self, poses: F, grade: str, progress: Progress = None) -> Anchors:
         """FEM wrench and K at each pose, with the modulus graded over the cross-section."""
-        scale = None if grade == PLAIN else modulus_grade(self._mechanism, grade)
-        fem = self._mechanism.fem(element_modulus_scale=scale)
+        fem = changed(self._mechanism, grade).fem(
+            element_modulus_scale=modulus_grade(self._mechanism, grade)
+        )
         word = "plant" if grade == PLAIN else f"plant ({grade})"
 
         def report(done: int, total: int) -> None:
@@ -50,14 +63,39 @@ class FemSource:
         return EnergySurrogate(anchors, self.length_m)
 
 
-def modulus_grade(mechanism: Mechanism, grade: str) -> F:
-    """(M,) factor 1 + CONTRAST (rho/R)^2 cos 2 phi (or sin) on E per tetrahedron.
+def changed(mechanism: Mechanism, grade: str) -> Mechanism:
+    """The body that a grade solves: thicker, or of a rubber that stiffens; else the same."""
+    if grade == THICK:
+        thicker = 1.0 + CONTRAST
+        return replace(
+            mechanism,
+            radius_m=thicker * mechanism.radius_m,
+            inner_radius_m=thicker * mechanism.inner_radius_m,
+            waist_radius_m=thicker * mechanism.waist_radius_m,
+        )
+    if grade == STIFF:
+        from ecm.material import Material
 
-    phi is the azimuth of the element's centre from y.
+        nu = mechanism.poisson_ratio
+        c1 = mechanism.young_modulus_Pa / (4.0 * (1.0 + nu))
+        stiffer = {"c1_Pa": c1, "c2_Pa": 4.0 * CONTRAST * c1, "c3_Pa": 0.0}
+        return replace(mechanism, material=Material("yeoh", {**stiffer, "poisson_ratio": nu}))
+    return mechanism
+
+
+def modulus_grade(mechanism: Mechanism, grade: str) -> F | None:
+    """(M,) factor on E per tetrahedron, by the place of its centre; None: the same everywhere.
+
+    1 + CONTRAST (rho/R)^2 cos 2 phi (or sin), phi the azimuth from y; 1 + CONTRAST (2 x/L - 1).
     """
-    wave = {COS2: np.cos, SIN2: np.sin}[grade]
+    if grade not in (COS2, SIN2, TAPER):
+        return None
     mesh = mechanism.mesh()
     corners: F = mesh.nodes_m[mesh.tetrahedra[:, :4]]
+    if grade == TAPER:
+        along = corners.mean(axis=1)[:, 0] / mechanism.length_m
+        return np.asarray(1.0 + CONTRAST * (2.0 * along - 1.0))
+    wave = {COS2: np.cos, SIN2: np.sin}[grade]
     y, z = corners.mean(axis=1)[:, 1:].T
     squared = y**2 + z**2
     radius_squared = float(np.max(np.sum(mesh.nodes_m[:, 1:] ** 2, axis=1)))

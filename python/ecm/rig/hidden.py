@@ -1,15 +1,19 @@
-"""What is to be hidden in a rig: `EFFECT=S`, `random`, or several."""
+"""What is to be hidden in a rig: `EFFECT=S`, `random`, `none`, or several."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ecm.errors import InputError
-from ecm.rig.draws import CORE, DRAWS, Random
+from ecm.rig.draws import DRAWS, Random
 from ecm.rig.fields import nearest
 
 RANDOM_STRENGTHS = (0.5, 1.0, 3.0)
 """`--hide random` takes one of these."""
+NOTHING = "none"
+"""A sealed truth that holds no effect."""
+NOTHING_SHARE = 0.1
+"""`--hide random` hides nothing in this share of campaigns."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,7 @@ class Hidden:
 
     @staticmethod
     def parse(text: str) -> tuple[Hidden, ...]:
-        """`EFFECT=S`, `EFFECT` (s = 1) or `random`; several with commas; () of an empty text.
+        """`EFFECT=S`, `EFFECT` (s = 1), `random`, `none`; several with commas; () of no text.
 
         Raises
         ------
@@ -35,19 +39,23 @@ class Hidden:
         names = [h.effect for h in asked]
         if len(set(names)) < len(names):
             raise InputError(f"--hide {text}: an effect is given twice; expected each once")
+        if NOTHING in names and len(names) > 1:
+            raise InputError(f"--hide {text}: found `none` beside others; expected it alone")
         return asked
 
     @staticmethod
     def _one(text: str) -> Hidden:
         name, equals, rest = text.strip().partition("=")
         name = name.strip()
-        if name not in (*DRAWS, "random"):
+        if name not in (*DRAWS, "random", NOTHING):
             raise InputError(
                 f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(DRAWS))} "
-                f"Expected random or one of {', '.join(sorted(DRAWS))}"
+                f"Expected random, none or one of {', '.join(sorted(DRAWS))}"
             )
         if not equals:
-            return Hidden(name, 0.0 if name == "random" else 1.0)
+            return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0)
+        if name == NOTHING:
+            raise InputError(f"--hide {text}: `none` takes no strength; write `none`")
         try:
             strength = float(rest)
         except ValueError:
@@ -59,9 +67,14 @@ class Hidden:
         return Hidden(name, strength)
 
     def drawn(self, random: Random, taken: tuple[str, ...] = ()) -> Hidden:
-        """`random` becomes an id that is not `taken`, and a strength where none was given."""
+        """`random` becomes an id that is not `taken`, and a strength where none was given.
+
+        With no strength asked for it may become `none`.
+        """
         if self.effect != "random":
             return self
-        effect = str(random.choice(sorted(set(CORE) - set(taken))))
+        effect = str(random.choice(sorted(set(DRAWS) - set(taken))))
+        if not self.strength and not taken and random.random() < NOTHING_SHARE:
+            return Hidden(NOTHING, 0.0)
         strength = self.strength or float(random.choice(RANDOM_STRENGTHS))
         return Hidden(effect, strength)

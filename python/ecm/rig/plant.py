@@ -6,17 +6,19 @@ the force sensor. All rows at once: nothing here is random but the seed's slow p
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.rig.climate import Climate
-from ecm.rig.elastic import Elastic, Grading
+from ecm.rig.elastic import COS2, SIN2, Elastic, Grading
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
 from ecm.rig.physics import Physics
 from ecm.rig.physics.hysteresis import Hysteresis
 from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.sensor_play import SensorPlay
 from ecm.rig.physics.sensor_warm_up import SensorWarmUp
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import RigSettings
@@ -71,17 +73,18 @@ class Plant:
         settings: RigSettings,
         elastic: Elastic,
         length_m: float,
-        gradings: tuple[Grading, Grading] | None = None,
+        gradings: Mapping[str, Grading] | None = None,
     ) -> None:
         self._settings = settings
         self.elastic = elastic
         self.length_m = length_m
-        self._gradings = gradings
+        self._gradings = dict(gradings or {})
         self.top_from_sensor = top_from_sensor_wrench(settings.instrument.top_from_sensor)
         self._sensor_from_top = np.linalg.inv(self.top_from_sensor)
         self._gravity = np.asarray(settings.plant.gravity_m_s2)
         self._rest = rest_pose(length_m)
         self._history: dict[Hysteresis, F] = {}
+        self._lags: dict[SensorPlay, F] = {}
 
     def anew(self) -> Plant:
         """The same plant without the history of a course that it has seen."""
@@ -96,11 +99,17 @@ class Plant:
         if not loaded.all():
             top[~loaded] = self._free_load(course, physics, ~loaded)
         sensor = top @ self._sensor_from_top.T
+        if physics.sensor_seat is not None:
+            sensor = physics.sensor_seat.reading(sensor)
         limits = np.asarray(self._settings.instrument.fts_range)
         if physics.sensor_crosstalk is not None:
             sensor = physics.sensor_crosstalk.reading(sensor, limits)
         if physics.sensor_gain is not None:
             sensor = physics.sensor_gain.reading(sensor, limits)
+        if physics.sensor_knee is not None:
+            sensor = physics.sensor_knee.reading(sensor)
+        if physics.sensor_play is not None:
+            sensor = sensor + physics.sensor_play.size * self._lag(course, physics.sensor_play)
         if physics.sensor_strain is not None:
             sensor = sensor + loaded[:, None] * physics.sensor_strain.reading()
         if physics.sensor_warm_up is not None:
@@ -114,6 +123,8 @@ class Plant:
     def _seen(self, course: Course, physics: Physics) -> F:
         """Poses as a camera without noise sees them: target, then camera, then base marker."""
         seen = course.reached
+        if physics.leds is not None:
+            seen = physics.leds.measured(seen)
         if physics.tip_target is not None:
             seen = physics.tip_target.measured(seen)
         if physics.camera_scale is not None:
@@ -131,6 +142,12 @@ class Plant:
         world = world - self._weight(course, physics, rows, poses)
         if physics.cable is not None:
             world = world - physics.cable.pull(poses)
+        if physics.stop is not None:
+            last = np.stack([(v.way[-1] - v.way[-2])[:3] if len(v.way) > 1 else np.zeros(3)
+                             for v in course.visits])  # fmt: skip
+            world = world - physics.stop.push(poses, last[rows])
+        if physics.own_weight is not None:
+            world = world - physics.own_weight.weight(poses, self.length_m, self._gravity)
         return turn_wrench(transpose(rotation(poses[:, 3:])), world)
 
     def _free_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
@@ -163,21 +180,64 @@ class Plant:
 
         time = course.time_s[rows]
         slip = physics.platform_slip
+        sets = self._sets(course, physics)[rows]
 
         def mechanism(platform: F) -> F:
             poses = platform if slip is None else slip.felt(platform, time)
+            poses = poses - sets
+            if physics.face_tilt is not None:
+                poses = physics.face_tilt.felt(poses)
+            if physics.natural_bend is not None:
+                poses = physics.natural_bend.felt(poses, mount)
             if physics.mounting_gap is not None:
                 poses = physics.mounting_gap.felt(poses)
             h = self.elastic.wrench(anchor, poses)
-            if physics.anisotropy is not None and self._gradings is not None:
-                h = h + physics.anisotropy.wrench(*self._gradings, anchor, poses - base, mount)
+            if physics.anisotropy is not None:
+                both = self._gradings[COS2], self._gradings[SIN2]
+                h = h + physics.anisotropy.wrench(*both, anchor, poses - base, mount)
+            for other in (physics.taper, physics.thickness, physics.stiffening):
+                if other is not None:
+                    h = h + other.wrench(self._gradings[other.grade], anchor, poses - base)
             h = factor[:, None] * h + held
+            if physics.natural_bend is not None:
+                h = physics.natural_bend.turned(h, mount)
+            if physics.face_tilt is not None:
+                h = physics.face_tilt.turned(h)
             return h if slip is None else slip.moved(h, platform, slip.felt(platform, time))
 
         reached = course.reached[rows]
+        on_plate = mechanism
+        joint = physics.lift_off
+        if joint is not None:
+
+            def on_plate(platform: F) -> F:
+                return joint.solve(platform, self.length_m, mechanism)
+
         if physics.base_plate is None:
-            return mechanism(reached)
-        return physics.base_plate.solve(reached, self.length_m, mechanism)
+            return on_plate(reached)
+        return physics.base_plate.solve(reached, self.length_m, on_plate)
+
+    def _sets(self, course: Course, physics: Physics) -> F:
+        """Permanent set of the mechanism at every visit, (N, 6)."""
+        if physics.permanent_set is None:
+            return np.zeros((len(course.visits), 6))
+        poses = np.where(course.loaded[:, None], course.reached, self._rest)
+        return physics.permanent_set.sets(poses, course.of("dwell_s"), self._rest)
+
+    def _lag(self, course: Course, play: SensorPlay) -> F:
+        """Lag of the sensor along the loads of its way, (N, 6) in sensor axes, at size 1."""
+        shape = play.resized(1.0)
+        if shape not in self._lags:
+            anchors = self.elastic.anchors
+            turned = turn_wrench(transpose(rotation(anchors.poses[:, 3:])), anchors.wrenches)
+            load = turned @ self._sensor_from_top.T
+            index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
+            passed = []
+            for visit, loaded in zip(course.visits, course.loaded, strict=True):
+                way = [index.get(point.tobytes(), REST_ANCHOR) for point in visit.way]
+                passed.append(load[way] if loaded else np.zeros((len(way), 6)))
+            self._lags[shape] = shape.lag(passed)
+        return self._lags[shape]
 
     def _factor(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
         factor = np.ones(int(rows.sum()))

@@ -124,7 +124,7 @@ class HiddenTable:
     """[hidden]: an effect put into the plant, its truth sealed; the flag --hide goes before it."""
 
     effect: str = setting("")
-    """An id of the catalogue, `random`, or empty for nothing."""
+    """An id of the catalogue, `random`, `none` (sealed), or empty for nothing."""
     strength: float = setting(1.0, low=1e-3, high=100.0)
     """s: root mean square of the whitened effect after projecting out the base."""
 

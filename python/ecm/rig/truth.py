@@ -102,7 +102,7 @@ class Revealed:
 
     def text(self) -> str:
         """A few plain lines."""
-        lines = []
+        lines = [] if self.effects else ["hidden: nothing"]
         for effect in self.effects:
             unit = effect["parameters"].get("unit", "")
             lines.append(
@@ -143,7 +143,8 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
     if not expected:
         raise InputError(
             f"{table.source}: its TOML has no truth_sha256, so nothing was hidden in it; hide "
-            "something with `ecm campaign ... --hide EFFECT=S`"
+            "something with `ecm campaign ... --hide EFFECT=S`, or seal that nothing is with "
+            "`--hide none`"
         )
     try:
         text = path.read_bytes().decode()

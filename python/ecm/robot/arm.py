@@ -39,6 +39,8 @@ HOME_RAD: F = np.deg2rad([0.0, -25.0, 0.0, 87.0, 0.0, -68.0, 0.0])
 _ADAPTER = ("adapter", 0.045, 0.020, 0.25, "0.75 0.75 0.78 1")
 _SENSOR = ("sensor", 0.050, 0.040, 0.80, "0.20 0.22 0.25 1")
 _TARGET = ("target", 0.055, 0.010, 0.20, "0.85 0.85 0.85 1")
+TOOL = (_ADAPTER, _SENSOR, _TARGET)
+"""Name, radius m, thickness m, mass kg, colour of the plates and the sensor under the flange."""
 
 
 def link_inertia(link: int) -> tuple[float, float, float]:
@@ -83,7 +85,7 @@ def tool_text(indent: str, payload_mass_kg: float, payload_centre_m: tuple[float
     x of the top frame points back into the flange: x -> -z, y -> -y, z -> -x (w x y z).
     """
     text, height = "", FLANGE_M
-    for name, radius, thick, mass, colour in (_ADAPTER, _SENSOR, _TARGET):
+    for name, radius, thick, mass, colour in TOOL:
         across = mass * (3.0 * radius**2 + thick**2) / 12.0
         middle = height + 0.5 * thick
         contact = ' class="touch"' if name == "target" else ' class="shape"'

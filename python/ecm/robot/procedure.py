@@ -38,6 +38,8 @@ _AT_REST_TICKS = 5
 _SLOW_RAD_S = 0.3
 """Peak joint speed in the position phase and on the way home after a fault."""
 _MOVED_RAD = 1e-6
+_HOME_S = 0.4
+"""At home the arm comes to rest before its brakes close."""
 
 
 @dataclass(frozen=True)
@@ -272,6 +274,8 @@ class Machine:
             self._follow("return", now + share[:, None] * way, rate[:, None] * way, keep=False)
         speeds = np.diff(back, axis=0, prepend=back[:1]) / simulation.step_s
         self._follow("return", back, speeds, keep=False)
+        self._target = back[-1]
+        self._hold("return", _HOME_S)
         self._stack = [simulation.home_rad.copy()]
         self._log("return", begin)
         self._servo.release()

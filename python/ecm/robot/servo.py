@@ -1,6 +1,8 @@
 """Joint position control: a stiff servo on every joint, integrated implicitly, with feed-forward.
 
-    tau = k (q_d - q) + d (q_d' - q') + J' h_model(p)
+    tau = k (q_d + e - q) + d (q_d' - q') + J' h_model(p),    e' = (q_d - q) / T
+
+The trim e takes out what the model of the feed-forward does not know.
 
 Backward Euler of spring and damper over one step is the spring taken at the present position with
 the damper d + dt k taken at the end of the step; MuJoCo's Euler integrator treats joint damping so.
@@ -17,6 +19,8 @@ from ecm.robot.simulation import Simulation
 
 F = NDArray[np.float64]
 
+_TRIM_S = 0.1
+
 
 class Servo:
     """The controller; between `engage` and `release` its dampers are in the model."""
@@ -28,10 +32,13 @@ class Servo:
         own = np.array([simulation.times_inertia(row)[i] for i, row in enumerate(np.eye(7))])
         self._spring = arm.joint_stiffness_Nm_rad
         self._damper = 2.0 * arm.joint_damping_ratio * np.sqrt(self._spring * own)
+        self._trim: F = np.zeros(7)
+        self._share = simulation.step_s / _TRIM_S
         self._implicit = self._damper + simulation.step_s * self._spring
 
     def engage(self) -> None:
-        """Put the dampers into the model."""
+        """Put the dampers into the model; the trim begins anew."""
+        self._trim[:] = 0.0
         self._simulation.model.dof_damping[:] = self._implicit
 
     def release(self) -> None:
@@ -41,7 +48,9 @@ class Servo:
     def torque(self, joints_rad: F, speeds_rad_s: F) -> F:
         """Joint torques (7,) towards the target at the end of this step, dampers apart."""
         simulation, model = self._simulation, self._model
-        torque: F = self._spring * (joints_rad - simulation.joints_rad)
+        away = joints_rad - simulation.joints_rad
+        self._trim += self._share * away
+        torque: F = self._spring * (away + self._trim)
         torque += self._damper * speeds_rad_s
         if self._forward:
             model.pose[:] = simulation.pose

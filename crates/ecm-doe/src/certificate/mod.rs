@@ -8,9 +8,10 @@
 //!
 //! the Kiefer-Wolfowitz inequality; the maximum fills the largest phi up to the cap. It
 //! holds for every M, so the bound is certified however far the optimisation came. For
-//! Phi = tr(M^-1 B) (I- and A-optimality) Cauchy-Schwarz gives the same with
-//! psi_i = tr(A_i M^-1 B M^-1 A_i') and k replaced by Phi: Phi* >= Phi^2 / S. Both are written
-//! with the merit log det M or -k log Phi, whose gap is k log(S / T), T = k or Phi.
+//! Phi = tr(M^-1 B) (I- and A-optimality) Cauchy-Schwarz gives Phi* >= Phi^2 / S' with
+//! psi_i = tr(A_i M^-1 B M^-1 A_i'), so that the merit -k log Phi grows by k log(S / k) at most
+//! with phi_i = (k / Phi) psi_i. A merit of both in shares has the phi of both in these shares:
+//! by Jensen's inequality the same bound holds.
 
 mod newton;
 
@@ -26,13 +27,13 @@ use newton::newton_step;
 pub struct Continuous {
     /// w_i, summing to n.
     pub weights: Vec<f64>,
-    /// phi_i (or psi_i) at the optimum.
+    /// phi_i at the optimum.
     pub phi: Vec<f64>,
-    /// log det M(w), or -k log tr(M^-1 B), in whitened coordinates.
+    /// log det M(w), -k log tr(M^-1 B), or both in shares, in whitened coordinates.
     pub merit: f64,
     /// The merit of any feasible design is at most this (whitened coordinates).
     pub bound: f64,
-    /// k log(S/T), the Kiefer-Wolfowitz gap left.
+    /// k log(S/k), the Kiefer-Wolfowitz gap left.
     pub gap: f64,
     /// Newton steps taken.
     pub iterations: usize,
@@ -58,18 +59,49 @@ impl Default for CertificateSettings {
 
 /// The objective and its gradient at some weights.
 struct Evaluation {
-    /// log det M or -Phi: concave in the weights, with gradient `phi`.
-    value: f64,
-    /// log det M or -k log Phi.
+    /// The merit: concave in the weights, with gradient `phi`; k = sum w phi + fixed.
     merit: f64,
-    /// T of the gap: k or Phi.
-    level: f64,
     inv_lower: Vec<f64>,
-    /// L^-1 H of the trace criterion.
-    weighted: Option<Vec<f64>>,
+    mixed: Option<Mixed>,
     phi: Vec<f64>,
     /// The part of S that comes from F.
     fixed: f64,
+}
+
+/// The part of an average variance in the merit.
+struct Mixed {
+    /// L^-1 H.
+    weighted: Vec<f64>,
+    /// tr(M^-1 H H').
+    trace: f64,
+    /// Share of log det M.
+    share: f64,
+    /// psi_i = tr(A_i M^-1 H H' M^-1 A_i').
+    psi: Vec<f64>,
+}
+
+impl Mixed {
+    fn new(problem: &Problem, inv_lower: &[f64]) -> Option<Self> {
+        let (half, share) = problem.objective.trace_part()?;
+        let weighted = square_product(inv_lower, half, problem.terms);
+        Some(Self {
+            trace: dot(&weighted, &weighted),
+            weighted,
+            share,
+            psi: Vec::new(),
+        })
+    }
+
+    /// share log det M - (1 - share) k log tr(M^-1 H H'); without the determinant where it has no
+    /// share.
+    fn merit(&self, log_det: f64, k: usize) -> f64 {
+        self.share * log_det - (1.0 - self.share) * k as f64 * self.trace.ln()
+    }
+
+    /// What a gradient of the trace counts in that of the merit.
+    fn scale(&self, k: usize) -> f64 {
+        (1.0 - self.share) * k as f64 / self.trace
+    }
 }
 
 fn weighted_information(problem: &Problem, w: &[f64]) -> Vec<f64> {
@@ -89,18 +121,16 @@ fn weighted_information(problem: &Problem, w: &[f64]) -> Vec<f64> {
     m
 }
 
-/// The concave objective alone; `None` when M is singular.
-fn objective(problem: &Problem, w: &[f64]) -> Option<f64> {
+/// The merit alone; `None` when M is singular.
+fn merit(problem: &Problem, w: &[f64]) -> Option<f64> {
     let k = problem.terms;
     let mut l = weighted_information(problem, w);
     cholesky(&mut l, k, 1e-14).ok()?;
-    Some(match &problem.objective {
-        Objective::Determinant => log_det(&l, k),
-        Objective::Trace(half) | Objective::Compound { half, .. } => {
-            let weighted = square_product(&lower_inverse(&l, k), half, k);
-            -dot(&weighted, &weighted)
-        }
-    })
+    let value = log_det(&l, k);
+    if matches!(problem.objective, Objective::Determinant) {
+        return Some(value);
+    }
+    Mixed::new(problem, &lower_inverse(&l, k)).map(|m| m.merit(value, k))
 }
 
 /// A B of k x k matrices.
@@ -116,61 +146,52 @@ fn evaluate(problem: &Problem, w: &[f64]) -> Option<Evaluation> {
     let mut l = weighted_information(problem, w);
     cholesky(&mut l, k, 1e-14).ok()?;
     let inv_lower = lower_inverse(&l, k);
-    let weighted = match &problem.objective {
-        Objective::Determinant => None,
-        Objective::Trace(half) | Objective::Compound { half, .. } => {
-            Some(square_product(&inv_lower, half, k))
-        }
-    };
+    let mut mixed = Mixed::new(problem, &inv_lower);
     let mut phi = vec![0.0; problem.poses];
+    let mut psi = vec![0.0; if mixed.is_some() { problem.poses } else { 0 }];
     let mut t = vec![0.0; CHUNK.min(problem.poses) * b * k];
-    let mut v = vec![0.0; if weighted.is_some() { t.len() } else { 0 }];
+    let mut v = vec![0.0; if mixed.is_some() { t.len() } else { 0 }];
     for start in (0..problem.poses).step_by(CHUNK) {
         let count = CHUNK.min(problem.poses - start);
         let rows = &problem.rows[start * b * k..(start + count) * b * k];
-        let mut part = &mut t[..count * b * k];
+        let part = &mut t[..count * b * k];
         product_transposed(part, (count * b, k, k), rows, &inv_lower);
-        if let Some(weighted) = &weighted {
+        squares(&mut phi[start..start + count], part, b * k);
+        if let Some(mixed) = &mixed {
             let out = &mut v[..count * b * k];
-            product(out, (count * b, k, k), part, weighted, 1.0, false);
-            part = out;
-        }
-        for (value, block) in phi[start..start + count]
-            .iter_mut()
-            .zip(part.chunks_exact(b * k))
-        {
-            *value = dot(block, block);
+            product(out, (count * b, k, k), part, &mixed.weighted, 1.0, false);
+            squares(&mut psi[start..start + count], out, b * k);
         }
     }
-    // S takes tr(M^-1 F), or tr(Y' F Y) with Y = M^-1 H, from what is fixed.
-    let left = match &weighted {
-        None => inv_lower.clone(),
-        Some(weighted) => {
-            let mut y = vec![0.0; k * k];
-            add_transposed_product(&mut y, (k, k, k), weighted, &inv_lower);
-            y
+    // S takes tr(M^-1 F), and tr(Y' F Y) with Y = M^-1 H, from what is fixed.
+    let of_fixed = |y: &[f64]| dot(&square_product(y, &problem.fixed, k), y);
+    let mut fixed = of_fixed(&inv_lower);
+    let mut value = log_det(&l, k);
+    if let Some(mixed) = &mut mixed {
+        let mut y = vec![0.0; k * k];
+        add_transposed_product(&mut y, (k, k, k), &mixed.weighted, &inv_lower);
+        let scale = mixed.scale(k);
+        fixed = mixed.share * fixed + scale * of_fixed(&y);
+        for (phi, psi) in phi.iter_mut().zip(&psi) {
+            *phi = mixed.share * *phi + scale * psi;
         }
-    };
-    let fixed = dot(&square_product(&left, &problem.fixed, k), &left);
-    let (value, merit, level) = match &weighted {
-        None => {
-            let value = log_det(&l, k);
-            (value, value, k as f64)
-        }
-        Some(weighted) => {
-            let trace = dot(weighted, weighted);
-            (-trace, -(k as f64) * trace.ln(), trace)
-        }
-    };
+        value = mixed.merit(value, k);
+        mixed.psi = psi;
+    }
     Some(Evaluation {
-        value,
-        merit,
-        level,
+        merit: value,
         inv_lower,
-        weighted,
+        mixed,
         phi,
         fixed,
     })
+}
+
+/// Sums of squares of the blocks of `size` numbers.
+fn squares(out: &mut [f64], values: &[f64], size: usize) {
+    for (sum, block) in out.iter_mut().zip(values.chunks_exact(size)) {
+        *sum = dot(block, block);
+    }
 }
 
 /// max over feasible w of sum w_i phi_i, and the phi at which the filling stops.
@@ -199,7 +220,7 @@ fn best_filling(phi: &[f64], available: &[bool], n: f64, cap: f64) -> (f64, f64)
 fn bound_at(problem: &Problem, eval: &Evaluation, n: f64, cap: f64) -> (f64, f64) {
     let k = problem.terms as f64;
     let (sum, level) = best_filling(&eval.phi, &problem.available, n, cap);
-    let gap = (k * ((sum + eval.fixed) / eval.level).ln()).max(0.0);
+    let gap = (k * ((sum + eval.fixed) / k).ln()).max(0.0);
     (gap, level)
 }
 
@@ -244,6 +265,18 @@ pub fn continuous(
     settings: &CertificateSettings,
     control: &Control<'_>,
 ) -> Option<Continuous> {
+    continuous_from(problem, n, cap, None, settings, control)
+}
+
+/// [`continuous`] from weights that are nearly the optimum.
+pub(crate) fn continuous_from(
+    problem: &Problem,
+    n: usize,
+    cap: f64,
+    start: Option<&[f64]>,
+    settings: &CertificateSettings,
+    control: &Control<'_>,
+) -> Option<Continuous> {
     let k = problem.terms as f64;
     let n_f = n as f64;
     let count = problem.available.iter().filter(|a| **a).count();
@@ -260,30 +293,20 @@ pub fn continuous(
             iterations: 0,
         });
     }
-    let share = n_f / count as f64;
-    let mut w: Vec<f64> = problem
-        .available
-        .iter()
-        .map(|a| if *a { share.min(cap) } else { 0.0 })
-        .collect();
-    let mut eval = evaluate(problem, &w)?;
-    for _ in 0..4 {
-        multiplicative_step(&mut w, &pull(problem, &eval.phi), n_f, cap);
-        eval = evaluate(problem, &w)?;
-    }
     let wanted = 2 * (n.min(4 * problem.terms) + problem.terms);
-    if count > wanted {
-        (w, eval) = keep_best(problem, w, eval, wanted, n_f, cap)?;
-    }
+    let (mut w, mut eval) = match start {
+        Some(start) => (start.to_vec(), evaluate(problem, start)?),
+        None => region(problem, n_f, cap, count, wanted)?,
+    };
     let (mut gap, mut level) = bound_at(problem, &eval, n_f, cap);
     let mut bound = eval.merit + gap;
     let mut iterations = 0;
     while iterations < settings.iterations && gap > settings.tolerance * k && !control.stop() {
         let set = working_set(problem, &w, &eval.phi, level, wanted);
-        let step = newton_step(problem, &set, &w, &eval, cap, 0.005 * gap * eval.level / k);
-        let before = (gap, eval.value);
+        let step = newton_step(problem, &set, &w, &eval, cap, 0.005 * gap);
+        let before = (gap, eval.merit);
         // The last Newton steps gain less than rounding but still close the gap.
-        let slack = 1e-12 * (1.0 + eval.value.abs());
+        let slack = 1e-12 * (1.0 + eval.merit.abs());
         let mut size = 1.0;
         let mut moved = false;
         for _ in 0..30 {
@@ -294,7 +317,7 @@ pub fn continuous(
                     trial[i] = 0.0;
                 }
             }
-            if objective(problem, &trial).is_some_and(|v| v > eval.value - slack) {
+            if merit(problem, &trial).is_some_and(|v| v > eval.merit - slack) {
                 w = trial;
                 moved = true;
                 break;
@@ -309,7 +332,7 @@ pub fn continuous(
         (gap, level) = bound_at(problem, &eval, n_f, cap);
         bound = bound.min(eval.merit + gap);
         iterations += 1;
-        if gap > 0.9 * before.0 && eval.value <= before.1 + slack {
+        if gap > 0.9 * before.0 && eval.merit <= before.1 + slack {
             break;
         }
     }
@@ -322,6 +345,35 @@ pub fn continuous(
         gap,
         iterations,
     })
+}
+
+/// Weights after a few multiplicative steps from uniform ones, on at most `wanted` poses.
+fn region(
+    problem: &Problem,
+    n: f64,
+    cap: f64,
+    count: usize,
+    wanted: usize,
+) -> Option<(Vec<f64>, Evaluation)> {
+    let share = (n / count as f64).min(cap);
+    let uniform = |a: &bool| if *a { share } else { 0.0 };
+    let mut w: Vec<f64> = problem.available.iter().map(uniform).collect();
+    let mut eval = evaluate(problem, &w)?;
+    for _ in 0..4 {
+        multiplicative_step(&mut w, &pull(problem, &eval.phi), n, cap);
+        eval = evaluate(problem, &w)?;
+    }
+    if count > wanted {
+        return keep_best(problem, w, eval, wanted, n, cap);
+    }
+    Some((w, eval))
+}
+
+/// tr(A_i M(w)^-1 A_i') of every candidate; `None` when M is singular.
+pub(crate) fn variances(problem: &Problem, w: &[f64]) -> Option<Vec<f64>> {
+    let mut own = problem.clone();
+    own.objective = Objective::Determinant;
+    evaluate(&own, w).map(|eval| eval.phi)
 }
 
 /// Keeps the weights of the `wanted` poses with the largest phi and spreads the rest on them.
@@ -366,7 +418,7 @@ fn working_set(problem: &Problem, w: &[f64], phi: &[f64], level: f64, limit: usi
 fn pull(problem: &Problem, phi: &[f64]) -> Vec<f64> {
     match problem.objective {
         Objective::Determinant => phi.to_vec(),
-        Objective::Trace(_) | Objective::Compound { .. } => phi.iter().map(|p| p.sqrt()).collect(),
+        _ => phi.iter().map(|p| p.sqrt()).collect(),
     }
 }
 

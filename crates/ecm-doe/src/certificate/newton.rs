@@ -176,14 +176,27 @@ fn hessian(problem: &Problem, set: &[usize], eval: &Evaluation) -> Vec<f64> {
         .collect();
     let mut t = vec![0.0; rows.len()];
     product_transposed(&mut t, (s * b, k, k), &rows, &eval.inv_lower);
-    match &eval.weighted {
-        None => block_products(&t, &t, 1.0, s, b, k),
-        Some(weighted) => {
-            let mut v = vec![0.0; t.len()];
-            product(&mut v, (s * b, k, k), &t, weighted, 1.0, false);
-            block_products(&t, &v, 2.0, s, b, k)
+    let Some(mixed) = &eval.mixed else {
+        return block_products(&t, &t, 1.0, s, b, k);
+    };
+    let mut v = vec![0.0; t.len()];
+    product(&mut v, (s * b, k, k), &t, &mixed.weighted, 1.0, false);
+    let scale = mixed.scale(k);
+    let mut hessian = block_products(&t, &v, 2.0 * scale, s, b, k);
+    // The logarithm of the trace takes psi psi' / tr^2 off again.
+    for (row, &i) in hessian.chunks_exact_mut(s).zip(set) {
+        let own = scale / mixed.trace * mixed.psi[i];
+        for (h, &j) in row.iter_mut().zip(set) {
+            *h -= own * mixed.psi[j];
         }
     }
+    if mixed.share > 0.0 {
+        let own = block_products(&t, &t, mixed.share, s, b, k);
+        for (h, o) in hessian.iter_mut().zip(&own) {
+            *h += o;
+        }
+    }
+    hessian
 }
 
 /// H_ij = factor * sum of the entries of (T_i T_j') o (V_i V_j') for s blocks of b rows.

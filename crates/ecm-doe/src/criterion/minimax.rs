@@ -5,10 +5,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::d::{DSettings, Design, fix_known};
 use super::linear::root_of_moment;
-use super::model_based::{generator, search};
+use super::model_based::{generator, search, search_near, singular};
 use crate::budget::on_threads;
-use crate::certificate::{CertificateSettings, continuous};
-use crate::linalg::{dot, inverse, product, product_transposed, small_inverse};
+use crate::certificate::{CertificateSettings, Continuous, continuous, continuous_from, variances};
+use crate::exchange::pair::Pair;
+use crate::linalg::{dot, product, product_transposed};
 use crate::problem::Objective;
 use crate::{Control, DesignError, Problem, Status};
 
@@ -45,16 +46,7 @@ fn minimise(
     measured: usize,
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
-    let free = settings.n - settings.include.len();
-    let cap = if settings.replicates {
-        f64::INFINITY
-    } else {
-        1.0
-    };
-    let singular = DesignError::RankDeficient {
-        candidates: problem.poses,
-        column: 0,
-    };
+    let singular = singular(&problem, settings);
     let steps = match settings.iterations {
         0 if control.timed() => usize::MAX,
         0 => DEFAULT_STEPS,
@@ -65,20 +57,8 @@ fn minimise(
         ..settings.clone()
     };
     let first = search(&problem, &short, measured, control)?;
-    let certificate = CertificateSettings::default();
-    let whole = control.without_deadline();
-    let optimum = continuous(&problem, free, cap, &certificate, &whole).ok_or(singular.clone())?;
-    // The largest variance is at least any average, so also that over the D-optimal weights.
-    let (block, k) = (problem.block, problem.terms);
-    if optimum.weights.iter().any(|w| *w > 0.0) {
-        let weights = Some(optimum.weights.as_slice());
-        problem.objective = Objective::Trace(root_of_moment(&problem.rows, weights, block, k));
-    } else {
-        problem.objective = Objective::Trace(root_of_moment(&problem.rows, None, block, k));
-    }
-    let average = continuous(&problem, free, cap, &certificate, &whole).ok_or(singular.clone())?;
-    let bound = (-average.bound / k as f64).exp();
-    let second = search(&problem, &short, measured, control)?;
+    let saddle = Saddle::find(&mut problem, settings, control).ok_or(singular.clone())?;
+    let second = search_near(&problem, &short, measured, &saddle.optimum, control)?;
     let own = |design: Design| -> Vec<usize> {
         let mut rest = settings.include.clone();
         let keep = |i: &usize| match rest.iter().position(|r| r == i) {
@@ -93,7 +73,7 @@ fn minimise(
     let mut exchanges = first.exchanges + second.exchanges;
     let mut best: Option<Variances<'_>> = None;
     for start in [own(first), own(second)] {
-        let Some(mut state) = Variances::new(&problem, start, settings.replicates) else {
+        let Some(mut state) = Variances::new(&problem, start, &saddle, settings.replicates) else {
             continue;
         };
         exchanges += state.descend(control);
@@ -102,6 +82,7 @@ fn minimise(
         }
     }
     let mut best = best.ok_or(singular)?;
+    let bound = saddle.bound;
     let mut rng = generator(settings.seed, u64::MAX / 3);
     for step in 0..steps {
         if control.stop() || best.largest <= bound * (1.0 + 1e-9) || best.design.is_empty() {
@@ -134,9 +115,96 @@ fn minimise(
         } else {
             Status::Budget
         },
-        gap: average.gap / k as f64,
+        gap: saddle.gap,
     })
 }
+
+/// The continuous optimum of the largest variance, approached from below.
+///
+/// No largest variance is below an average over any weights u of the candidates, and the least
+/// average is certified: max d >= min_w sum u_i d_i(w). Weights of the D-optimum give the bound
+/// where weights are free (Kiefer and Wolfowitz); where they are capped the poses whose variance
+/// stays above the average gain weight until the bound no longer rises.
+struct Saddle {
+    /// Largest of the bounds met.
+    bound: f64,
+    /// Design weights and certificate of the last average.
+    optimum: Continuous,
+    /// Largest variance of the continuous designs over the bound, less one, the least met.
+    gap: f64,
+}
+
+impl Saddle {
+    /// Leaves the average with the largest bound as the problem's objective.
+    fn find(problem: &mut Problem, settings: &DSettings, control: &Control<'_>) -> Option<Self> {
+        let free = settings.n - settings.include.len();
+        let cap = if settings.replicates {
+            f64::INFINITY
+        } else {
+            1.0
+        };
+        let (block, k) = (problem.block, problem.terms);
+        let certificate = CertificateSettings {
+            tolerance: 1e-7,
+            ..CertificateSettings::default()
+        };
+        let whole = control.without_deadline();
+        let first = continuous(problem, free, cap, &certificate, &whole)?;
+        let mut weights = first.weights.clone();
+        if !weights.iter().any(|w| *w > 0.0) {
+            weights.fill(1.0);
+        }
+        let mut best: Option<(Self, Objective)> = None;
+        let mut least = f64::INFINITY;
+        let mut start: Option<Vec<f64>> = None;
+        let mut power = 2.0;
+        for round in 0..ROUNDS {
+            if round > 0 && control.cancelled() {
+                break;
+            }
+            let half = root_of_moment(&problem.rows, Some(&weights), block, k);
+            problem.objective = Objective::Trace(half);
+            let found =
+                continuous_from(problem, free, cap, start.as_deref(), &certificate, &whole)?;
+            let bound = (-found.bound / k as f64).exp();
+            let variance = variances(problem, &found.weights)?;
+            least = least.min(variance.iter().copied().fold(0.0, f64::max));
+            let risen = best.as_ref().map_or(1.0, |(b, _)| bound / b.bound - 1.0);
+            let better = risen > 0.0;
+            power = if better {
+                (power * 1.2f64).min(4.0)
+            } else {
+                0.5 * power
+            };
+            let average: f64 = weights.iter().zip(&variance).map(|(w, d)| w * d).sum();
+            let average = average / weights.iter().sum::<f64>();
+            start = Some(found.weights.clone());
+            if better {
+                let saddle = Self {
+                    bound,
+                    optimum: found,
+                    gap: 0.0,
+                };
+                best = Some((saddle, problem.objective.clone()));
+            }
+            if least <= bound * (1.0 + CLOSE) || (risen < 0.1 * CLOSE && better) {
+                break;
+            }
+            for (w, d) in weights.iter_mut().zip(&variance) {
+                *w *= (d / average).powf(power);
+            }
+        }
+        let (mut saddle, objective) = best?;
+        problem.objective = objective;
+        saddle.gap = (least / saddle.bound - 1.0).max(0.0);
+        Some(saddle)
+    }
+}
+
+/// Averages tried for the bound at most.
+const ROUNDS: usize = 40;
+/// The bound is good enough when a continuous design comes so near.
+const CLOSE: f64 = 1e-3;
 
 /// A design with the variance of every candidate, the largest first.
 #[derive(Clone)]
@@ -152,10 +220,17 @@ struct Variances<'a> {
     /// Candidates by falling variance.
     order: Vec<usize>,
     largest: f64,
+    /// Candidates that the continuous optimum uses.
+    support: Vec<usize>,
 }
 
 impl<'a> Variances<'a> {
-    fn new(problem: &'a Problem, design: Vec<usize>, replicates: bool) -> Option<Self> {
+    fn new(
+        problem: &'a Problem,
+        design: Vec<usize>,
+        saddle: &Saddle,
+        replicates: bool,
+    ) -> Option<Self> {
         let mut free = problem.available.clone();
         if !replicates {
             for &i in &design {
@@ -171,13 +246,17 @@ impl<'a> Variances<'a> {
             variance: vec![0.0; problem.poses],
             order: (0..problem.poses).collect(),
             largest: f64::INFINITY,
+            support: (0..problem.poses)
+                .filter(|&i| saddle.optimum.weights[i] > 0.0)
+                .collect(),
         };
         state.rebuild().then_some(state)
     }
 
     fn rebuild(&mut self) -> bool {
         let (b, k) = (self.problem.block, self.problem.terms);
-        let Ok((_, m)) = inverse(&self.problem.information(&self.design), k) else {
+        let m = self.problem.information(&self.design);
+        let Some((_, m)) = self.problem.regular_inverse(&m) else {
             return false;
         };
         let rows = self.problem.poses * b;
@@ -224,27 +303,21 @@ impl<'a> Variances<'a> {
     }
 
     /// Swaps while the largest variance falls; their number.
+    ///
+    /// The poses of the largest variances are tried first, then those of the continuous optimum.
     fn descend(&mut self, control: &Control<'_>) -> usize {
         let mut swaps = 0;
+        let mut outs: Vec<Vec<f64>> = Vec::new();
         while !control.stop() {
-            let entering: Vec<usize> = self
-                .order
-                .iter()
-                .copied()
-                .filter(|&i| self.free[i])
-                .take(ENTERING)
-                .collect();
-            let ins: Vec<Vec<f64>> = entering.iter().map(|&j| self.cross(j)).collect();
-            let mut best = (self.largest * (1.0 - 1e-9), None);
-            for row in 0..self.design.len() {
-                let out = self.cross(self.design[row]);
-                for (&j, into) in entering.iter().zip(&ins) {
-                    if let Some(largest) = self.after(row, &out, j, into, best.0) {
-                        best = (largest, Some((row, j)));
-                    }
-                }
-            }
-            let (_, Some((row, j))) = best else { break };
+            outs.clear();
+            outs.extend(self.design.iter().map(|&i| self.cross(i)));
+            let free = |i: &usize| self.free[*i];
+            let worst = self.order.iter().copied().filter(free).take(ENTERING);
+            let found = self.best_swap(worst, &outs, control).or_else(|| {
+                let used = self.support.iter().copied().filter(free);
+                self.best_swap(used, &outs, control)
+            });
+            let Some((row, j)) = found else { break };
             let before = self.largest;
             let old = self.design[row];
             if !self.swap(row, j) {
@@ -259,23 +332,38 @@ impl<'a> Variances<'a> {
         swaps
     }
 
+    /// The swap to one of `entering` that leaves the smallest largest variance, below the present.
+    fn best_swap(
+        &self,
+        entering: impl Iterator<Item = usize>,
+        outs: &[Vec<f64>],
+        control: &Control<'_>,
+    ) -> Option<(usize, usize)> {
+        let mut best = (self.largest * (1.0 - 1e-9), None);
+        for j in entering {
+            if control.stop() {
+                break;
+            }
+            let into = self.cross(j);
+            for (row, out) in outs.iter().enumerate() {
+                if let Some(largest) = self.after(row, out, j, &into, best.0) {
+                    best = (largest, Some((row, j)));
+                }
+            }
+        }
+        best.1
+    }
+
     /// The largest variance after `entering` replaces a row, `None` unless it is below `limit`.
     fn after(&self, row: usize, out: &[f64], j: usize, into: &[f64], limit: f64) -> Option<f64> {
         let b = self.problem.block;
         let n = 2 * b;
         let i = self.design[row];
-        let (mut c, mut w) = (vec![0.0; n * n], vec![0.0; n * n]);
-        for r in 0..b {
-            for s in 0..b {
-                let unit = if r == s { 1.0 } else { 0.0 };
-                c[r * n + s] = into[(j * b + r) * b + s] + unit;
-                c[(r + b) * n + s + b] = out[(i * b + r) * b + s] - unit;
-                // A_j M^-1 A_i'
-                c[r * n + s + b] = out[(j * b + r) * b + s];
-                c[(s + b) * n + r] = out[(j * b + r) * b + s];
-            }
-        }
-        small_inverse(&mut c, &mut w, n).filter(|growth| *growth > -20.0)?;
+        // Blocks of the poses themselves: A_j M^-1 A_j', A_i M^-1 A_i', A_j M^-1 A_i'.
+        let block = |of: usize| of * b * b..(of + 1) * b * b;
+        let mut pair = Pair::new(b);
+        pair.growth(&into[block(j)], &out[block(i)], &out[block(j)])?;
+        let w = pair.inverse();
         let mut largest: f64 = 0.0;
         let mut u = vec![0.0; n];
         for &p in &self.order {
@@ -299,7 +387,12 @@ impl<'a> Variances<'a> {
     fn disturb(&mut self, rng: &mut ChaCha8Rng) -> bool {
         for _ in 0..rng.random_range(1..=3) {
             let row = rng.random_range(0..self.design.len());
-            let entering = rng.random_range(0..self.problem.poses);
+            let used = !self.support.is_empty() && rng.random_bool(0.5);
+            let entering = if used {
+                self.support[rng.random_range(0..self.support.len())]
+            } else {
+                rng.random_range(0..self.problem.poses)
+            };
             if self.free[entering] && !self.swap(row, entering) {
                 return false;
             }

@@ -31,24 +31,35 @@ pub(crate) fn search(
         1.0
     };
     // The bound is part of the answer: it is computed even when the time is short.
-    let optimum = possible(problem, free, cap, &control.without_deadline()).ok_or(
-        DesignError::RankDeficient {
-            candidates: problem.poses,
-            column: 0,
-        },
-    )?;
+    let optimum = continuous(
+        problem,
+        free,
+        cap,
+        &CertificateSettings::default(),
+        &control.without_deadline(),
+    )
+    .ok_or_else(|| singular(problem, settings))?;
+    search_near(problem, settings, measured, &optimum, control)
+}
+
+/// [`search`] whose continuous optimum is known.
+pub(crate) fn search_near(
+    problem: &Problem,
+    settings: &DSettings,
+    measured: usize,
+    optimum: &Continuous,
+    control: &Control<'_>,
+) -> Result<Design, DesignError> {
+    let free = settings.n - settings.include.len();
     let found = match (&problem.objective, problem.block) {
         (Objective::Trace(_) | Objective::Compound { .. }, _) => {
-            run::<Linear>(problem, settings, &optimum, free, control)
+            run::<Linear>(problem, settings, optimum, free, control)
         }
-        (Objective::Determinant, 1) => run::<Single>(problem, settings, &optimum, free, control),
-        (Objective::Determinant, _) => run::<Several>(problem, settings, &optimum, free, control),
+        (Objective::Determinant, 1) => run::<Single>(problem, settings, optimum, free, control),
+        (Objective::Determinant, _) => run::<Several>(problem, settings, optimum, free, control),
     };
     let Some(found) = found else {
-        return Err(DesignError::RankDeficient {
-            candidates: problem.poses,
-            column: 0,
-        });
+        return Err(singular(problem, settings));
     };
     let k = problem.terms as f64;
     let rows = settings.n as f64 + measured as f64 / problem.block as f64;
@@ -84,31 +95,12 @@ pub(crate) fn search(
     })
 }
 
-/// The continuous optimum and the bound. Of a compound criterion: those of both criteria in its
-/// shares, a bound because no design can be better in either than its best.
-fn possible(problem: &Problem, free: usize, cap: f64, control: &Control<'_>) -> Option<Continuous> {
-    let settings = CertificateSettings::default();
-    let Objective::Compound { half, share } = &problem.objective else {
-        return continuous(problem, free, cap, &settings, control);
-    };
-    let mut part = problem.clone();
-    part.objective = Objective::Determinant;
-    let determinant = continuous(&part, free, cap, &settings, control)?;
-    part.objective = Objective::Trace(half.clone());
-    let trace = continuous(&part, free, cap, &settings, control)?;
-    let mix = |a: f64, b: f64| share * a + (1.0 - share) * b;
-    let level = problem.terms as f64 / (-trace.merit / problem.terms as f64).exp();
-    let pairs = |a: &[f64], b: &[f64], scale: f64| -> Vec<f64> {
-        a.iter().zip(b).map(|(a, b)| mix(*a, scale * b)).collect()
-    };
-    Some(Continuous {
-        weights: pairs(&determinant.weights, &trace.weights, 1.0),
-        phi: pairs(&determinant.phi, &trace.phi, level),
-        merit: mix(determinant.merit, trace.merit),
-        bound: mix(determinant.bound, trace.bound),
-        gap: mix(determinant.gap, trace.gap),
-        iterations: determinant.iterations + trace.iterations,
-    })
+/// No regular design of this size.
+pub(crate) fn singular(problem: &Problem, settings: &DSettings) -> DesignError {
+    DesignError::Singular {
+        n: settings.n,
+        terms: problem.terms,
+    }
 }
 
 struct Found {

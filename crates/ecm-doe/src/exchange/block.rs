@@ -1,10 +1,9 @@
 //! Exchange of poses with several regressor rows (an energy model: six a pose).
 
+use super::pair::{Pair, Removal, addition};
 use super::pool::Pool;
 use super::{State, Swap};
-use crate::linalg::{
-    cholesky, inverse, log_det, lower_inverse, product, product_transposed, small_inverse,
-};
+use crate::linalg::{product, product_transposed, small_inverse};
 
 /// Swaps after which M^-1 is computed anew.
 const REBUILD_AFTER: usize = 200;
@@ -12,7 +11,8 @@ const REBUILD_AFTER: usize = 200;
 /// A design with M^-1 and the blocks D_j = A_j M^-1 A_j' of every pool candidate.
 ///
 /// Taking pose i out and j in multiplies det M by
-/// det(I - D_i) det(I + D_j + H H'), H = A_j M^-1 A_i' L^-T, L L' = I - D_i.
+/// det(I - D_i) det(I + D_j + H H'), H = A_j M^-1 A_i' L^-T, L L' = I - D_i; where M would be
+/// singular in between, by the determinant of the [`Pair`].
 #[derive(Debug, Clone)]
 pub(crate) struct BlockState<'a> {
     pool: &'a Pool<'a>,
@@ -31,7 +31,7 @@ impl<'a> BlockState<'a> {
     /// `None` when the design is singular.
     pub fn new(pool: &'a Pool<'a>, design: Vec<usize>) -> Option<Self> {
         let b = pool.problem.block;
-        let (log_det, inverse) = inverse(&pool.information(&design), pool.problem.terms).ok()?;
+        let (log_det, inverse) = pool.problem.regular_inverse(&pool.information(&design))?;
         let mut free = vec![true; pool.len()];
         if !pool.replicates {
             for &c in &design {
@@ -80,49 +80,35 @@ impl<'a> BlockState<'a> {
         &self.variances[candidate * size..(candidate + 1) * size]
     }
 
-    /// log det(I - D_i) and L^-1 A_i M^-1; `None` when M cannot lose this pose.
-    fn removal(&self, row: usize) -> Option<(f64, Vec<f64>)> {
+    /// A_i M^-1, and the removal of that pose.
+    fn leaving(&self, row: usize) -> (Vec<f64>, Option<Removal>) {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
         let pose = self.design[row];
-        let mut l: Vec<f64> = self.variance(pose).iter().map(|v| -v).collect();
-        for r in 0..b {
-            l[r * b + r] += 1.0;
-        }
-        // A pose that the design cannot do without leaves rounding here; keep well above it.
-        cholesky(&mut l, b, 0.0).ok()?;
-        if (0..b).any(|r| l[r * b + r] < 1e-6) {
-            return None;
-        }
-        let inv = lower_inverse(&l, b);
         let mut t = vec![0.0; b * k];
-        product(
-            &mut t,
-            (b, k, k),
-            self.pool.block_rows(pose),
-            &self.inverse,
-            1.0,
-            false,
-        );
-        let mut z = vec![0.0; b * k];
-        product(&mut z, (b, b, k), &inv, &t, 1.0, false);
-        Some((log_det(&l, b), z))
+        let rows = self.pool.block_rows(pose);
+        product(&mut t, (b, k, k), rows, &self.inverse, 1.0, false);
+        let removal = Removal::new(b, self.variance(pose), &t);
+        (t, removal)
     }
 
-    fn addition(&self, candidate: usize, h: &[f64], scratch: &mut [f64]) -> f64 {
-        let b = self.pool.problem.block;
-        scratch.copy_from_slice(self.variance(candidate));
-        for r in 0..b {
-            scratch[r * b + r] += 1.0;
-            for c in 0..b {
-                for a in 0..b {
-                    scratch[r * b + c] += h[r * b + a] * h[c * b + a];
-                }
+    /// The growth when `candidate` enters, `cross` being A_j z' or A_j M^-1 A_i'.
+    fn growth(
+        &self,
+        row: usize,
+        candidate: usize,
+        cross: &[f64],
+        removal: Option<&Removal>,
+        pair: &mut Pair,
+    ) -> f64 {
+        let own = self.variance(candidate);
+        let found = match removal {
+            Some(removal) => {
+                let added = addition(self.pool.problem.block, own, cross, None);
+                added.map(|(log, _)| removal.log + log)
             }
-        }
-        match cholesky(scratch, b, 0.0) {
-            Ok(()) => log_det(scratch, b),
-            Err(_) => f64::NEG_INFINITY,
-        }
+            None => pair.growth(own, self.variance(self.design[row]), cross),
+        };
+        found.unwrap_or(f64::NEG_INFINITY)
     }
 }
 
@@ -139,16 +125,18 @@ impl State for BlockState<'_> {
 
     fn best_for_row(&mut self, row: usize) -> Option<Swap> {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
-        let (lost, z) = self.removal(row)?;
+        let (solved, removal) = self.leaving(row);
+        let factor = removal.as_ref().map_or(&solved, |r| &r.z);
         let mut cross = std::mem::take(&mut self.cross);
-        product_transposed(&mut cross, (self.pool.len() * b, k, b), &self.pool.rows, &z);
-        let mut scratch = vec![0.0; b * b];
+        let shape = (self.pool.len() * b, k, b);
+        product_transposed(&mut cross, shape, &self.pool.rows, factor);
+        let mut pair = Pair::new(b);
         let mut best: Option<Swap> = None;
         for (candidate, h) in cross.chunks_exact(b * b).enumerate() {
             if !self.free[candidate] {
                 continue;
             }
-            let gain = lost + self.addition(candidate, h, &mut scratch);
+            let gain = self.growth(row, candidate, h, removal.as_ref(), &mut pair);
             if gain > 0.0 && best.is_none_or(|s| gain > s.gain) {
                 best = Some(Swap {
                     row,
@@ -163,12 +151,12 @@ impl State for BlockState<'_> {
 
     fn gain(&self, row: usize, candidate: usize) -> f64 {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
-        let Some((lost, z)) = self.removal(row) else {
-            return f64::NEG_INFINITY;
-        };
+        let (solved, removal) = self.leaving(row);
+        let factor = removal.as_ref().map_or(&solved, |r| &r.z);
         let mut h = vec![0.0; b * b];
-        product_transposed(&mut h, (b, k, b), self.pool.block_rows(candidate), &z);
-        lost + self.addition(candidate, &h, &mut vec![0.0; b * b])
+        let rows = self.pool.block_rows(candidate);
+        product_transposed(&mut h, (b, k, b), rows, factor);
+        self.growth(row, candidate, &h, removal.as_ref(), &mut Pair::new(b))
     }
 
     fn swap(&mut self, row: usize, candidate: usize) -> bool {
@@ -206,7 +194,9 @@ impl State for BlockState<'_> {
         }
         self.swaps_since_rebuild += 1;
         if self.swaps_since_rebuild >= REBUILD_AFTER {
-            if let Ok((value, fresh)) = inverse(&self.pool.information(&self.design), k) {
+            let problem = self.pool.problem;
+            let fresh = problem.regular_inverse(&self.pool.information(&self.design));
+            if let Some((value, fresh)) = fresh {
                 (self.log_det, self.inverse) = (value, fresh);
             }
             self.rebuild_variances();

@@ -32,7 +32,8 @@ impl<'a> CrossState<'a> {
     /// `None` when the design is singular.
     pub fn new(pool: &'a Pool<'a>, design: Vec<usize>) -> Option<Self> {
         let k = pool.problem.terms;
-        let information = InformationMatrix::new(&pool.information(&design), k).ok()?;
+        let found = pool.problem.regular_inverse(&pool.information(&design))?;
+        let information = InformationMatrix::from_inverse(found, k);
         let mut free = vec![1.0; pool.len()];
         if !pool.replicates {
             for &c in &design {
@@ -92,8 +93,9 @@ impl<'a> CrossState<'a> {
     /// M and its inverse anew from the design: bounds the rounding of long runs.
     fn rebuild(&mut self) {
         let fresh = self.pool.information(&self.design);
-        if let Ok(information) = InformationMatrix::new(&fresh, self.pool.problem.terms) {
-            self.information = information;
+        let problem = self.pool.problem;
+        if let Some(found) = problem.regular_inverse(&fresh) {
+            self.information = InformationMatrix::from_inverse(found, problem.terms);
         }
         self.rebuild_tables();
     }

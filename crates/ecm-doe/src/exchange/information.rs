@@ -27,6 +27,15 @@ impl InformationMatrix {
         })
     }
 
+    /// From what [`crate::Problem`] finds regular.
+    pub(crate) fn from_inverse((log_det, inverse): (f64, Vec<f64>), terms: usize) -> Self {
+        Self {
+            terms,
+            inverse,
+            log_det,
+        }
+    }
+
     /// log det M.
     pub fn log_det(&self) -> f64 {
         self.log_det

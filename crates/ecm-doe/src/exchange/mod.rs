@@ -5,6 +5,7 @@ mod cross;
 pub(crate) mod fedorov;
 mod information;
 mod kernel;
+pub(crate) mod pair;
 pub(crate) mod pool;
 pub(crate) mod rowwise;
 pub(crate) mod search;

@@ -263,6 +263,10 @@ impl Fem {
         Ok(self)
     }
 
+    pub(crate) fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
     /// The body: mesh, material, quadrature.
     pub fn body(&self) -> &Body {
         &self.body

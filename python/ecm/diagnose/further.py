@@ -1,0 +1,107 @@
+"""Whether an accepted effect needs one more term: only where rows that it never saw agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.compare.folds import folds, held_out_by
+from ecm.compare.gram import Gram
+from ecm.diagnose.accept import held_out_squares
+from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.search import fall, normal_equations
+from ecm.diagnose.tangents import tangent
+from ecm.effects import Effect
+
+F = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Further:
+    """A richer form of an accepted effect, and its held-out error beside the plain one's."""
+
+    id: str
+    effect: Effect
+    plain: F
+    """Whitened rms of each held-out fold with the plain form."""
+    richer: F
+    """The same with the richer form."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether the whole error falls, and none of the folds gets worse by a tenth."""
+        return bool(
+            (self.richer**2).sum() < (self.plain**2).sum()
+            and np.all(self.richer < 1.1 * self.plain)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the report."""
+        return {
+            "id": self.id,
+            "shape": self.effect.shape,
+            "held_out_plain": self.plain.tolist(),
+            "held_out_richer": self.richer.tolist(),
+            "kept": self.kept,
+        }
+
+
+def further(problem: Problem, chosen: Sequence[Candidate]) -> list[Further]:
+    """For each chosen effect that has richer forms, the one that fits best, held out."""
+    found = []
+    for item in chosen:
+        forms = tuple(getattr(item.effect, "further", lambda table: ())(problem.table))
+        if not forms:
+            continue
+        wider, candidates = _with(problem, forms)
+        others = [other for other in chosen if other is not item]
+        equations = normal_equations(wider)
+        best = max(candidates, key=lambda c: fall(equations, wider, (*others, c)))
+        plain = held_out_by_fold(wider, chosen)
+        richer = held_out_by_fold(wider, (*others, best))
+        found.append(Further(item.id, best.effect, plain, richer))
+    return found
+
+
+def _with(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
+    """The problem with the columns of more effects appended."""
+    blocks = [tangent(problem.rows, problem.whitener, effect) for effect in effects]
+    norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
+    at = problem.design.shape[2]
+    candidates = []
+    for effect, block in zip(effects, blocks, strict=True):
+        candidates.append(Candidate(effect, tuple(range(at, at + block.shape[2]))))
+        at += block.shape[2]
+    scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
+    design = np.concatenate([problem.design, *scaled], axis=2)
+    wider = replace(
+        problem,
+        design=design,
+        norms=np.concatenate([problem.norms, *norms]),
+        gram=Gram.of(design, problem.response, problem.groups, problem.weights),
+    )
+    return wider, candidates
+
+
+def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:
+    """(folds,) whitened rms of each held-out part: run by run of a continuous test."""
+    kind = "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+    squares = held_out_squares(problem, chosen, kind)
+    parts = _fold_of_group(problem, kind)
+    rows = np.bincount(problem.groups, np.where(problem.scored, problem.weights, 0.0), len(squares))
+    sums = np.bincount(parts, squares)
+    counts = np.bincount(parts, rows) * problem.response.shape[1]
+    return np.asarray(np.sqrt(sums / np.maximum(counts, 1e-300)))
+
+
+def _fold_of_group(problem: Problem, kind: str) -> NDArray[np.int64]:
+    parts = folds(
+        problem.table, problem.rows.poses, problem.groups, held_out_by(problem.table, kind)
+    )
+    found = np.zeros(len(problem.gram.squares), dtype=np.int64)
+    found[problem.groups] = parts
+    return found

@@ -1,0 +1,316 @@
+"""The physics base: a family of energies in E, nu, L and D, its error, its refit, its cache.
+
+The family of the neck itself is built by FEM once and kept in the user's cache folder, as a user's
+is; the cache and the algebra are tried on bodies in closed form.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.columns import POSE, WRENCH
+from ecm.errors import InputError
+from ecm.material import Material
+from ecm.mechanism import Mechanism
+from ecm.meta import Meta
+from ecm.models import PhysicsMap, fit_model, load_model, physics_build, physics_map
+from ecm.models.physics_build import (
+    LENGTH_M,
+    SHEAR_MODULUS_PA,
+    BuildSettings,
+    noise_whiteners,
+    shape_of,
+)
+from ecm.models.physics_family import PARAMETERS, compressibility, poisson_ratio
+from ecm.models.physics_poses import rod_like, workspace_poses
+from ecm.models.physics_refit import refit_physics
+from ecm.table import Table
+
+F = NDArray[np.float64]
+NECK = Mechanism()
+SMALL = BuildSettings(poses=30, test_poses=6)
+
+
+@pytest.fixture(scope="module")
+def neck() -> PhysicsMap:
+    """By FEM, or from the cache folder."""
+    return physics_map(NECK)
+
+
+class ClosedForm:
+    """Bodies whose coefficients are what the family can hold; counts how often it is solved."""
+
+    def __init__(self) -> None:
+        self.solved = 0
+        self.fail_at: int | None = None
+        terms = 65
+        random = np.random.default_rng(4)
+        self.slopes = 0.02 * random.uniform(-1.0, 1.0, (3, 3, terms))
+        self.rest = _native.EnergyModel.fit(
+            *_neck_like(), length_m=LENGTH_M, degree=6, symmetry="alike"
+        )
+
+    def energy(self, s: float, x: float) -> _native.EnergyModel:
+        t = (s - compressibility(NECK.poisson_ratio)) / 0.2
+        change = np.einsum("a,b,abk->k", [1.0, t, t * t], [1.0, x, x * x], self.slopes)
+        return _native.EnergyModel.from_coefficients(
+            length_m=LENGTH_M,
+            degree=6,
+            symmetry="alike",
+            scale=self.rest.scale,
+            coefficients=self.rest.coefficients * np.exp(3.0 * x) * (1.0 + change),
+        )
+
+    def fem(self, s: float, x: float) -> SimpleNamespace:
+        energy = self.energy(s, x)
+
+        def solve_poses(poses: F, **_: object) -> SimpleNamespace:
+            if self.fail_at == self.solved:
+                raise KeyboardInterrupt
+            self.solved += 1
+            return SimpleNamespace(
+                wrenches=energy.predict(poses),
+                stiffness=energy.stiffness(poses),
+                status=["solved"] * len(poses),
+            )
+
+        home = np.array([[LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]])
+        return SimpleNamespace(
+            rest_stiffness=lambda: energy.stiffness(home)[0], solve_poses=solve_poses
+        )
+
+
+def _neck_like() -> tuple[F, F]:
+    """Poses and wrenches of a linear body in mid-frame coordinates, as stiff as the neck."""
+    rest = np.diag([24000.0, 3600.0, 3600.0, 4.0, 16.0, 16.0])
+    rest[1, 5] = rest[5, 1] = -186.0
+    rest[2, 4] = rest[4, 2] = 186.0
+    poses = workspace_poses(rest, LENGTH_M, 200, seed=1)
+    diagonal = [24000.0, 3600.0, 3600.0, 4.0, 6.4, 6.4]
+    linear = _native.EnergyModel.from_coefficients(
+        length_m=LENGTH_M, degree=2, symmetry="alike", scale=np.ones(2),
+        coefficients=0.5 * np.array([0.0, diagonal[0], diagonal[1], diagonal[4], diagonal[3]]),
+    )  # fmt: skip
+    return poses, linear.predict(poses)
+
+
+@pytest.fixture
+def closed_form(monkeypatch: pytest.MonkeyPatch) -> ClosedForm:
+    """The build solves bodies in closed form."""
+    bodies = ClosedForm()
+    made = SimpleNamespace(fem=bodies.fem, diameter_over_length=0.066 / LENGTH_M)
+    monkeypatch.setattr(physics_build, "_Bodies", lambda shape: made)
+    return bodies
+
+
+def test_a_family_gives_bodies_between_its_own_back(
+    closed_form: ClosedForm, tmp_path: Path
+) -> None:
+    base = physics_map(NECK, cache=tmp_path, settings=SMALL)
+    assert base.family is not None
+    assert np.all(base.family.error_over_noise < 1e-6)
+    poses = workspace_poses(np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0]), LENGTH_M, 40, seed=9)
+    nu, x = 0.45, 0.03
+    energy = closed_form.energy(compressibility(nu), x)
+    fixed = base.at(
+        young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + nu),
+        poisson_ratio=nu,
+        diameter_m=0.066 * np.exp(x),
+    )
+    wanted = energy.predict(poses)
+    np.testing.assert_allclose(fixed.predict(poses), wanted, rtol=0, atol=1e-6 * abs(wanted).max())
+    # By dimension: twice the size and half the modulus is twice the force at twice the shift.
+    body = dict(zip(PARAMETERS, [0.9e6, 0.47, LENGTH_M, 0.066], strict=True))
+    large = base.at(**{**body, "young_modulus_Pa": 0.45e6, "length_m": 2 * LENGTH_M,
+                       "diameter_m": 0.132})  # fmt: skip
+    double = poses * np.array([2.0] * 3 + [1.0] * 3)
+    ratio = large.predict(double) / base.at(**body).predict(poses)
+    np.testing.assert_allclose(ratio, np.repeat([[2.0] * 3 + [4.0] * 3], 40, axis=0), rtol=1e-9)
+
+
+def test_sensitivities_are_the_slopes_of_the_family(
+    closed_form: ClosedForm, tmp_path: Path
+) -> None:
+    base = physics_map(NECK, cache=tmp_path, settings=SMALL).with_free(*PARAMETERS)
+    base = base.with_coefficients(np.array([0.7e6, 0.46, 0.1025, 0.0668]))
+    poses = workspace_poses(np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0]), LENGTH_M, 20, seed=9)
+    columns = base.columns(poses)
+    assert base.values is not None
+    for j, name in enumerate(PARAMETERS):
+        value = base.values[name]
+        step = 1e-5 * value
+        up, down = (base.at(**{name: value + s * step}).predict(poses) for s in (1.0, -1.0))
+        slope = (up - down) / (2.0 * step)
+        np.testing.assert_allclose(columns[:, :, j], slope, rtol=0, atol=1e-7 * abs(slope).max())
+    # What a controller takes is an ordinary native energy with the same wrench and stiffness.
+    np.testing.assert_allclose(base.at().predict(poses), base.predict(poses), rtol=1e-12)
+    np.testing.assert_allclose(base.at().stiffness(poses), base.stiffness(poses), rtol=1e-12)
+
+
+def test_a_shape_is_built_once_whatever_its_size_and_modulus(
+    closed_form: ClosedForm, tmp_path: Path
+) -> None:
+    seen: list[tuple[int, int]] = []
+    first = physics_map(
+        NECK,
+        cache=tmp_path,
+        settings=SMALL,
+        progress=lambda done, total, _: seen.append((done, total)),
+    )
+    assert closed_form.solved == 12
+    assert seen[-1] == (288, 288)
+    again = physics_map(NECK, cache=tmp_path, settings=SMALL)
+    other = replace(NECK, young_modulus_Pa=0.9e6, length_m=0.2068, radius_m=0.066)
+    scaled = physics_map(other, cache=tmp_path, settings=SMALL)
+    assert closed_form.solved == 12
+    poses = np.array([[0.1, 0.01, 0.0, 0.1, 0.0, 0.1]])
+    np.testing.assert_array_equal(first.predict(poses), again.predict(poses))
+    assert scaled.length_m == 0.2068
+    assert scaled.mechanism["young_modulus_Pa"] == 0.9e6
+    physics_map(replace(NECK, radius_m=0.034), cache=tmp_path, settings=SMALL)
+    assert closed_form.solved == 24
+    with pytest.raises(InputError, match="needs a body"):
+        physics_map(Mechanism(builtin="", young_modulus_Pa=0.0), cache=tmp_path)
+
+
+def test_an_interrupted_build_goes_on(closed_form: ClosedForm, tmp_path: Path) -> None:
+    closed_form.fail_at = 5
+    with pytest.raises(KeyboardInterrupt):
+        physics_map(NECK, cache=tmp_path, settings=SMALL)
+    closed_form.fail_at = None
+    found = physics_map(NECK, cache=tmp_path, settings=SMALL)
+    assert closed_form.solved == 12
+    fresh = physics_map(NECK, cache=tmp_path / "fresh", settings=SMALL)
+    poses = np.array([[0.1, 0.01, 0.0, 0.1, 0.0, 0.1]])
+    np.testing.assert_array_equal(found.predict(poses), fresh.predict(poses))
+    assert [p.suffix for p in tmp_path.iterdir() if p.is_file()] == [".json"]
+    damaged = next(tmp_path.glob("*.json"))
+    damaged.write_text(damaged.read_text().replace('"degree": 6', '"degree": "six"'))
+    physics_map(NECK, cache=tmp_path, settings=SMALL)
+    assert closed_form.solved == 36
+
+
+def test_bodies_keep_their_law_when_nu_changes() -> None:
+    yeoh = Material("yeoh", {"c1_Pa": 1e5, "c2_Pa": 2e3, "c3_Pa": 50.0, "bulk_modulus_Pa": 1e7})
+    other = physics_build.with_poisson_ratio(yeoh, 0.45)
+    assert other.shear_modulus_Pa == yeoh.shear_modulus_Pa
+    assert other.poisson_ratio == 0.45
+    body = replace(NECK, material=yeoh, young_modulus_Pa=yeoh.young_modulus_Pa)
+    same = body.with_modulus(2.0 * yeoh.young_modulus_Pa)
+    assert shape_of(body).key() == shape_of(same).key() != shape_of(NECK).key()
+    assert poisson_ratio(compressibility(0.37)) == pytest.approx(0.37, abs=1e-14)
+
+
+def table_of(poses: F, wrenches: F) -> Table:
+    columns = dict(zip(POSE, poses.T.copy(), strict=True))
+    columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+    instrument = {"pose_position_sd_m": 37e-6, "pose_rotation_sd_rad": 6e-4,
+                  "force_sd_N": 0.3, "torque_sd_Nm": 0.010}  # fmt: skip
+    meta = Meta.from_dict({"mechanism": NECK.to_dict(), "instrument": instrument}, "test")
+    return Table(columns, meta, "pairs")
+
+
+def by_fem(body: Mechanism, count: int, seed: int) -> tuple[F, F, F]:
+    """Poses of the workspace that no build has seen, their wrenches and stiffness."""
+    fem = body.fem()
+    poses = workspace_poses(fem.rest_stiffness(), body.length_m, count, seed=seed, margin=1.0)
+    found = fem.solve_poses(poses)
+    ok = np.array([status == "solved" for status in found.status])
+    assert ok.mean() > 0.9
+    return poses[ok], found.wrenches[ok], found.stiffness[ok]
+
+
+def test_the_error_is_far_below_the_noise(neck: PhysicsMap) -> None:
+    assert neck.family is not None
+    assert np.all(neck.family.error_over_noise < 0.15)
+    body = Mechanism(young_modulus_Pa=0.8e6, poisson_ratio=0.463, length_m=0.1055, radius_m=0.0322)
+    poses, wrenches, stiffness = by_fem(body, 24, 101)
+    fixed = neck.at(young_modulus_Pa=0.8e6, poisson_ratio=0.463, length_m=0.1055, diameter_m=0.0644)
+    left = fixed.predict(poses) - wrenches
+    white = np.einsum("nij,nj->ni", noise_whiteners(poses, stiffness), left)
+    assert float(np.sqrt((white**2).mean())) < 0.15
+    # The model of the wrong body is far off, so this could have failed.
+    wrong = np.einsum(
+        "nij,nj->ni", noise_whiteners(poses, stiffness), neck.predict(poses) - wrenches
+    )
+    assert float(np.sqrt((wrong**2).mean())) > 5.0
+    skew = fixed.stiffness(poses, "generalised")
+    np.testing.assert_allclose(skew, np.swapaxes(skew, 1, 2), atol=1e-12 * abs(skew).max())
+
+
+def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap) -> None:
+    truth = np.array([0.71e6, 0.475])
+    poses, wrenches, _ = by_fem(Mechanism(young_modulus_Pa=truth[0], poisson_ratio=truth[1]), 30, 7)
+    random = np.random.default_rng(0)
+    off = []
+    for _ in range(20):
+        seen = poses + random.standard_normal(poses.shape) * np.repeat([37e-6, 6e-4], 3)
+        read = wrenches + random.standard_normal(poses.shape) * np.repeat([0.3, 0.010], 3)
+        found = refit_physics(neck, table_of(seen, read))
+        assert found.converged
+        off.append((found.values - truth) / found.sd)
+    assert found.names == ("young_modulus_Pa", "poisson_ratio")
+    assert found.sd[0] < 0.005 * truth[0]
+    assert found.sd[1] < 0.005
+    assert abs(found.correlation[0, 1]) < 0.9
+    rms = np.sqrt((np.array(off) ** 2).mean(axis=0))
+    assert np.all((rms > 0.5) & (rms < 1.7)), rms
+    fitted = fit_model(table_of(seen, read), "physics", physics=neck)
+    np.testing.assert_allclose(fitted.base.coefficients, found.values, rtol=1e-9)
+    assert fitted.covariance is not None
+    assert "E = 0.7" in found.sentences()[0]
+
+
+def test_no_refit_leaves_what_was_tabulated(neck: PhysicsMap) -> None:
+    poses = workspace_poses(NECK.fem().rest_stiffness(), LENGTH_M, 40, seed=3, margin=1.0)
+    assert neck.family is not None
+    beyond = replace(neck.family, s_range=(-0.2, 0.3)).at(
+        {**(neck.values or {}), "poisson_ratio": 0.507}
+    )
+    found = refit_physics(neck, table_of(poses, beyond.predict(poses)))
+    assert found.values[1] == pytest.approx(0.5, abs=1e-9)
+    assert found.at_bound == ("poisson_ratio",)
+    # E is the best one for nu = 0.5, not that of the step that left the range.
+    with pytest.raises(InputError, match="tabulated from"):
+        neck.at(poisson_ratio=0.2)
+    with pytest.raises(InputError, match="there are young_modulus_Pa"):
+        neck.at(radius_m=0.03)
+
+
+def test_a_file_brings_the_family_along(neck: PhysicsMap, tmp_path: Path) -> None:
+    poses = workspace_poses(NECK.fem().rest_stiffness(), LENGTH_M, 30, seed=3, margin=1.0)
+    wrenches = neck.at(young_modulus_Pa=0.6e6, poisson_ratio=0.48).predict(poses)
+    fitted = fit_model(table_of(poses, wrenches), "physics", physics=neck)
+    path = tmp_path / "model.json"
+    fitted.save(path)
+    again = load_model(path)
+    assert isinstance(again.base, PhysicsMap)
+    np.testing.assert_array_equal(again.predict(poses), fitted.predict(poses))
+    np.testing.assert_array_equal(again.base.columns(poses), fitted.base.columns(poses))
+    np.testing.assert_allclose(again.base.coefficients, [0.6e6, 0.48], rtol=1e-6)
+    document = json.loads(path.read_text())
+    document["family"]["table"] = document["family"]["table"][:2]
+    document.pop("sha256")
+    path.write_text(_native.seal_model(json.dumps(document)))
+    with pytest.raises(InputError, match="table of shape"):
+        load_model(path)
+
+
+def test_a_rod_like_the_body_has_its_stiffness_at_rest() -> None:
+    sections = {"axial_stiffness_N": 2000.0, "shear_stiffness_N": 600.0,
+                "bending_stiffness_Nm2": 0.5, "torsion_stiffness_Nm2": 0.4}  # fmt: skip
+    step = 1e-6 * np.eye(6)
+    moved, ok = _native.rod_poses(step, length_m=0.1, **sections)
+    assert ok.all()
+    compliance = (moved - [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]) / 1e-6
+    found = rod_like(np.linalg.inv(compliance.T), 0.1)
+    for name, value in sections.items():
+        assert found[name] == pytest.approx(value, rel=1e-4)

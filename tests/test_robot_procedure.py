@@ -1,0 +1,173 @@
+"""The procedure of the arm: phases, limits, the way home, skipped poses, the stop."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.robot.arm import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
+from ecm.robot.procedure import Outcome, Sortie, Stop
+from ecm.robot.summary import errors, fractions
+from robot_rig import REST, machine
+from test_rig_stand_in import some_poses
+
+F = NDArray[np.float64]
+GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
+
+
+def sortie(*goals: F, via: tuple[F, ...] = (), **rig: Any) -> Sortie:
+    stops = [Stop(i, goal, via, 0.1, 0.2) for i, goal in enumerate(goals)]
+    return machine(**rig).sortie(stops)
+
+
+def only(result: Sortie) -> Outcome:
+    (outcome,) = result.outcomes
+    return outcome
+
+
+def test_the_phases_follow_one_another_and_end_at_home() -> None:
+    result = sortie(GOAL)
+    outcome = only(result)
+    names = [name for name, _, _ in (*outcome.phases, *result.home.phases)]
+    assert names == ["impedance", "settle", "position", "rest", "reading", "return"]
+    spans = [(begin, end) for _, begin, end in (*outcome.phases, *result.home.phases)]
+    assert all(b[0] == pytest.approx(a[1]) for a, b in pairwise(spans))
+    assert spans[0][0] == 0.0
+    assert spans[-1][1] == pytest.approx(result.duration_s)
+    assert spans[4][1] - spans[4][0] == pytest.approx(0.2)
+    assert result.home.trace[-1] == pytest.approx(REST, abs=2e-5)
+
+
+def test_the_position_phase_reaches_what_impedance_does_not() -> None:
+    poses = some_poses(12, seed=3)
+    outcomes = [only(sortie(pose)) for pose in poses]
+    assert [o.reason for o in outcomes] == [""] * len(poses)
+    after = np.stack([o.after_impedance for o in outcomes])
+    reached = np.stack([o.reached for o in outcomes])
+    short, _ = errors(after, poses)
+    exact, turned = errors(reached, poses)
+    assert np.median(short) > 1e-3
+    assert exact.max() < 5e-5
+    assert turned.max() < 2e-4
+    share = fractions(after, poses, REST)
+    assert 0.1 < share[0] < 0.3
+    assert (share[3:] > 0.9).all()
+
+
+def test_feed_forward_saves_the_wait_for_the_trim() -> None:
+    held, _ = errors(only(sortie(GOAL)).reached[None], GOAL[None])
+    loose, _ = errors(
+        only(sortie(GOAL, feed_forward=False, reach_tolerance_m=0.01)).reached[None], GOAL[None]
+    )
+    assert held[0] < 3e-5
+    assert loose[0] > 1e-4
+
+
+def test_the_trim_makes_the_pose_exact() -> None:
+    stop = Stop(0, GOAL, (), 1.0, 0.2)
+    distance, angle = errors(only(machine().sortie([stop])).reached[None], GOAL[None])
+    assert distance[0] < 1e-8
+    assert angle[0] < 1e-8
+
+
+def test_the_way_home_is_the_recorded_one() -> None:
+    result = sortie(GOAL)
+    out, back = only(result).trace, result.home.trace
+    count = min(len(out), len(back)) - 30
+    # The hold before the way home is not retraced, so compare from the turning point on.
+    gaps = np.abs(back[:, None, :3] - out[None, :, :3]).sum(axis=2).min(axis=1)
+    assert count > 50
+    assert gaps.max() < 8e-4  # what the top moves between two points of the trace
+
+
+def test_a_stop_on_the_way_is_passed_first() -> None:
+    via = REST + np.array([0.0, -0.005, 0.0, 0.0, 0.0, -0.1])
+    outcome = only(sortie(GOAL, via=(via,)))
+    assert not outcome.from_home
+    assert np.abs(outcome.trace - via)[:, :3].sum(axis=1).min() < 2e-4
+    assert outcome.reached == pytest.approx(GOAL, abs=2e-4)
+
+
+def test_direct_goes_from_pose_to_pose_without_home() -> None:
+    second = REST + np.array([-0.003, 0.005, 0.002, 0.1, 0.1, 0.25])
+    direct = sortie(GOAL, second)
+    assert [o.reason for o in direct.outcomes] == ["", ""]
+    assert [o.from_home for o in direct.outcomes] == [True, False]
+    away = np.linalg.norm(direct.outcomes[1].trace[:, :3] - REST[:3], axis=1)
+    assert away.min() > 2e-3
+    assert direct.duration_s < sortie(GOAL).duration_s + sortie(second).duration_s
+
+
+@pytest.mark.parametrize(
+    ("rig", "words"),
+    [
+        ({"force_limit_N": 10.0}, ["force", "limit 10 N", "impedance"]),
+        ({"torque_limit_Nm": 0.5}, ["torque", "limit 0.5 N m"]),
+        ({"stretch_limit": 0.02}, ["top moved", "stretch_limit"]),
+        ({"speed_limit_m_s": 0.004}, ["speed", "speed_limit_m_s"]),
+        ({"singularity_limit": 0.5}, ["singular", "singularity_limit"]),
+        ({"settle_limit_s": 0.05, "damping_ratio": 0.05}, ["come to rest", "settle_limit_s"]),
+        ({"joint_margin_rad": 0.85}, ["joint"]),
+        ({"reach_tolerance_m": 1e-7}, ["from the goal", "reach_tolerance_m"]),
+    ],
+)
+def test_a_broken_limit_is_told_and_the_arm_comes_home(
+    rig: dict[str, Any], words: list[str]
+) -> None:
+    result = sortie(GOAL, **rig)
+    outcome = only(result)
+    for word in words:
+        assert word in outcome.reason
+    assert outcome.phases[-1][0] == "return"
+    assert outcome.trace[-1] == pytest.approx(REST, abs=5e-5)
+
+
+def test_after_a_skipped_pose_the_next_one_begins_at_home() -> None:
+    far = REST + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.6])
+    result = sortie(GOAL, far, GOAL, torque_limit_Nm=6.0)
+    assert [bool(o.reason) for o in result.outcomes] == [False, True, False]
+    assert [o.from_home for o in result.outcomes] == [True, False, True]
+    assert result.outcomes[2].reached == pytest.approx(result.outcomes[0].reached, abs=1e-6)
+
+
+def test_a_collision_with_the_stop_ends_in_the_way_back() -> None:
+    sideways = REST + np.array([0.0, 0.012, 0.0, 0.0, 0.0, 0.1])
+    free = only(sortie(sideways))
+    assert free.reason == ""
+    hit = only(sortie(sideways, stop_m=0.004))
+    assert "contact" in hit.reason
+    assert "limit 15 N" in hit.reason
+    assert hit.trace[:, 1].max() < 0.008
+    assert hit.trace[-1] == pytest.approx(REST, abs=5e-5)
+    # Going the other way the stop is not in the way.
+    mirrored = sideways * np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
+    assert only(sortie(mirrored, stop_m=0.004)).reason == ""
+
+
+def test_an_unreachable_pose_names_the_joint_that_has_no_room() -> None:
+    tilted = REST + np.array([0.0, 0.0, 0.0, 0.0, -0.8, 0.0])
+    outcomes = [
+        only(sortie(tilted * sign, joint_margin_rad=0.5, torque_limit_Nm=100.0, settle_limit_s=9.0))
+        for sign in (np.ones(6), np.array([1, 1, 1, 1, -1.0, 1]))
+    ]
+    assert any("joint 6" in o.reason and "degrees" in o.reason for o in outcomes)
+
+
+def test_limits_are_the_published_ones() -> None:
+    assert np.rad2deg(RANGE_RAD) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
+    assert pytest.approx([176, 176, 100, 100, 100, 38, 38]) == TORQUE_NM
+    assert np.rad2deg(SPEED_RAD_S) == pytest.approx([110, 110, 128, 128, 204, 184, 184])
+
+
+def test_the_same_sortie_gives_the_same_numbers() -> None:
+    control = machine()
+    first = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
+    control.sortie([Stop(1, some_poses(1)[0], (), 0.1, 0.2)])
+    again = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
+    assert np.array_equal(first.trace, again.trace)
+    assert math.isclose(first.reading_s, again.reading_s, rel_tol=0.0)
