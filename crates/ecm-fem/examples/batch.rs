@@ -116,9 +116,10 @@ fn main() -> Result<(), FemError> {
     };
     let angle = |r: &ecm_fem::CaseResult| (3..6).map(|k| r.pose[k] * r.pose[k]).sum::<f64>().sqrt();
     println!(
-        "fem: {seconds:.2} s, {cpu:.2} s of processor, {:.1} ms each, {:.2} Newton a case, {:.3} load steps, within the limit {:.3}",
+        "fem: {seconds:.2} s, {cpu:.2} s of processor, {:.1} ms each, {:.2} Newton and {:.2} factorisations a case, {:.3} load steps, within the limit {:.3}",
         1e3 * cpu / count as f64,
         mean(&|r| r.iterations as f64),
+        mean(&|r| r.factorisations as f64),
         mean(&|r| r.load_steps as f64),
         mean(&|r| f64::from(u8::from(angle(r) <= limit))),
     );

@@ -89,6 +89,9 @@ pub struct CaseResult {
     pub smallest_jacobian: f64,
     /// Newton iterations of all load steps.
     pub iterations: usize,
+    /// Factorisations, one of them at each equilibrium; fewer than iterations where the last
+    /// steps of Newton keep a factor.
+    pub factorisations: usize,
     /// Load steps.
     pub load_steps: usize,
     /// Norm of the residual over the force unit μ V / L.

@@ -19,12 +19,14 @@ impl Fem {
         guess: &Guess,
         watch: Watch,
     ) -> (CaseResult, State) {
+        let before = work.timing.factorisations;
         let mut state = guess.state(&self.point(load), self);
         work.ready = false;
         let (landing, mut iterations) = self.land(work, &mut state, load, TRUST, watch);
         let begin = match landing {
             Landing::Stable(mut result) => {
                 (result.iterations, result.load_steps) = (iterations, 1);
+                result.factorisations = work.timing.factorisations - before;
                 return (*result, state);
             }
             Landing::Failed(Failure::Cancelled) => self.begin_at_rest(0.5),
@@ -36,6 +38,7 @@ impl Fem {
         };
         let (mut result, state) = self.follow(work, begin, load, watch);
         result.iterations += iterations;
+        result.factorisations = work.timing.factorisations - before;
         (result, state)
     }
 

@@ -65,6 +65,9 @@ pub(super) const WANDERING: usize = 3;
 /// Smallest share of a Newton step that is tried.
 const SMALLEST_SHARE: f64 = 1.0 / 64.0;
 
+/// Gain of a step with an old factor that is worth the assembly.
+const CHORD_GAIN: f64 = 0.1;
+
 impl Workspace {
     pub fn new(fem: &Fem) -> Self {
         let n = fem.pattern.unknowns;
@@ -109,6 +112,7 @@ impl Fem {
         let mut previous_share = 1.0;
         let (mut unstable_iterates, mut wandering) = (0, 0);
         let mut last_residual = f64::INFINITY;
+        let mut factored = false;
         loop {
             if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 work.ready = false;
@@ -118,11 +122,19 @@ impl Fem {
             if work.balance.residual.is_nan() {
                 return Err((Failure::Diverged, iteration));
             }
-            if !work.ready {
+            let softened = self.body.is_softened(work.sums.softening);
+            let converged = work.balance.residual <= self.settings.tolerance && !softened;
+            // A step with the factor of the state before gains about twice what the last gained.
+            let gain = 2.0 * work.balance.residual / last_residual;
+            let chord = factored
+                && unstable_iterates == 0
+                && gain < CHORD_GAIN
+                && gain * work.balance.residual <= self.settings.tolerance;
+            if !work.ready && (converged || !chord) {
                 self.factorise(work).map_err(|f| (f, iteration))?;
             }
-            let softened = self.body.is_softened(work.sums.softening);
-            if work.balance.residual <= self.settings.tolerance && !softened {
+            factored = true;
+            if converged {
                 return Ok(iteration);
             }
             unstable_iterates += usize::from(work.balance.inner_instabilities > 0);

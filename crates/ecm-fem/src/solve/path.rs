@@ -44,7 +44,10 @@ impl Fem {
         load: &Load,
         watch: Watch,
     ) -> (CaseResult, State) {
-        self.follow(work, self.begin_at_rest(1.0), load, watch)
+        let before = work.timing.factorisations;
+        let (mut result, state) = self.follow(work, self.begin_at_rest(1.0), load, watch);
+        result.factorisations = work.timing.factorisations - before;
+        (result, state)
     }
 
     pub(super) fn begin_at_rest(&self, step: f64) -> Begin {
@@ -224,6 +227,7 @@ impl Fem {
             largest_stretch: strain.largest,
             smallest_jacobian: work.sums.smallest_jacobian,
             iterations: 0,
+            factorisations: 0,
             load_steps: 0,
             residual: work.balance.residual,
         }
