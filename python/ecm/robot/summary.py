@@ -66,7 +66,7 @@ def document(campaign: RobotCampaign) -> dict[str, Any]:
             if line.reason
         ],
         "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
-        "minutes": campaign.taken[-1].time_s / 60.0 if campaign.taken else 0.0,
+        "minutes": campaign.minutes,
         "off_known_m": {
             "largest": max((line.off_known_m for line in reached), default=0.0),
             "mean": float(np.mean([line.off_known_m for line in reached])) if reached else 0.0,
