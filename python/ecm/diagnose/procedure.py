@@ -144,7 +144,7 @@ def diagnose(
         held_out=_held_out(problem, accepted),
         further=tuple(item.to_dict() for item in further(problem, accepted)),
         signature=signature_shares(problem),
-        next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
+        next_experiment=tuple(next_experiments(problem, accepted, classes)),
         outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
         seed=seed,
         upper_bound=_upper_bound(problem, first),
