@@ -61,6 +61,7 @@ def fit_named(
 ) -> Model:
     """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
     from ecm.models import fit_model, physics_map
+    from ecm.models.physics import reach_of
 
     if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
         raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
@@ -71,7 +72,8 @@ def fit_named(
         body = table.meta.body() if mechanism is None else mechanism
         if body is not None:
             bar = console.bar("FEM of the body, kept for the next time")
-            physics = physics_map(body, threads=threads, progress=bar)
+            reach = reach_of(table)
+            physics = physics_map(body, threads=threads, progress=bar, reach_rad=reach)
     return fit_model(
         table,
         name,
@@ -108,16 +110,37 @@ def fit_summary(
     held_out = _held_out(table, name, seed) if pcr is None else None
     if held_out is not None:
         sentences += held_out.pop("sentences")
+    parameters = _parameters(fitted)
+    if parameters is not None:
+        sentences += parameters.pop("sentences")
     return {
         "schema": 1,
         "seed": seed,
         "model": fitted.name,
+        "parameters": parameters,
         "rows": len(measured),
         "held_out": held_out,
         "inputs": list(fitted.inputs),
         "outputs": list(fitted.outputs),
         "components": components,
         "sentences": sentences,
+    }
+
+
+def _parameters(fitted: Model) -> dict[str, Any] | None:
+    """What a refit of the physics found, with standard deviations and covariance."""
+    from ecm.models.physics import PhysicsMap
+    from ecm.models.physics_refit import physics_sentences
+
+    if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
+        return None
+    values, sd = fitted.base.coefficients, np.sqrt(np.diag(fitted.covariance))
+    return {
+        name: {"value": float(value), "sd": float(error)}
+        for name, value, error in zip(fitted.base.parameter_names, values, sd, strict=True)
+    } | {
+        "covariance": fitted.covariance.tolist(),
+        "sentences": physics_sentences(fitted.base, fitted.covariance),
     }
 
 
