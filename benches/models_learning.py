@@ -4,8 +4,9 @@
     python benches/models_learning.py --data SIMULATED.csv --out out/learning
 
 Plain cubic and energies of degree 4, 5, 6 from 10 to 1400 poses, drawn at random or D-optimal,
-without noise and with the rig's; then bodies that are not quite symmetric, with and without groups.
-Writes tables.md and figures.json into the folder of --out.
+without noise and with the rig's; the goals of both weights of a fit without noise; what decides
+the error of the cubic; then bodies that are not quite symmetric, with and without groups. Writes
+NAME.md and NAME.json of each part into the folder of --out; --part NAME makes one alone.
 """
 
 from __future__ import annotations
@@ -25,16 +26,20 @@ from ecm.effects import Rows
 from ecm.errors import EcmError
 from ecm.meta import Instrument, Meta
 from ecm.models import fit_model
+from ecm.models.fit import Weights
 from ecm.table import Table
 
 F = NDArray[np.float64]
 I = NDArray[np.int64]
+Figures = dict[str, object]
 L, RADIUS, MODULUS, POISSON = 0.1034, 0.033, 0.65e6, 0.49
 TEST = 300
 SIZES = (10, 20, 50, 100, 200, 1400)
 MODELS = ("cubic", "energy4", "energy5", "energy6")
 RIG = Noise(source="declared")
-NO_NOISE = Noise(1e-9, 1e-8, 1e-4, 1e-5, source="declared")
+NO_NOISE = Noise(0.0, 0.0, 0.0, 0.0, source="declared")
+DESIGN_STEPS = 20
+"""Budget of the D-optimal exchange, in disturbances of each chain: no clock, so reproducible."""
 BROKEN = ("anisotropy", "precurvature", "face_tilt")
 DRAWS = 8
 
@@ -71,7 +76,7 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
         regressor = _native.polynomial_regressor(poses, 3, poses.min(axis=0), poses.max(axis=0))
         if n < regressor.shape[1]:
             return None
-        found = _native.d_optimal(regressor, n, starts=1, seed=0, time_limit_s=6.0)
+        found = _native.d_optimal(regressor, n, starts=1, seed=0, iterations=25 * DESIGN_STEPS)
     else:
         base = fit_model(table_of(poses, wrenches), model).base
         columns = base.columns(poses) / wrenches.std(axis=0)[:, None]
@@ -80,7 +85,12 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
         if 6 * n < flat.shape[1]:
             return None
         found = _native.d_optimal(
-            np.ascontiguousarray(flat), n, rows_per_pose=6, starts=1, seed=0, time_limit_s=6.0
+            np.ascontiguousarray(flat),
+            n,
+            rows_per_pose=6,
+            starts=1,
+            seed=0,
+            iterations=DESIGN_STEPS,
         )
     return np.asarray(found.indices)
 
@@ -96,21 +106,25 @@ class Body:
         rows = Rows(table_of(poses[self.test], wrenches[self.test]), reference)
         self.whitener = whiteners(RIG.covariance(rows))
 
-    def errors(self, model: str, rows: I, noise: Noise | None, seed: int) -> tuple[F, float]:
+    def errors(
+        self, model: str, rows: I, noise: Noise | None, seed: int, weights: Weights = "auto"
+    ) -> tuple[F, float]:
         """(6,) RMSE and the whitened one on exact held-out pairs, of a fit to these rows."""
         poses, wrenches = self.poses[rows], self.wrenches[rows]
         if noise is not None:
             poses, wrenches = measured(poses, wrenches, noise, [seed, len(rows)])
         table = table_of(poses, wrenches, NO_NOISE if noise is None else noise)
         try:
-            base = fit_model(table, model).base
+            base = fit_model(table, model, weights=weights).base
         except EcmError:
             return np.full(6, np.inf), np.inf
         left = base.predict(self.poses[self.test]) - self.wrenches[self.test]
         white = np.einsum("nij,nj->ni", self.whitener, left)
         return np.sqrt((left**2).mean(axis=0)), float(np.sqrt((white**2).mean()))
 
-    def line(self, model: str, n: int, noise: Noise | None, design: bool) -> dict[str, object]:
+    def line(
+        self, model: str, n: int, noise: Noise | None, design: bool, weights: Weights = "auto"
+    ) -> dict[str, object]:
         """One row of a table: median and quartiles over draws."""
         pool = self.pool
         n = min(n, len(pool))
@@ -122,7 +136,7 @@ class Body:
                 np.sort(np.random.default_rng([d, n]).permutation(pool)[:n])
                 for d in range(DRAWS if n < len(pool) else 1 if noise is None else 3)
             ]
-        found = [self.errors(model, r, noise, d) for d, r in enumerate(rows)]
+        found = [self.errors(model, r, noise, d, weights) for d, r in enumerate(rows)]
         if not found:
             found = [(np.full(6, np.inf), np.inf)]
         each = np.array([f[0] for f in found])
@@ -248,31 +262,8 @@ def floor_line(lines: list[dict[str, object]]) -> list[str]:
     return text
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--broken", type=int, default=460, help="pairs per unsymmetric body")
-    arguments = parser.parse_args()
-    out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
-    if arguments.data is None:
-        from ecm.mechanism import Mechanism
-        from ecm.simulate import simulate
-
-        body = Mechanism.from_dict(
-            {"builtin": "cylinder", "length_m": L, "radius_m": RADIUS,
-             "young_modulus_Pa": MODULUS, "poisson_ratio": POISSON}, "bench",
-        )  # fmt: skip
-        pairs = simulate(body, 1700, directory=out / "fem")
-        poses, wrenches = pairs.poses, pairs.wrenches
-    else:
-        from ecm.table import read_table
-
-        data = read_table([arguments.data])
-        poses, wrenches = data.poses.copy(), data.wrenches.copy()
-    neck = Body(poses, wrenches)
-    figures: dict[str, object] = {"rows": len(poses)}
+def part_sizes(neck: Body, figures: Figures) -> list[str]:
+    """Random and designed poses, without noise and with it."""
     text = []
     for title, noise, design in (
         ("random poses, no noise", None, False),
@@ -292,25 +283,108 @@ def main() -> None:
         if noise is not None:
             text += ["Within 5 % of the noise floor from: " + "; ".join(floor_line(lines)), ""]
         print(f"{title}: {time.perf_counter() - start:.0f} s", flush=True)
-        (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
-    reach = np.linalg.norm(_native.mid_frame(poses, L)[:, :3], axis=1)
+    return text
+
+
+def part_goals(neck: Body, figures: Figures) -> list[str]:
+    """Degree 4 from 10 and degree 6 from 50 poses: how many times better than the cubic from 200.
+
+    Each weight of the fit, each way to choose the poses; the cubic's are chosen the same way.
+    """
+    found, text = [], []
+    for design in (False, True):
+        cubic = neck.line("cubic", 200, None, design)
+        for weights in ("spread", "noise"):
+            for model, n in (("energy4", 10), ("energy6", 50)):
+                own = neck.line(model, n, None, design, weights)
+                times = np.array(cubic["rmse"]) / np.array(own["rmse"])
+                where = "D-optimal" if design else "random"
+                found.append(
+                    {
+                        "poses": where,
+                        "weights": weights,
+                        "model": model,
+                        "n": n,
+                        "times": times.tolist(),
+                    }
+                )
+                shares = " | ".join(f"{v:.3g}" for v in times)
+                text.append(f"| {model} from {n} | {where} | {weights} | {shares} |")
+    figures["goals"] = found
+    return [
+        "### Goals without noise: error of the cubic from 200 poses over that of the energy",
+        "",
+        "| model | poses | weights | fx | fy | fz | tau_x | tau_y | tau_z |",
+        "|---|---|---|---|---|---|---|---|---|",
+        *text,
+        "",
+    ]
+
+
+def part_reach(neck: Body, figures: Figures) -> list[str]:
+    """Cut by the shift of the mid frame."""
+    reach = np.linalg.norm(_native.mid_frame(neck.poses, L)[:, :3], axis=1)
     lines = []
     for limit in (0.015, 0.020, 0.025, 0.030, 0.045):
-        part = Body(poses[reach < limit], wrenches[reach < limit], test=60)
+        part = Body(neck.poses[reach < limit], neck.wrenches[reach < limit], test=60)
         for model, n in (("cubic", 200), ("energy4", 10), ("energy4", 50), ("energy6", 50)):
             found = part.line(model, n, None, False)
             found["model"] = f"{model}, \\|c\\| < {1e3 * limit:.0f} mm"
             lines.append(found)
     figures["reach"] = lines
-    text += [
-        "### Neck, by the reach of the workspace, random poses, no noise",
-        "",
-        *shown(lines),
-        "",
+    title = "### Neck, by the reach of the workspace, random poses, no noise"
+    return [title, "", *shown(lines), ""]
+
+
+def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
+    """What decides the cubic's error: rotation, reach, axial load, load box, degree."""
+    angle = np.linalg.norm(neck.poses[:, 3:], axis=1)
+    reach = np.linalg.norm(_native.mid_frame(neck.poses, L)[:, :3], axis=1)
+    force = neck.wrenches
+    whole = np.ones(len(angle), dtype=np.bool_)
+    cuts = [
+        ("whole box", whole),
+        ("rotation < 0.5 rad", angle < 0.5),
+        ("\\|c\\| < 20 mm", reach < 0.020),
+        ("\\|fy, fz\\| < 50 N", np.hypot(force[:, 1], force[:, 2]) < 50.0),
+        ("\\|fx\\| < 40 N", np.abs(force[:, 0]) < 40.0),
     ]
-    (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
+    bodies = [(name, Body(neck.poses[m], neck.wrenches[m], test=60)) for name, m in cuts]
+    for share in (0.6, 0.5):
+        bodies.append((f"{share} of the box", Body(*smaller_box(share, 400, folder), test=60)))
+    lines = []
+    for name, body in bodies:
+        asked = [("cubic", 200), ("cubic", 5000)]
+        if name == "whole box":
+            asked += [("poly:4", 5000), ("poly:5", 5000)]
+        if "box" in name:
+            asked += [("energy4", 10), ("energy4", 50), ("energy5", 15), ("energy6", 50)]
+        for model, n in asked:
+            found = body.line(model, n, None, False)
+            found["model"] = f"{model}, {name}"
+            lines.append(found)
+    figures["loads"] = lines
+    return ["### Neck, what decides the error of the cubic, no noise", "", *shown(lines), ""]
+
+
+def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
+    """FEM pairs of a smaller load box, all six components by the same share."""
+    from ecm.mechanism import Mechanism
+    from ecm.simulate import TABLE_I_MAX, TABLE_I_MIN, Workspace, simulate
+
+    box = Workspace(
+        wrench_min=tuple(share * v for v in TABLE_I_MIN),
+        wrench_max=tuple(share * v for v in TABLE_I_MAX),
+    )
+    found = simulate(Mechanism(), count, box, seed=3, directory=folder / f"box-{share}")
+    return found.poses, found.wrenches
+
+
+def part_broken(wrenches: F, figures: Figures, folder: Path) -> list[str]:
+    """Bodies that are not quite symmetric, with and without the group of the fault."""
+    text = []
     for kind in BROKEN:
-        uneven = Body(*broken_body(kind, wrenches[: arguments.broken], out), test=60)
+        uneven = Body(*broken_body(kind, wrenches, folder), test=60)
         lines = [
             uneven.line(model, n, noise, False)
             for noise in (None, RIG)
@@ -322,9 +396,48 @@ def main() -> None:
         for title, part_lines in (("no noise", lines[:half]), ("the rig's noise", lines[half:])):
             text += [f"### Neck with {kind}, random poses, {title}", "", *shown(part_lines), ""]
         print(kind, flush=True)
-        (out / "tables.md").write_text("\n".join(text), encoding="utf-8")
-    (out / "figures.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
-    print((out / "tables.md").read_text(encoding="utf-8"))
+    return text
+
+
+PARTS = ("sizes", "goals", "reach", "loads", "broken")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--broken", type=int, default=460, help="pairs per unsymmetric body")
+    arguments = parser.parse_args()
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    if arguments.data is None:
+        from ecm.mechanism import Mechanism
+        from ecm.simulate import simulate
+
+        pairs = simulate(Mechanism(), 1700, directory=out / "fem")
+        poses, wrenches = pairs.poses, pairs.wrenches
+    else:
+        from ecm.table import read_table
+
+        data = read_table([arguments.data])
+        poses, wrenches = data.poses.copy(), data.wrenches.copy()
+    neck = Body(poses, wrenches)
+    for part in arguments.part or PARTS:
+        figures: Figures = {"rows": len(poses)}
+        if part == "sizes":
+            text = part_sizes(neck, figures)
+        elif part == "goals":
+            text = part_goals(neck, figures)
+        elif part == "reach":
+            text = part_reach(neck, figures)
+        elif part == "loads":
+            text = part_loads(neck, figures, out)
+        else:
+            text = part_broken(wrenches[: arguments.broken], figures, out)
+        (out / f"{part}.md").write_text("\n".join(text), encoding="utf-8")
+        (out / f"{part}.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        print("\n".join(text), flush=True)
 
 
 if __name__ == "__main__":

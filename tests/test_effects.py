@@ -53,7 +53,8 @@ def everything(rows: Rows) -> Rows:
             fts_resolution=(0.1, 0.1, 0.1, 0.003, 0.003, 0.003),
         ),
     )
-    return Rows(table.with_columns(columns).with_meta(meta), rows.base)
+    # Where the camera sees the platform, effects of the encoders cannot be tested.
+    return Rows(table.drop("leds_visible").with_columns(columns).with_meta(meta), rows.base)
 
 
 def rows_for(id: str, everything: Rows) -> Rows:

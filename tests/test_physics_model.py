@@ -7,6 +7,7 @@ is; the cache and the algebra are tried on bodies in closed form.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,12 +17,13 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm._native import EnergyModel
 from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
 from ecm.material import Material
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
-from ecm.models import PhysicsMap, fit_model, load_model, physics_build, physics_map
+from ecm.models import PhysicsMap, fit_model, load_model, physics, physics_build, physics_map
 from ecm.models.physics_build import (
     LENGTH_M,
     SHEAR_MODULUS_PA,
@@ -102,46 +104,61 @@ def _neck_like() -> tuple[F, F]:
     return poses, linear.predict(poses)
 
 
-@pytest.fixture
-def closed_form(monkeypatch: pytest.MonkeyPatch) -> ClosedForm:
+@pytest.fixture(scope="module")
+def closed_form() -> Iterator[ClosedForm]:
     """The build solves bodies in closed form."""
     bodies = ClosedForm()
     made = SimpleNamespace(fem=bodies.fem, diameter_over_length=0.066 / LENGTH_M)
-    monkeypatch.setattr(physics_build, "_Bodies", lambda shape: made)
-    return bodies
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(physics_build, "_Bodies", lambda shape: made)
+        yield bodies
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache folder that the tests in closed form share."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def base(closed_form: ClosedForm, folder: Path) -> PhysicsMap:
+    """The family of the closed form."""
+    return physics_map(NECK, cache=folder, settings=SMALL)
+
+
+def some_poses(count: int) -> F:
+    """Of a body as stiff as the neck."""
+    stiffness = np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0])
+    return workspace_poses(stiffness, LENGTH_M, count, seed=9)
 
 
 def test_a_family_gives_bodies_between_its_own_back(
-    closed_form: ClosedForm, tmp_path: Path
+    base: PhysicsMap, closed_form: ClosedForm
 ) -> None:
-    base = physics_map(NECK, cache=tmp_path, settings=SMALL)
     assert base.family is not None
+    assert (base.family.symmetry, base.family.degree) == ("alike", 6)
     assert np.all(base.family.error_over_noise < 1e-6)
-    poses = workspace_poses(np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0]), LENGTH_M, 40, seed=9)
+    poses = some_poses(40)
     nu, x = 0.45, 0.03
-    energy = closed_form.energy(compressibility(nu), x)
     fixed = base.at(
         young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + nu),
         poisson_ratio=nu,
         diameter_m=0.066 * np.exp(x),
     )
-    wanted = energy.predict(poses)
+    wanted = closed_form.energy(compressibility(nu), x).predict(poses)
     np.testing.assert_allclose(fixed.predict(poses), wanted, rtol=0, atol=1e-6 * abs(wanted).max())
-    # By dimension: twice the size and half the modulus is twice the force at twice the shift.
+    # By dimension: half the modulus at twice the size is twice the force at twice the shift.
     body = dict(zip(PARAMETERS, [0.9e6, 0.47, LENGTH_M, 0.066], strict=True))
-    large = base.at(**{**body, "young_modulus_Pa": 0.45e6, "length_m": 2 * LENGTH_M,
-                       "diameter_m": 0.132})  # fmt: skip
-    double = poses * np.array([2.0] * 3 + [1.0] * 3)
-    ratio = large.predict(double) / base.at(**body).predict(poses)
-    np.testing.assert_allclose(ratio, np.repeat([[2.0] * 3 + [4.0] * 3], 40, axis=0), rtol=1e-9)
+    double = {"young_modulus_Pa": 0.45e6, "length_m": 2 * LENGTH_M, "diameter_m": 0.132}
+    large = base.at(**{**body, **double}).predict(poses * np.repeat([2.0, 1.0], 3))
+    ratio = large / base.at(**body).predict(poses)
+    np.testing.assert_allclose(ratio, np.tile(np.repeat([2.0, 4.0], 3), (40, 1)), rtol=1e-9)
 
 
-def test_sensitivities_are_the_slopes_of_the_family(
-    closed_form: ClosedForm, tmp_path: Path
-) -> None:
-    base = physics_map(NECK, cache=tmp_path, settings=SMALL).with_free(*PARAMETERS)
+def test_sensitivities_are_the_slopes_of_the_family(base: PhysicsMap) -> None:
+    base = base.with_free(*PARAMETERS)
     base = base.with_coefficients(np.array([0.7e6, 0.46, 0.1025, 0.0668]))
-    poses = workspace_poses(np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0]), LENGTH_M, 20, seed=9)
+    poses = some_poses(20)
     columns = base.columns(poses)
     assert base.values is not None
     for j, name in enumerate(PARAMETERS):
@@ -156,46 +173,62 @@ def test_sensitivities_are_the_slopes_of_the_family(
 
 
 def test_a_shape_is_built_once_whatever_its_size_and_modulus(
-    closed_form: ClosedForm, tmp_path: Path
+    base: PhysicsMap, closed_form: ClosedForm, folder: Path
 ) -> None:
     seen: list[tuple[int, int]] = []
-    first = physics_map(
-        NECK,
-        cache=tmp_path,
-        settings=SMALL,
-        progress=lambda done, total, _: seen.append((done, total)),
-    )
-    assert closed_form.solved == 12
-    assert seen[-1] == (288, 288)
-    again = physics_map(NECK, cache=tmp_path, settings=SMALL)
+
+    def show(done: int, total: int, _: str) -> None:
+        seen.append((done, total))
+
+    before = closed_form.solved
+    again = physics_map(NECK, cache=folder, settings=SMALL)
     other = replace(NECK, young_modulus_Pa=0.9e6, length_m=0.2068, radius_m=0.066)
-    scaled = physics_map(other, cache=tmp_path, settings=SMALL)
-    assert closed_form.solved == 12
-    poses = np.array([[0.1, 0.01, 0.0, 0.1, 0.0, 0.1]])
-    np.testing.assert_array_equal(first.predict(poses), again.predict(poses))
+    scaled = physics_map(other, cache=folder, settings=SMALL)
+    assert closed_form.solved == before
+    poses = some_poses(5)
+    np.testing.assert_array_equal(base.predict(poses), again.predict(poses))
     assert scaled.length_m == 0.2068
     assert scaled.mechanism["young_modulus_Pa"] == 0.9e6
-    physics_map(replace(NECK, radius_m=0.034), cache=tmp_path, settings=SMALL)
-    assert closed_form.solved == 24
+    physics_map(replace(NECK, radius_m=0.034), cache=folder, settings=SMALL, progress=show)
+    assert closed_form.solved == before + 12
+    assert seen[-1] == (9 * SMALL.poses + 3 * SMALL.test_poses,) * 2
     with pytest.raises(InputError, match="needs a body"):
-        physics_map(Mechanism(builtin="", young_modulus_Pa=0.0), cache=tmp_path)
+        physics_map(Mechanism(builtin="", young_modulus_Pa=0.0), cache=folder)
 
 
-def test_an_interrupted_build_goes_on(closed_form: ClosedForm, tmp_path: Path) -> None:
-    closed_form.fail_at = 5
+def test_an_interrupted_build_goes_on(
+    base: PhysicsMap, closed_form: ClosedForm, tmp_path: Path
+) -> None:
+    before = closed_form.solved
+    closed_form.fail_at = before + 5
     with pytest.raises(KeyboardInterrupt):
         physics_map(NECK, cache=tmp_path, settings=SMALL)
     closed_form.fail_at = None
     found = physics_map(NECK, cache=tmp_path, settings=SMALL)
-    assert closed_form.solved == 12
-    fresh = physics_map(NECK, cache=tmp_path / "fresh", settings=SMALL)
-    poses = np.array([[0.1, 0.01, 0.0, 0.1, 0.0, 0.1]])
-    np.testing.assert_array_equal(found.predict(poses), fresh.predict(poses))
-    assert [p.suffix for p in tmp_path.iterdir() if p.is_file()] == [".json"]
-    damaged = next(tmp_path.glob("*.json"))
-    damaged.write_text(damaged.read_text().replace('"degree": 6', '"degree": "six"'))
-    physics_map(NECK, cache=tmp_path, settings=SMALL)
-    assert closed_form.solved == 36
+    assert closed_form.solved == before + 12
+    poses = some_poses(5)
+    np.testing.assert_array_equal(found.predict(poses), base.predict(poses))
+    (left,) = tmp_path.iterdir()
+    left.write_text(left.read_text().replace('"degree": 6', '"degree": "six"'))
+    assert physics._read(left) is None
+
+
+def test_ends_that_differ_are_noticed(closed_form: ClosedForm, tmp_path: Path) -> None:
+    wanted = EnergyModel.from_coefficients(
+        length_m=LENGTH_M, degree=4, symmetry="revolution", scale=np.array([0.04, 0.8]),
+        coefficients=np.concatenate([[0.0, 20.0, 3.0, 2.0, 1.3, 0.4], np.full(22, 0.01)]),
+    )  # fmt: skip
+    plain = closed_form.energy
+    closed_form.energy = lambda s, x: wanted  # type: ignore[method-assign]
+    try:
+        found = physics_map(NECK, cache=tmp_path, settings=SMALL)
+    finally:
+        closed_form.energy = plain  # type: ignore[method-assign]
+    assert found.family is not None
+    assert found.family.symmetry == "revolution"
+    np.testing.assert_allclose(
+        found.predict(some_poses(5)), wanted.predict(some_poses(5)), rtol=1e-5
+    )
 
 
 def test_bodies_keep_their_law_when_nu_changes() -> None:

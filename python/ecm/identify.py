@@ -26,6 +26,7 @@ from ecm.design import Design, choose, diagnosable_plan, paper_plan
 from ecm.errors import MissingExtra
 from ecm.loop import run_loop
 from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models.physics import reach_of
 from ecm.report.page import require_report
 from ecm.rig import HiddenTable, RigSettings, run_campaign
 from ecm.simulate import Simulated, simulate
@@ -118,7 +119,7 @@ def identify(
         designs = _select(job, pairs, train, test, summary)
     with job.step("measure", "3 Measure and identify: the simulated rig"):
         campaigns = _measure(job, pairs, train, designs, summary)
-        physics = _physics(job)
+        physics = _physics(job, pairs)
         _identify(job, campaigns, physics, summary)
     with job.step("loop", "4 The loop: an effect is hidden in the rig, and found again"):
         _loop(job, pairs, train, physics, summary)
@@ -331,10 +332,15 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
     return read_table(out)
 
 
-def _physics(job: Job) -> PhysicsMap:
-    """FEM of the body as a map; built once per shape, in the cache folder."""
+def _physics(job: Job, pairs: Simulated) -> PhysicsMap:
+    """FEM of the body as a map over these pairs; built once per shape, in the cache folder."""
     bar = job.console.bar("FEM of the body, kept for the next time")
-    return physics_map(job.config.mechanism, threads=job.threads, progress=bar)
+    return physics_map(
+        job.config.mechanism,
+        threads=job.threads,
+        progress=bar,
+        reach_rad=reach_of(pairs.table()),
+    )
 
 
 def _identify(

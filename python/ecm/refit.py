@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from ecm.compare.lack_of_fit import orthonormal
 from ecm.compare.noise import Noise, whiteners
 from ecm.effects.protocol import Effect
 from ecm.effects.rows import Rows
@@ -22,6 +23,7 @@ F = NDArray[np.float64]
 
 _MAX_ITERATIONS = 8
 _TOLERANCE = 1e-4
+_REFINEMENTS = 4
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,48 @@ def joint_fit(
         iterations=iteration,
         converged=converged,
     )
+
+
+def best_shape(
+    base: StiffnessMap,
+    others: Sequence[FittedEffect],
+    effect: Effect,
+    table: Table,
+    noise: Noise,
+    *,
+    freeze_base: bool = False,
+) -> Effect:
+    """The variant of an effect that explains most of what base and other effects leave.
+
+    By the score test of its tangent, less ln(n) for each parameter; shapes between the best of a
+    coarse grid and its neighbours are tried as well.
+    """
+    variants = effect.variants(table)
+    if len(variants) == 1:
+        return variants[0]
+    fit = joint_fit(base, others, table, noise, freeze_base=freeze_base)
+    size = fit.whitened.size
+    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
+    fixed = orthonormal(fit.design.reshape(size, -1))
+    y = fit.whitened.ravel() - fixed @ (fixed.T @ fit.whitened.ravel())
+
+    def value(shape: Effect) -> float:
+        columns = np.einsum(
+            "nij,njk->nik", whitener, shape.jacobian(fit.rows, np.zeros(len(shape.parameters)))
+        ).reshape(size, -1)
+        left = columns - fixed @ (fixed.T @ columns)
+        if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ y)):
+            return -np.inf
+        own = orthonormal(left)
+        return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
+
+    found = max(((value(shape), -i) for i, shape in enumerate(variants)))
+    most, best = found[0], variants[-found[1]]
+    for round_ in range(_REFINEMENTS):
+        for shape in best.refined(table, round_):
+            if (own := value(shape)) > most:
+                most, best = own, shape
+    return best
 
 
 def _start(item: FittedEffect | Effect) -> FittedEffect:

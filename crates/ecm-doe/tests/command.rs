@@ -484,7 +484,24 @@ fn damaged_tables_end_with_a_plan_or_a_message() {
 fn help_man_page_and_completions() {
     let help = design(&["--help"]);
     assert_eq!(help.status.code(), Some(0));
-    assert!(text(&help.stdout).lines().count() <= 40, "one screen");
+    let help = text(&help.stdout);
+    assert!(help.lines().count() <= 24, "one screen");
+    assert!(
+        help.lines().all(|line| line.chars().count() <= 80),
+        "{help}"
+    );
+    // What the man page lists, the screen names.
+    let page = text(&design(&["--man"]).stdout)
+        .replace("\\-", "-")
+        .replace("\\fB", "");
+    let mut options = 0;
+    for line in page.lines().filter(|l| l.starts_with("--")) {
+        let end = line.find(['\\', '=', ' ', ',', '\n']);
+        let option = &line[..end.unwrap_or(line.len())];
+        assert!(help.contains(option), "{option} is not in --help");
+        options += 1;
+    }
+    assert!(options >= 20, "{options} of {page}");
     assert!(text(&design(&["--man"]).stdout).contains(".TH ecm-design"));
     for shell in ["bash", "zsh", "fish"] {
         assert!(
@@ -530,4 +547,90 @@ fn an_interrupted_search_keeps_the_best() {
         assert!(text(&result.stderr).contains("interrupted: kept the best"));
         assert_eq!(std::fs::read_to_string(&out).unwrap().lines().count(), 101);
     }
+}
+
+/// The protocols: the paper's visits each pose once after two seconds; the diagnosable one from two
+/// sides, after three dwells, with checks between; effects need what only `ecm design` knows.
+#[test]
+fn protocols_of_a_plan() {
+    let dir = folder("protocols");
+    let path = candidates(&dir, 200);
+    std::fs::write(dir.join("c.toml"), "[mechanism]\nlength_m = 0.1\n").unwrap();
+    let base = [
+        path.to_str().unwrap(),
+        "--n",
+        "30",
+        "--criterion",
+        "maximin",
+    ];
+    let base = [&base[..], &["--iterations", "5", "--quiet"]].concat();
+    let plan = |preset: &str| -> Vec<Vec<String>> {
+        let result = design(&[&base[..], &["--preset", preset]].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", text(&result.stderr));
+        let mut reader = csv::Reader::from_reader(&result.stdout[..]);
+        let header: Vec<String> = reader.headers().unwrap().iter().map(Into::into).collect();
+        assert_eq!(
+            header[6..],
+            [
+                "note", "pose_id", "kind", "approach", "dwell_s", "run", "action"
+            ]
+        );
+        let rows = reader
+            .records()
+            .map(|r| r.unwrap().iter().map(Into::into).collect());
+        rows.collect()
+    };
+    let paper = plan("paper");
+    assert_eq!(paper.len(), 30);
+    assert!(
+        paper
+            .iter()
+            .all(|r| r[8..] == ["pose", "initial", "2.0", "0", "measure"])
+    );
+    let rows = plan("diagnosable");
+    let poses: Vec<&Vec<String>> = rows.iter().filter(|r| r[8] == "pose").collect();
+    assert_eq!(poses.len(), 60);
+    let ids: std::collections::HashSet<&str> = poses.iter().map(|r| r[7].as_str()).collect();
+    assert_eq!(ids.len(), 30);
+    let sides: std::collections::HashSet<&str> = poses.iter().map(|r| r[9].as_str()).collect();
+    assert!(sides.len() > 5 && sides.contains("initial"));
+    assert!(sides.iter().all(|s| *s == "initial" || ids.contains(s)));
+    // From the other side: (p - p_from) M (p - p0) < 0.
+    let at = |id: &str| -> Vec<f64> {
+        let row = poses.iter().find(|r| r[7] == id).unwrap();
+        let rest = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let unit = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+        (0..6)
+            .map(|c| unit[c] * (row[c].parse::<f64>().unwrap() - rest[c]))
+            .collect()
+    };
+    for row in poses.iter().filter(|r| r[9] != "initial") {
+        let (p, from) = (at(&row[7]), at(&row[9]));
+        let side: f64 = (0..6).map(|c| (p[c] - from[c]) * p[c]).sum();
+        assert!(side < 0.0, "{row:?} {side}");
+    }
+    let dwells: std::collections::HashSet<&str> = poses.iter().map(|r| r[10].as_str()).collect();
+    assert_eq!(dwells, ["2.0", "8.0", "30.0"].into());
+    assert_eq!(rows.iter().filter(|r| r[8] == "home").count(), 7);
+    assert_eq!(rows.iter().filter(|r| r[8] == "unloaded").count(), 3);
+    for check in rows.iter().filter(|r| r[8] != "pose") {
+        assert_eq!(check[..6], ["0.1", "0", "0", "0", "0", "0"]);
+        assert_eq!((check[7].as_str(), check[9].as_str()), ("-1", ""));
+    }
+    let effects = design(&[&base[..], &["--effects", "fts_drift"]].concat());
+    assert_eq!(effects.status.code(), Some(2));
+    assert!(text(&effects.stderr).contains("ecm design --preset diagnosable --effects"));
+    let other = dir.join("o.csv");
+    std::fs::write(&other, "a,b\n1,2\n3,4\n5,7\n").unwrap();
+    let refused = design(&[
+        other.to_str().unwrap(),
+        "--n",
+        "3",
+        "--model",
+        "linear",
+        "--preset",
+        "paper",
+    ]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--preset needs pose columns"));
 }

@@ -4,11 +4,11 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use ecm_poly::Symmetry;
 use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
 use ecm_poly::cubic::Cubic;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::energy::{EnergyPlan, EnergyTables, LanePlan, LaneTables};
+use ecm_poly::{EnergyModel, PolynomialModel, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Pose, Real};
 
@@ -108,7 +108,48 @@ impl<const B: usize> Task for LaneTask<'_, B> {
     }
 }
 
+/// Nanoseconds a row of 1000 rows in one call, as Python calls them.
+fn bulk() {
+    const ROWS: usize = 1000;
+    let unit = [1.0; 6];
+    let coefficients: Vec<f64> = (0..84 * 6).map(|i| (i as f64).sin()).collect();
+    let cubic = PolynomialModel::from_coefficients(3, &unit.map(|x: f64| -x), &unit, &coefficients)
+        .unwrap();
+    let points: Vec<[f64; 6]> = (0..ROWS)
+        .map(|i| std::array::from_fn(|k| ((i * 7 + k * 3) as f64 * 0.37).sin()))
+        .collect();
+    let poses: Vec<[f64; 6]> = points
+        .iter()
+        .map(|p| std::array::from_fn(|k| p[k] * [0.01, 0.02, 0.02, 0.4, 0.4, 0.4][k]))
+        .map(|p: [f64; 6]| [p[0] + 0.1034, p[1], p[2], p[3], p[4], p[5]])
+        .collect();
+    let rows = terms(Symmetry::Alike, 6).unwrap();
+    let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
+    let energy =
+        EnergyModel::from_coefficients(0.1034, 6, Symmetry::Alike, [0.03, 0.8], &weights).unwrap();
+    let measure = |name: &str, call: &dyn Fn()| {
+        let mut best = f64::INFINITY;
+        for _ in 0..200 {
+            let begin = Instant::now();
+            call();
+            best = best.min(begin.elapsed().as_secs_f64() / ROWS as f64);
+        }
+        println!("{:44} {:8.1} ns", format!("bulk, {name}"), best * 1e9);
+    };
+    let flat = points.as_flattened();
+    measure("cubic h", &|| drop(black_box(cubic.predict(flat))));
+    measure("cubic K", &|| drop(black_box(cubic.jacobian(flat))));
+    measure("energy6 h", &|| drop(black_box(energy.predict(&poses))));
+    measure("energy6 K", &|| {
+        drop(black_box(energy.stiffness(&poses, StiffnessKind::Partial)));
+    });
+}
+
 fn main() {
+    bulk();
+    if std::env::args().any(|a| a == "--bulk") {
+        return;
+    }
     let points: Vec<[f64; 6]> = (0..CALLS)
         .map(|i| {
             std::array::from_fn(|k| {

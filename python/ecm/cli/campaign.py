@@ -37,6 +37,13 @@ def campaign(
             "--hide", metavar="EFFECT=S", help="Hide an effect of strength S; random; none."
         ),
     ] = None,
+    film: Annotated[
+        Path | None, typer.Option("--film", metavar="FILE.gif", help="The arm at the first poses.")
+    ] = None,
+    phases: Annotated[
+        Path | None,
+        typer.Option("--phases", metavar="FILE.png", help="The arm's phases at the first pose."),
+    ] = None,
     json: Json = None,
     seed: Seed = 0,
     threads: Threads = 0,
@@ -47,8 +54,12 @@ def campaign(
     from ecm.rig import campaign_minutes, run_campaign
 
     with Console(quiet=quiet) as console:
-        output(out, json)
+        output(out, json, film, phases)
         settings = read_rig(rig)
+        if film is not None or phases is not None:
+            from ecm.robot.show import need_robot
+
+            need_robot(settings, ("--film", film), ("--phases", phases))
         table = load([plan], console, need="predict")
         console.say(f"{len(table)} visits, about {campaign_minutes(table, settings):.0f} minutes")
         keep_note("Readings so far are kept: the same command goes on there.")
@@ -60,3 +71,16 @@ def campaign(
             console.warn(warning)
         save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
         console.say(f"{out}: {len(data)} rows")
+        if settings.rig.mode == "robot":
+            from ecm.robot.run import robot_path
+            from ecm.robot.show import show
+            from ecm.robot.summary import words
+
+            for line in words(robot_path(out)):
+                console.say(line)
+            if film is not None or phases is not None:
+                for line in show(
+                    table, settings, film=film, phases=phases, seed=seed, threads=threads,
+                    progress=console.bar("pictures"),
+                ):  # fmt: skip
+                    console.say(line)

@@ -56,7 +56,7 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """Rank the effects that the model may lack, and say which one is missing."""
-    from ecm.cli.models import open_model
+    from ecm.cli.models import open_model, prepare_physics
     from ecm.cli.reports import write_diagnosis
     from ecm.compare import compare
     from ecm.diagnose import diagnose as run
@@ -66,7 +66,9 @@ def diagnose(
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        before = open_model(model)
+        before = open_model(model, console)
+        if before.base.kind != "physics":
+            prepare_physics(table, console, threads)
         found = run(before, table, seed=seed)
         document = found.to_dict()
         document["warnings"] = [*document["warnings"], *table.warnings]

@@ -67,7 +67,7 @@ def export(
         output_directory(out)
         output(json)
         load_effects()
-        exported = export_files(open_model(model), to.value, name, precision.value)
+        exported = export_files(open_model(model, console), to.value, name, precision.value)
         for path, text in exported.files.items():
             file = out / path
             file.parent.mkdir(parents=True, exist_ok=True)

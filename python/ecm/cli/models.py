@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,7 +15,7 @@ from ecm.errors import InputError
 if TYPE_CHECKING:
     from ecm.cli.console import Console
     from ecm.mechanism import Mechanism
-    from ecm.models import Model
+    from ecm.models import Model, PhysicsMap
     from ecm.models.fit import Weights
     from ecm.table import Table
 
@@ -26,14 +26,41 @@ _FAR = 0.1
 """A pose is outside the training data beyond this share of the range of a column."""
 
 
-def open_model(name: str) -> Model:
+def build_bar(console: Console) -> Callable[[int, int, str], object]:
+    """A progress bar that appears only if the physics base is not there yet."""
+    drawn: list[Callable[..., None] | None] = []
+
+    def show(done: int, total: int, word: str) -> None:
+        if not drawn:
+            drawn.append(console.bar("FEM of the body, kept for the next time"))
+        if drawn[0] is not None:
+            drawn[0](done, total, word)
+
+    return show
+
+
+def open_model(name: str, console: Console | None = None) -> Model:
     """MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model."""
     from ecm.models import Model, load_model, physics_map
 
     path = Path(name)
     if path.suffix.lower() != ".toml":
         return load_model(path)
-    return Model(base=physics_map(_mechanism(path)))
+    bar = None if console is None else build_bar(console)
+    return Model(base=physics_map(_mechanism(path), progress=bar))
+
+
+def prepare_physics(table: Table, console: Console, threads: int = 0) -> PhysicsMap | None:
+    """The physics base of the table's `[mechanism]`, built under a progress bar where it is new."""
+    from ecm.models import physics_map
+    from ecm.models.physics import reach_of
+
+    body = table.meta.body()
+    if body is None or not body.has_body or not table.has(*POSE, *WRENCH):
+        return None
+    return physics_map(
+        body, threads=threads, progress=build_bar(console), reach_rad=reach_of(table)
+    )
 
 
 def _mechanism(path: Path) -> Mechanism:
@@ -61,6 +88,7 @@ def fit_named(
 ) -> Model:
     """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
     from ecm.models import fit_model, physics_map
+    from ecm.models.physics import reach_of
 
     if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
         raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
@@ -70,8 +98,9 @@ def fit_named(
     if name == "physics":
         body = table.meta.body() if mechanism is None else mechanism
         if body is not None:
-            bar = console.bar("FEM of the body, kept for the next time")
-            physics = physics_map(body, threads=threads, progress=bar)
+            reach = reach_of(table)
+            bar = build_bar(console)
+            physics = physics_map(body, threads=threads, progress=bar, reach_rad=reach)
     return fit_model(
         table,
         name,
@@ -108,16 +137,37 @@ def fit_summary(
     held_out = _held_out(table, name, seed) if pcr is None else None
     if held_out is not None:
         sentences += held_out.pop("sentences")
+    parameters = _parameters(fitted)
+    if parameters is not None:
+        sentences += parameters.pop("sentences")
     return {
         "schema": 1,
         "seed": seed,
         "model": fitted.name,
+        "parameters": parameters,
         "rows": len(measured),
         "held_out": held_out,
         "inputs": list(fitted.inputs),
         "outputs": list(fitted.outputs),
         "components": components,
         "sentences": sentences,
+    }
+
+
+def _parameters(fitted: Model) -> dict[str, Any] | None:
+    """What a refit of the physics found, with standard deviations and covariance."""
+    from ecm.models.physics import PhysicsMap
+    from ecm.models.physics_refit import physics_sentences
+
+    if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
+        return None
+    values, sd = fitted.base.coefficients, np.sqrt(np.diag(fitted.covariance))
+    return {
+        name: {"value": float(value), "sd": float(error)}
+        for name, value, error in zip(fitted.base.parameter_names, values, sd, strict=True)
+    } | {
+        "covariance": fitted.covariance.tolist(),
+        "sentences": physics_sentences(fitted.base, fitted.covariance),
     }
 
 

@@ -60,7 +60,7 @@ def refit(
             raise InputError("nothing to change: give --add EFFECT, --remove EFFECT or --freeze")
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        changed = open_model(model)
+        changed = open_model(model, console)
         for id in remove or ():
             changed = changed.remove(id)
         for id in add or ():

@@ -55,12 +55,12 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
         for i in range(len(names))
         for j in range(i)
     ]
-    covariates = _covariates(rows)
-    own = [(values, name) for name, values in covariates.items()]
-    bent = [(v**2, f"{name}^2") for name, v in covariates.items() if name == "time_s"]
+    beside = covariates(rows)
+    own = [(values, name) for name, values in beside.items()]
+    bent = [(v**2, f"{name}^2") for name, v in beside.items() if name == "time_s"]
     products = [
         (scaled[:, j] * values, f"{name}*{names[j]}")
-        for name, values in covariates.items()
+        for name, values in beside.items()
         for j in range(len(names))
     ]
     one = [(np.ones(len(rows)), "constant")]
@@ -68,7 +68,8 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
 
 
-def _covariates(rows: Rows) -> dict[str, F]:
+def covariates(rows: Rows) -> dict[str, F]:
+    """Standardised variables (N,) beside the pose that a residual may follow."""
     table = rows.table
     found: dict[str, F] = {}
     for name in offered(table, rows.base.inputs, rows.base.outputs):

@@ -15,6 +15,12 @@ F = NDArray[np.float64]
 
 SEPARABLE = 0.1
 MOST_IN_CLASS = 3
+_FORM = 0.06
+"""What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
+no more than this may be the truth."""
+_NEAR = 0.6
+"""Share of what an effect explains within which a rival may stand for it where the form is in
+doubt."""
 
 
 def separability(
@@ -60,7 +66,10 @@ def answer_class(
         if rival.id in present:
             continue
         loss = own - bic(equations, problem, (*others, rival))
-        alike = separability(problem, equations, item, rival, others) < SEPARABLE
+        alike = (
+            loss < max(least, _FORM * own)
+            and separability(problem, equations, item, rival, others) < SEPARABLE
+        )
         if rival in problem.shadows:
             # The data cannot show its true form: half of what the named one explains is enough.
             alike = alike or loss < 0.5 * own
@@ -71,6 +80,28 @@ def answer_class(
     # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
     alike_only = [id for id in ordered if id not in near][: max(0, MOST_IN_CLASS - 1 - len(near))]
     return [item.id, *near, *alike_only]
+
+
+def widened(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
+) -> list[str]:
+    """The class of an effect whose form leaves a part of the structure: its nearest rivals too.
+
+    The truth may be an effect that no library holds; then the nearest names share its look.
+    """
+    equations = normal_equations(problem)
+    others = [other for other in chosen if other is not item]
+    present = {other.id for other in chosen} | set(members)
+    own, rest = bic(equations, problem, chosen), bic(equations, problem, others)
+    losses: dict[str, float] = {}
+    for rival in (*problem.candidates, *problem.shadows):
+        if rival.id not in present:
+            loss = own - bic(equations, problem, (*others, rival))
+            losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
+    near = sorted(
+        (id for id in losses if losses[id] < _NEAR * (own - rest)), key=losses.__getitem__
+    )
+    return [*members, *near[: max(0, MOST_IN_CLASS - len(members))]]
 
 
 def confusable(problem: Problem) -> list[list[str]]:

@@ -1,21 +1,43 @@
-"""Which measurement would tell the members of a class apart."""
+"""Which measurement would tell the members of a class apart, and how surely.
+
+With the larger of two effects as the truth, the chance that its fit beats that of its rival is
+Phi(d / 2), d^2 the part of its correction (in noise units) that base, other effects and rival
+cannot imitate together. A campaign adds the d^2 of its rows; a measurement by hand (calliper,
+survey) adds the square of the parameter over what the tool can resolve.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from ecm.effects import all_effects
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ecm.compare.gram import solve
+from ecm.compare.noise import whiteners
+from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.search import estimate, normal_equations
+from ecm.diagnose.tangents import tangent
+from ecm.effects import Rows, all_effects
+from ecm.errors import EcmError
+from ecm.refit import base_columns
+
+F = NDArray[np.float64]
 
 # Minutes of an afternoon at the rig, set-up included.
 _MINUTES = (
     ("remount", 30),
     ("calliper", 10),
+    ("detached length", 10),
     ("dead weight", 30),
     ("unloaded", 10),
     ("zero", 10),
     ("payload", 15),
+    ("cable", 10),
     ("survey", 30),
     ("gauge", 20),
     ("warm", 60),
@@ -24,25 +46,53 @@ _MINUTES = (
     ("dwell", 20),
     ("re-seat", 20),
     ("both sides", 20),
+    ("end for end", 30),
     ("repeat", 20),
 )
+_RESOLVED = {"m": 5e-5, "rad": 5e-4, "1": 1e-3, "N": 0.5, "N m": 0.02, "kg": 0.01, "kg m": 1e-3}
+"""What a measurement by hand resolves, by unit."""
+_BY_HAND = "calliper|detached|survey|gauge|re-seat|dead weight|look at|zero without"
+_PAUSE_S = 600.0
+_DIFFERENT = (("cable", {"cable_attached": 0.0}),)
+"""What is different in the run of an action that is done by hand before poses are repeated."""
 
 
-def next_experiments(classes: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
-    """Actions that separate the members of each class, quick ones first."""
+def next_experiments(
+    problem: Problem, chosen: Sequence[Candidate], classes: Sequence[Sequence[str]]
+) -> list[dict[str, Any]]:
+    """Actions that separate the members of each class, the largest gain per minute first."""
     known = {effect.id: effect for effect in all_effects()}
-    found: dict[str, list[str]] = {}
-    for members in classes:
+    found: dict[str, dict[str, Any]] = {}
+    for item, members in zip(chosen, classes, strict=True):
+        if len(members) < 2:
+            continue
+        others = [other for other in chosen if other is not item]
         for id in members:
             rivals = known[id].rivals if id in known else {}
             for other in members:
                 if other in rivals:
-                    found.setdefault(rivals[other], []).append(f"{id} or {other}")
-    listed = [
-        {"action": action, "minutes": _minutes(action), "separates": sorted(set(pairs))}
-        for action, pairs in found.items()
-    ]
-    return sorted(listed, key=lambda item: (item["minutes"], item["action"]))
+                    entry = found.setdefault(rivals[other], {"separates": set(), "odds": []})
+                    entry["separates"].add(f"{id} or {other}")
+        for action, entry in found.items():
+            odds = _odds(problem, others, item, members, action)
+            if odds is not None:
+                entry["odds"].append(odds)
+    listed = [_entry(action, entry) for action, entry in found.items()]
+    return sorted(listed, key=lambda e: (-e.pop("gain") / e["minutes"], e["minutes"], e["action"]))
+
+
+def _entry(action: str, entry: dict[str, Any]) -> dict[str, Any]:
+    before = float(np.prod([odds[0] for odds in entry["odds"]])) if entry["odds"] else None
+    after = float(np.prod([odds[1] for odds in entry["odds"]])) if entry["odds"] else None
+    gain = 0.0 if before is None or after is None else after - before
+    return {
+        "action": action,
+        "minutes": _minutes(action),
+        "separates": sorted(entry["separates"]),
+        "p_correct_before": before,
+        "p_correct": after,
+        "gain": gain,
+    }
 
 
 def _minutes(action: str) -> int:
@@ -50,3 +100,120 @@ def _minutes(action: str) -> int:
         if re.search(word, action):
             return minutes
     return 30
+
+
+def _odds(
+    problem: Problem,
+    others: Sequence[Candidate],
+    item: Candidate,
+    members: Sequence[str],
+    action: str,
+) -> tuple[float, float] | None:
+    """Chance of the right name before and after, the least over the pairs of the class."""
+    best = [_best_of(problem, others, id) for id in members]
+    able = [candidate for candidate in best if candidate is not None]
+    if len(able) < 2:
+        return None
+    new = None if re.search(_BY_HAND, action) else _new_rows(problem, action)
+    if new is None and not re.search(_BY_HAND, action):
+        return None
+    before, after = [], []
+    for truth in able:
+        for rival in able:
+            if rival is truth:
+                continue
+            now, gained = _distances(problem, others, truth, rival, new)
+            before.append(_chance(now))
+            after.append(_chance(now + gained))
+    # Each member is as likely as the other: the mean over truths of the least sure rival.
+    size = len(able) - 1
+    return _mean_of_least(before, size), _mean_of_least(after, size)
+
+
+def _mean_of_least(chances: list[float], size: int) -> float:
+    return float(np.mean([min(chances[i : i + size]) for i in range(0, len(chances), size)]))
+
+
+def _chance(square: float) -> float:
+    return float(special.ndtr(0.5 * np.sqrt(max(square, 0.0))))
+
+
+def _best_of(problem: Problem, others: Sequence[Candidate], id: str) -> Candidate | None:
+    """The shape of an effect that fits best in its place."""
+    from ecm.diagnose.search import fall
+
+    equations = normal_equations(problem)
+    own = [c for c in (*problem.candidates, *problem.shadows) if c.id == id]
+    if not own:
+        return None
+    return max(own, key=lambda c: fall(equations, problem, (*others, c)))
+
+
+def _distances(
+    problem: Problem,
+    others: Sequence[Candidate],
+    truth: Candidate,
+    rival: Candidate,
+    new: Rows | None,
+) -> tuple[float, float]:
+    """Squared distance of the truth's fit from all that the rival can imitate: now, and gained."""
+    equations = normal_equations(problem)
+    theta, _, columns = estimate(problem, equations, (*others, truth))
+    weight = dict(zip(columns, theta, strict=True))
+    own = np.array([weight[c] for c in truth.columns])
+    fixed = (*problem.base_index, *(c for other in others for c in other.columns), *rival.columns)
+    use = np.array((*fixed, *truth.columns))
+    matrix = equations[0][np.ix_(use, use)]
+    now = _unimitated(matrix, len(fixed), own)
+    if new is None:
+        return now, _by_hand(problem, truth, own)
+    parts = [base_columns(new, problem.base)] if problem.n_base else []
+    whitener = whiteners(problem.noise.covariance(new, problem.base.error))
+    block = [np.einsum("nij,njk->nik", whitener, part) for part in parts]
+    block += [tangent(new, whitener, c.effect) for c in (*others, rival, truth)]
+    design = np.concatenate(block, axis=2).reshape(-1, len(use)) / problem.norms[use]
+    more = matrix + design.T @ design / problem.scale
+    return now, max(_unimitated(more, len(fixed), own) - now, 0.0)
+
+
+def _unimitated(matrix: F, fixed: int, own: F) -> float:
+    """Squared length of the last columns @ own after projecting out the first `fixed`."""
+    cross = matrix[:fixed, fixed:] @ own
+    whole = float(own @ matrix[fixed:, fixed:] @ own)
+    return max(whole - float(cross @ solve(matrix[:fixed, :fixed], cross)), 0.0)
+
+
+def _by_hand(problem: Problem, truth: Candidate, own: F) -> float:
+    """(value / what a tool resolves)^2 of the parameter that stands out most."""
+    found = [0.0]
+    for value, column, parameter in zip(own, truth.columns, truth.effect.parameters, strict=True):
+        resolved = _RESOLVED.get(parameter.unit)
+        if resolved is not None:
+            found.append(float(value / problem.norms[column] / resolved) ** 2)
+    return max(found)
+
+
+def _new_rows(problem: Problem, action: str) -> Rows | None:
+    """What the campaign of an action would record, joined in time to the data; None if by hand."""
+    # Late: the design of campaigns stands on the diagnosis.
+    from ecm.design import follow_up_plan
+    from ecm.design.base import BaseForDesign
+    from ecm.design.separable import predicted_table
+
+    table = problem.table
+    different = next((change for word, change in _DIFFERENT if re.search(word, action)), {})
+    try:
+        plan = follow_up_plan(table, "repeat" if different else action)
+        nominal = BaseForDesign(problem.base, problem.noise, table.meta)
+        predicted = predicted_table(plan, nominal)
+    except EcmError:
+        return None
+    if table.has("time_s"):
+        later = float(table.column("time_s").max()) + _PAUSE_S
+        predicted = predicted.with_columns({"time_s": predicted.column("time_s") + later})
+    lacking = [name for name in predicted.columns if not table.has(name) and name != "run"]
+    if different:
+        own = dict.fromkeys(np.unique(predicted.column("run")).astype(int).tolist(), different)
+        predicted = predicted.with_meta(replace(predicted.meta, runs=own))
+    meta = replace(table.meta, runs={**table.meta.runs, **predicted.meta.runs})
+    return Rows(predicted.drop(*lacking).with_meta(meta), problem.base)

@@ -19,7 +19,7 @@ from ecm.compare.noise import Noise
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable
+from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable, widened
 from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
@@ -43,6 +43,9 @@ F = NDArray[np.float64]
 _LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 """Unknown where more than this share of the structure stays, in squares, after 0, 1, 2 or more
 effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
+_DOUBTFUL_SHARE = 0.04
+_DOUBTFUL_P = 0.05
+"""Where more than this share stays, and is seen, the form is in doubt, and no name stands alone."""
 _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
 _MOST_SCALE = {"repeats": 2.5, "declared": 9.0, "assumed": np.inf}
@@ -105,6 +108,9 @@ def diagnose(
         words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
         unknown = describe(problem, left, accepted, before) | {"words": words}
     elif accepted and not remains:
+        if over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P:
+            pairs = zip(accepted, classes, strict=True)
+            classes = [widened(problem, accepted, item, members) for item, members in pairs]
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
     elif remains and (rejected or accepted):
         verdict = "unknown"
@@ -138,7 +144,7 @@ def diagnose(
         held_out=_held_out(problem, accepted),
         further=tuple(item.to_dict() for item in further(problem, accepted)),
         signature=signature_shares(problem),
-        next_experiment=tuple(next_experiments([m for m in classes if len(m) > 1])),
+        next_experiment=tuple(next_experiments(problem, accepted, classes)),
         outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
         seed=seed,
         upper_bound=_upper_bound(problem, first),

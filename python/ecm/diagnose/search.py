@@ -54,12 +54,21 @@ def rank(
     equations = normal_equations(problem, weights)
     present = {item.id for item in chosen}
     fixed = fall(equations, problem, chosen)
+    # Slope of the sum of squares to every column, base and chosen fitted: its sign is known.
+    inside = np.asarray(
+        problem.base_index + tuple(c for item in chosen for c in item.columns), dtype=np.int64
+    )
+    matrix, vector = equations
+    slope = vector - matrix[:, inside] @ solve(matrix[np.ix_(inside, inside)], vector[inside])
     best: dict[str, Ranked] = {}
     shapes = {id: sum(c.id == id for c in problem.candidates) for id in problem.ids}
     for candidate in problem.candidates:
         if candidate.id in present:
             continue
         drop = fall(equations, problem, (*chosen, candidate)) - fixed
+        if len(candidate.columns) == 1:
+            parameter = candidate.effect.parameters[0]
+            drop = drop if parameter.allows(float(slope[candidate.columns[0]])) else 0.0
         extra = candidate.parameters + (1 if shapes[candidate.id] > 1 else 0)
         found = Ranked(
             candidate,

@@ -9,39 +9,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.lack_of_fit import FTest
-from ecm.compare.residuals import features
+from ecm.compare.residuals import covariates, features
 from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.relevance import relevance
 from ecm.diagnose.search import rank
+from ecm.diagnose.skeleton import skeleton
 
 F = NDArray[np.float64]
 
-_MOST_WORDS = 3
+_MOST_TERMS = 3
+_LEAST_GAIN = 0.05
+_LEAST_RELEVANCE = 0.05
+_DIRECTIONS = 2
 
 
 def describe(
     problem: Problem, left: F, chosen: Sequence[Candidate], total: float
 ) -> dict[str, Any]:
-    """Variables that the remaining residual (N, m) follows, words, and the nearest effect.
+    """Variables that the remaining residual (N, m) follows, words, nearest effect, a skeleton.
 
     Parameters
     ----------
     total
         Sum of squares that smooth functions explain, over the noise scale.
     """
-    n, m = left.shape
+    n = len(left)
     values, names = features(problem.rows, max(1, min(90, n // 3)))
-    root = np.sqrt(problem.weights)
-    gains: list[tuple[float, int]] = []
-    y = (left * root[:, None]).ravel()
-    for j in range(values.shape[1]):
-        z = (problem.whitener * (values[:, j] * root)[:, None, None]).reshape(n * m, m)
-        q, _ = np.linalg.qr(z)
-        gains.append((float(((q.T @ y) ** 2).sum()), j))
-    gains.sort(key=lambda item: (-item[0], item[1]))
-    top = [(gain, names[j]) for gain, j in gains[:_MOST_WORDS]]
-    variables: list[str] = []
-    for _, name in top:
-        for part in name.replace("^2", "").split("*"):
+    terms = _terms(problem, left, values)
+    listed = [(names[j], problem.base.outputs[c], size) for j, c, size in terms]
+    shares = _relevance(problem, left, values)
+    variables = [name for name, share in shares.items() if share >= _LEAST_RELEVANCE]
+    for feature, _, _ in listed:
+        for part in feature.replace("^2", "").split("*"):
             if part not in variables and part != "constant":
                 variables.append(part)
     ranked = rank(problem, chosen)
@@ -50,8 +49,69 @@ def describe(
         best = max(ranked, key=lambda item: item.drop)
         share = best.drop / total if total > 0.0 else 0.0
         nearest = {"id": best.candidate.id, "share": float(np.clip(share, 0.0, 1.0))}
-    words = "the residual follows " + ", ".join(name for _, name in top)
-    return {"variables": variables, "words": words, "nearest": nearest}
+    return {
+        "variables": variables,
+        "relevance": shares,
+        "words": _words(listed),
+        "nearest": nearest,
+        "skeleton": skeleton([(f, c) for f, c, _ in listed], problem.base.outputs),
+    }
+
+
+def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
+    """(feature, component, size in the component's unit) that explain most, one after another."""
+    n, m = left.shape
+    root = np.sqrt(problem.weights)
+    y = (left * root[:, None]).ravel()
+    weighted = problem.whitener * root[:, None, None]
+    columns = np.einsum("nmc,nq->nmqc", weighted, values).reshape(n * m, -1)
+    whole = float(y @ y)
+    sizes = np.sqrt((columns**2).sum(axis=0))
+    usable = sizes > 1e-9 * sizes.max(initial=0.0)
+    chosen: list[int] = []
+    rest = y
+    for _ in range(_MOST_TERMS):
+        gains = np.where(usable, (columns.T @ rest) ** 2 / np.maximum(sizes, 1e-300) ** 2, 0.0)
+        best = int(np.argmax(gains))
+        if chosen and gains[best] < _LEAST_GAIN * max(whole - float(rest @ rest), 1e-300):
+            break
+        chosen.append(best)
+        usable[best] = False
+        theta = np.linalg.lstsq(columns[:, chosen], y, rcond=1e-10)[0]
+        rest = y - columns[:, chosen] @ theta
+    return [(k // m, k % m, float(size)) for k, size in zip(chosen, theta, strict=True)]
+
+
+def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
+    """Share of each variable, by a Gaussian process on what smooth functions see."""
+    rows = problem.rows
+    measured = np.flatnonzero(problem.scored & (problem.weights > 0.5))
+    if len(measured) < 20:
+        return {}
+    known = covariates(rows)
+    names = (*rows.base.inputs, *known)
+    variables = np.column_stack([rows.poses, *known.values()])[measured]
+    spread = variables.std(axis=0)
+    varied = spread > 0.0
+    variables = (variables - variables.mean(axis=0))[:, varied] / spread[varied]
+    # Directions of the residual in which smooth functions see most.
+    basis, _ = np.linalg.qr(values[measured])
+    seen = basis @ (basis.T @ left[measured])
+    _, _, axes = np.linalg.svd(seen, full_matrices=False)
+    targets = left[measured] @ axes[:_DIRECTIONS].T
+    shares = relevance(variables, targets)
+    found = dict(zip(np.array(names)[varied].tolist(), shares.tolist(), strict=True))
+    ordered = sorted(found.items(), key=lambda item: -item[1])
+    return {name: round(share, 3) for name, share in ordered if share > 0.0}
+
+
+def _words(listed: Sequence[tuple[str, str, float]]) -> str:
+    """A sparse description: which component follows what, and by how much."""
+    parts = []
+    for feature, component, size in listed:
+        name, unit = component.rsplit("_", 1)
+        parts.append(f"{name} follows {feature} ({size:+.2g} {unit.replace('Nm', 'N m')})")
+    return "; ".join(parts)
 
 
 def structure(problem: Problem, test: FTest) -> float:

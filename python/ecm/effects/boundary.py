@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.effects.moved import moved_in_base, turned
-from ecm.effects.protocol import Effect, EffectBase, Parameter
+from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
 from ecm.effects.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.table import Table
 
 F = NDArray[np.float64]
 
@@ -25,12 +29,31 @@ class BaseCompliance(EffectBase):
 
     id = "base_compliance"
     physics = "The base plate yields under the wrench at the base, in series with the mechanism."
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("bending", "rad/(N m)", 1e-3, 0.0, 0.05),
         Parameter("lateral", "m/N", 2e-6, 0.0, 1e-4),
         Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
     )
     signature = "m = 0, in series, conservative"
+
+    def __init__(self, plate: str = "round") -> None:
+        self._plate = plate
+        if plate == "uneven":
+            self.parameters = (
+                Parameter("bending_y", "rad/(N m)", 1e-3, 0.0, 0.05),
+                Parameter("bending_z", "rad/(N m)", 1e-3, 0.0, 0.05),
+                Parameter("torsion", "rad/(N m)", 1e-3, 0.0, 0.05),
+                *BaseCompliance.parameters[1:],
+            )
+
+    @property
+    def shape(self) -> Shape:
+        """A plate alike in all directions that does not twist, or an `uneven` one."""
+        return {} if self._plate == "round" else {"plate": self._plate}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both plates."""
+        return (BaseCompliance(), BaseCompliance("uneven"))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -43,9 +66,11 @@ class BaseCompliance(EffectBase):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of mechanism and clamp in series minus that of the mechanism."""
-        bending, lateral, axial = values
+        lateral, axial = values[-2:]
         along = np.array([axial, lateral, lateral])
-        about = np.array([0.0, bending, bending])
+        about = np.array([0.0, values[0], values[0]])
+        if self._plate == "uneven":
+            about = np.array([values[2], values[0], values[1]])
         wrench = rows.wrench
         for _ in range(_ITERATIONS):
             force = wrench[:, :3]

@@ -49,6 +49,11 @@ class Anisotropy(EffectBase):
         """A beam; bonded ends, where shear takes more of the lateral compliance; shear as well."""
         return (Anisotropy(1.0), Anisotropy(0.5), Anisotropy(2.0))
 
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Shares between this one and its neighbours."""
+        factor = 2.0 ** (0.5 ** (round_ + 1))
+        return (Anisotropy(self._lateral / factor), Anisotropy(self._lateral * factor))
+
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""

@@ -35,6 +35,10 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
 
+    def allows(self, direction: float) -> bool:
+        """Whether the parameter may move this way from zero."""
+        return (self.lower < 0.0 or direction >= 0.0) and (self.upper > 0.0 or direction <= 0.0)
+
 
 @dataclass(frozen=True)
 class Missing:

@@ -44,8 +44,19 @@ def model_document(model: Model) -> dict[str, Any]:
     }
 
 
+_LARGE = 150
+"""Coefficients from which on a covariance is written as deviations and correlations."""
+_SHARE = 0.01
+"""Largest relative change of a variance that rounding the correlations may cause."""
+
+
 def _covariance_document(model: Model) -> dict[str, Any]:
-    """The full matrix; of a plain polynomial fit its factors, outputs (x) terms."""
+    """The full matrix; of a plain polynomial fit its factors, outputs (x) terms.
+
+    A large one that has no factors (504 coefficients refitted with effects or by pose noise) is
+    written as standard deviations and the lower triangle of the correlations, with no more digits
+    than the smallest variance of any prediction needs.
+    """
     covariance = model.covariance
     if covariance is None:
         return {"covariance": None}
@@ -60,17 +71,52 @@ def _covariance_document(model: Model) -> dict[str, Any]:
             if np.allclose(np.kron(scale, terms), covariance, rtol=1e-9, atol=0.0):
                 terms = 0.5 * (terms + terms.T)
                 return {"covariance": terms.tolist(), "covariance_of_outputs": scale.tolist()}
-    return {"covariance": (0.5 * (covariance + covariance.T)).tolist()}
+    covariance = 0.5 * (covariance + covariance.T)
+    sd = np.sqrt(np.diag(covariance))
+    if len(sd) >= _LARGE and sd.min() > 0.0:
+        correlation = covariance / np.outer(sd, sd)
+        smallest = float(np.linalg.eigvalsh(correlation)[0])
+        # Rounding by u in each entry turns no variance by more than about 2 u sqrt(k).
+        unit = _SHARE * smallest / (2.0 * np.sqrt(len(sd)))
+        if unit > 1e-12:
+            digits = int(np.ceil(-np.log10(2.0 * unit)))
+            rounded = np.round(correlation, digits)
+            rows = [rounded[i, :i].tolist() for i in range(1, len(sd))]
+            return {
+                "covariance": None,
+                "covariance_sd": sd.tolist(),
+                "covariance_correlation": rows,
+            }
+    return {"covariance": covariance.tolist()}
 
 
 def _covariance_of(document: dict[str, Any]) -> F | None:
     if document["covariance"] is None:
-        return None
+        if document.get("covariance_sd") is None:
+            return None
+        return _from_correlations(document)
     covariance = np.asarray(document["covariance"], dtype=np.float64)
     outputs = document.get("covariance_of_outputs")
     if outputs is None:
         return covariance
     return np.asarray(np.kron(np.asarray(outputs, dtype=np.float64), covariance))
+
+
+def _from_correlations(document: dict[str, Any]) -> F:
+    """(k, k) of deviations and the lower triangle of correlations; refused where they misfit."""
+    sd = np.asarray(document["covariance_sd"], dtype=np.float64)
+    rows = document["covariance_correlation"]
+    k = len(sd)
+    if sd.ndim != 1 or not np.all((sd > 0.0) & np.isfinite(sd)):
+        raise ValueError("covariance_sd: expected positive numbers")
+    if len(rows) != k - 1 or any(len(row) != i for i, row in enumerate(rows, 1)):
+        raise ValueError(f"covariance_correlation: expected {k - 1} rows of 1 to {k - 1} numbers")
+    correlation = np.eye(k)
+    for i, row in enumerate(rows, 1):
+        correlation[i, :i] = correlation[:i, i] = row
+    if not np.abs(correlation).max() <= 1.0:
+        raise ValueError("covariance_correlation: expected numbers from -1 to 1")
+    return np.asarray(correlation * np.outer(sd, sd))
 
 
 def _effect_document(item: FittedEffect) -> dict[str, Any]:

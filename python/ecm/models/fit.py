@@ -26,7 +26,7 @@ from ecm.models.maps import (
 )
 from ecm.models.model import Model
 from ecm.models.pcr import singular_threshold
-from ecm.models.physics import PhysicsMap, physics_map
+from ecm.models.physics import PhysicsMap, physics_map, reach_of
 from ecm.models.polynomial_gls import fit_polynomial_gls
 from ecm.models.training import domain_of, training_of
 
@@ -228,7 +228,7 @@ def _fit_physics(
                 f"{table.source}: the physics model needs the body; "
                 "give [mechanism] in the data's TOML"
             )
-        base = physics_map(body, threads=threads)
+        base = physics_map(body, threads=threads, reach_rad=reach_of(table))
     noise = declared_noise(table)
     found = refit_physics(base, table, noise)
     return _model(found.base, noise, found.covariance, table)

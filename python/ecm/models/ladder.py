@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ecm.columns import POSE
 from ecm.compare.folds import folds, held_out_by, is_pose, row_groups
 from ecm.compare.gram import Gram
+from ecm.compare.lack_of_fit import FTest
 from ecm.compare.noise import whiteners
 
 if TYPE_CHECKING:
@@ -36,6 +37,14 @@ class Rung:
     ceiling: float | None
     """Held out, with a free cubic of the pose added: no effect of the pose can do better."""
     floor: float = 1.0
+    chi2: float = 0.0
+    """Sum of squares of the fitted rows, in units of the noise."""
+    parameters: int = 0
+    """Fitted numbers."""
+    size: int = 0
+    """Rows times components."""
+    test: str = ""
+    """What the change against the rung before is worth, in words."""
 
     def to_dict(self) -> dict[str, Any]:
         """For reports and model files."""
@@ -50,8 +59,29 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
     if model.effects and not already:
         alone = joint_fit(model.base, (), table, model.noise)
         steps.append(_rung(model.base.name, table, alone, model))
-    steps.append(_rung(model.name, table, found, model))
+    own = _rung(model.name, table, found, model)
+    before = steps[-1] if steps else model.history[-1] if model.history else None
+    steps.append(own if before is None else replace(own, test=_test(before, own)))
     return tuple(steps)
+
+
+def _test(before: Rung, after: Rung) -> str:
+    """F-test and BIC of a change, from the sums of squares of the same rows."""
+    if before.size != after.size or before.parameters == 0:
+        return ""
+    more = after.parameters - before.parameters
+    fall = before.chi2 - after.chi2
+    wide, narrow = (after, before) if more >= 0 else (before, after)
+    dof = wide.size - wide.parameters
+    if more == 0 or dof <= 0:
+        return f"chi2 falls by {fall:.1f} with as many parameters"
+    test = FTest.of(narrow.chi2 - wide.chi2, abs(more), wide.chi2, dof)
+    bic = fall - more * float(np.log(after.size))
+    word = "more" if more > 0 else "fewer"
+    return (
+        f"chi2 falls by {fall:.1f} with {abs(more)} parameters {word} "
+        f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
+    )
 
 
 def _rung(name: str, table: Table, found: JointFit, model: Model) -> Rung:
@@ -65,6 +95,9 @@ def _rung(name: str, table: Table, found: JointFit, model: Model) -> Rung:
         train=float(np.sqrt(squares.mean() / m)),
         held_out=held_out_rms(found.design, found.whitened, groups, parts, scored),
         ceiling=ceiling_rms(found, table, model),
+        chi2=float((found.whitened**2).sum()),
+        parameters=found.design.shape[2],
+        size=found.whitened.size,
     )
 
 

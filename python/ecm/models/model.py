@@ -16,7 +16,7 @@ from ecm.compare.noise import Noise
 from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
 from ecm.models.maps import StiffnessMap
-from ecm.refit import FittedEffect, joint_fit
+from ecm.refit import FittedEffect, best_shape, joint_fit
 
 if TYPE_CHECKING:
     from ecm.models.ladder import Rung
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """h(p) of the base plus the corrections of its effects."""
 
@@ -44,6 +44,14 @@ class Model:
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[Rung, ...] = ()
     """The error ladder: one rung per fit (models/ladder.py)."""
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    """Pairs of fitted parameters that move together, the closest first."""
+    previous: Model | None = None
+    """What it was before the last change that was fitted."""
+
+    def __repr__(self) -> str:
+        """The fit report, so that a test is seen as soon as a term is added and fitted."""
+        return self.fit_report()
 
     @property
     def name(self) -> str:
@@ -214,12 +222,35 @@ class Model:
             present.add(effect.id)
             k = len(effect.parameters)
             added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))
-        return replace(self, effects=(*self.effects, *added))
+        return replace(self, effects=(*self.effects, *added), previous=self._settled())
+
+    def undo(self, name: str | None = None) -> Model:
+        """As it was before the last fit, or when it was called `name`."""
+        found = self.previous
+        while found is not None and name is not None and found.name != name:
+            found = found.previous
+        if found is None:
+            wanted = "an earlier fit" if name is None else name
+            known = ", ".join(rung.name for rung in self.history) or "none"
+            raise InputError(f"nothing to undo: {wanted} is not in this session's fits ({known})")
+        return found
+
+    def _settled(self) -> Model | None:
+        """Itself, or where it holds effects that were never fitted what it was before them."""
+        fitted = all(np.all(np.isfinite(item.sd)) for item in self.effects)
+        return self if fitted else self.previous
+
+    def fit_report(self) -> str:
+        """Values with errors and correlations, the error ladder and the tests between its rungs."""
+        from ecm.models.fit_report import fit_report
+
+        return fit_report(self)
 
     def remove(self, *ids: str) -> Model:
         """Without these effects; what is left keeps its values until `fit`."""
         self._check(ids)
-        return replace(self, effects=tuple(i for i in self.effects if i.id not in ids))
+        kept = tuple(i for i in self.effects if i.id not in ids)
+        return replace(self, effects=kept, previous=self._settled())
 
     def freeze(self, *ids: str) -> Model:
         """These effects, or `base`, keep their values in `fit`."""
@@ -245,6 +276,7 @@ class Model:
 
         Each effect takes the shape among its variants that fits best. The history gets a rung.
         """
+        from ecm.models.fit_report import correlations_of
         from ecm.models.ladder import rung
         from ecm.models.training import domain_of, training_of
 
@@ -265,6 +297,8 @@ class Model:
             covariance=self.covariance if freeze_base else found.covariance[:k, :k],
             training=training_of(table),
             domain=domain_of(table, self.inputs),
+            correlations=correlations_of(found, freeze_base),
+            previous=self if self.previous is None else self.previous,
         )
         step = rung(fitted, table, found, already=len(self.history) > 0)
         return replace(fitted, history=(*self.history, *step))
@@ -277,23 +311,13 @@ class Model:
                 f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
                 f"record {lacking.record}"
             )
-        variants = item.effect.variants(table)
-        trials = []
-        for effect in variants:
-            k = len(effect.parameters)
-            trial = replace(
-                self,
-                effects=(
-                    *self.effects[:position],
-                    FittedEffect(effect, np.zeros(k), np.full(k, np.inf)),
-                    *self.effects[position + 1 :],
-                ),
-            )
-            if len(variants) == 1:
-                return trial
-            found = joint_fit(self.base, trial.effects, table, noise, freeze_base=freeze_base)
-            trials.append((float((found.whitened**2).sum()), trial))
-        return min(trials, key=lambda pair: pair[0])[1]
+        others = (*self.effects[:position], *self.effects[position + 1 :])
+        effect = best_shape(self.base, others, item.effect, table, noise, freeze_base=freeze_base)
+        k = len(effect.parameters)
+        fresh = FittedEffect(effect, np.zeros(k), np.full(k, np.inf))
+        return replace(
+            self, effects=(*self.effects[:position], fresh, *self.effects[position + 1 :])
+        )
 
 
 def _zeros(table: Table, names: Sequence[str]) -> dict[str, F]:

@@ -8,6 +8,7 @@ cache folder. `at` gives the fixed-parameter model for a controller.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,17 +23,21 @@ from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
 from ecm.models.maps import EnergyMap, Symmetry
 from ecm.models.physics_family import PARAMETERS, PhysicsFamily
+from ecm.models.physics_poses import MARGIN
 from ecm.stages import Stage, cache_directory, hash_of, write_atomically
 
 if TYPE_CHECKING:
     from ecm.mechanism import Mechanism
     from ecm.models.physics_build import BuildSettings
+    from ecm.table import Table
 
 F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
 
 _DEGREE = 6
-_VERSION = 3
+_VERSION = 4
+_REACH_STEP = 0.2
+_MOST_REACH = 1.6
 FREE = ("young_modulus_Pa", "poisson_ratio")
 """What a refit changes unless it is told otherwise: L and D are what the file says."""
 
@@ -243,11 +248,14 @@ def physics_map(
     cache: Path | None = None,
     progress: Progress = None,
     settings: BuildSettings | None = None,
+    reach_rad: float = 0.0,
 ) -> PhysicsMap:
     """The physics map of a mechanism; its family is built once per shape and kept in `cache`.
 
     Parameters
     ----------
+    reach_rad
+        Largest rotation it is asked for; beyond 0.88 rad a family of a wider workspace is built.
     cache
         Default `ECM_CACHE`, else `XDG_CACHE_HOME/ecm`, else `~/.cache/ecm`. An interrupted build
         goes on there.
@@ -262,6 +270,10 @@ def physics_map(
     from ecm.models.physics_build import BuildSettings, build_family, shape_of
 
     settings = BuildSettings() if settings is None else settings
+    if reach_rad > MARGIN * settings.rotation_limit_rad:
+        # In steps of 0.2 rad, so that campaigns of much the same reach share a family.
+        wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
+        settings = replace(settings, rotation_limit_rad=wider)
     shape = shape_of(mechanism)
     key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
     directory = cache_directory() if cache is None else cache
@@ -287,6 +299,13 @@ def physics_map(
         family=family,
         values=values,
     )
+
+
+def reach_of(table: Table) -> float:
+    """Rotation, rad, that all but two in a hundred of the rows stay below."""
+    if not table.has(*POSE[3:]):
+        return 0.0
+    return float(np.quantile(np.linalg.norm(table.matrix(POSE[3:]), axis=1), 0.98))
 
 
 def _read(path: Path) -> PhysicsFamily | None:

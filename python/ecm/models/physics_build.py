@@ -21,7 +21,12 @@ from ecm.errors import ComputationError
 from ecm.material import Material
 from ecm.models.maps import Symmetry
 from ecm.models.physics_family import POWER, PhysicsFamily, compressibility, poisson_ratio
-from ecm.models.physics_poses import NOISE, spread_poses, workspace_poses
+from ecm.models.physics_poses import (
+    NOISE,
+    ROTATION_LIMIT_RAD,
+    spread_poses,
+    workspace_poses,
+)
 from ecm.stages import Stage
 
 if TYPE_CHECKING:
@@ -61,6 +66,7 @@ class BuildSettings:
     poses: int = 80
     test_poses: int = 30
     seed: int = 20
+    rotation_limit_rad: float = ROTATION_LIMIT_RAD
 
 
 @dataclass(frozen=True)
@@ -146,10 +152,23 @@ def build_family(
     nodes = _Nodes.around(compressibility(shape.poisson_ratio))
     made = _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
+    limit = settings.rotation_limit_rad
     poses = spread_poses(
-        rest, LENGTH_M, settings.poses, np.array([0.5, 0.9]), seed=settings.seed, threads=threads
+        rest,
+        LENGTH_M,
+        settings.poses,
+        seed=settings.seed,
+        threads=threads,
+        rotation_limit_rad=limit,
     )
-    unseen = workspace_poses(rest, LENGTH_M, settings.test_poses, seed=settings.seed + 1, margin=1)
+    unseen = workspace_poses(
+        rest,
+        LENGTH_M,
+        settings.test_poses,
+        seed=settings.seed + 1,
+        margin=1.0,
+        rotation_limit_rad=limit,
+    )
     bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
     bodies += [(s, x, unseen) for s, x in nodes.unseen]
     total = sum(len(p) for _, _, p in bodies)

@@ -61,7 +61,13 @@ def wrench_box(bending_Nm2: float, length_m: float) -> tuple[F, F]:
 
 
 def workspace_poses(
-    stiffness: F, length_m: float, count: int, *, seed: int, margin: float = MARGIN
+    stiffness: F,
+    length_m: float,
+    count: int,
+    *,
+    seed: int,
+    margin: float = MARGIN,
+    rotation_limit_rad: float = ROTATION_LIMIT_RAD,
 ) -> F:
     """(count, 6) random poses of the workspace, `margin` times its loads and rotations."""
     sections = rod_like(stiffness, length_m)
@@ -73,28 +79,36 @@ def workspace_poses(
         if drawn >= _MOST_DRAWS:
             raise ComputationError(
                 f"only {kept} of {drawn} loads turn the platform by less than "
-                f"{ROTATION_LIMIT_RAD} rad; is the body far softer in bending than in shear?"
+                f"{rotation_limit_rad} rad; is the body far softer in bending than in shear?"
             )
         wrenches = random.uniform(margin * low, margin * high, (_DRAWS, 6))
         poses, converged = _native.rod_poses(wrenches, length_m=length_m, **sections)
         rotation = np.linalg.norm(poses[:, 3:], axis=1)
-        found.append(poses[converged & (rotation <= margin * ROTATION_LIMIT_RAD)])
+        found.append(poses[converged & (rotation <= margin * rotation_limit_rad)])
         kept += len(found[-1])
         drawn += _DRAWS
     return np.ascontiguousarray(np.concatenate(found)[:count])
 
 
 def spread_poses(
-    stiffness: F, length_m: float, count: int, scale: F, *, seed: int, threads: int = 0
+    stiffness: F,
+    length_m: float,
+    count: int,
+    *,
+    seed: int,
+    threads: int = 0,
+    rotation_limit_rad: float = ROTATION_LIMIT_RAD,
 ) -> F:
     """(count, 6) poses of the workspace: half D-optimal for an energy, half as they come.
 
     The first half bounds the workspace, the second keeps the fit honest in its middle.
     """
-    pool = workspace_poses(stiffness, length_m, _CANDIDATES, seed=seed)
+    pool = workspace_poses(
+        stiffness, length_m, _CANDIDATES, seed=seed, rotation_limit_rad=rotation_limit_rad
+    )
     bounding = count // 2
     regressor = _native.EnergyModel.regressor(
-        pool, length_m=length_m, degree=_DEGREE, symmetry="alike", scale=scale
+        pool, length_m=length_m, degree=_DEGREE, symmetry="alike", scale=np.array([length_m, 1.0])
     )
     position, rotation, force, torque = NOISE
     variance = (stiffness[:, :3] ** 2).sum(axis=1) * position**2

@@ -44,23 +44,9 @@ class PhysicsRefit:
     converged: bool
 
     def sentences(self) -> list[str]:
-        """One line per parameter, and what does not fit."""
-        lines = []
-        for name, value, sd in zip(self.names, self.values, self.sd, strict=True):
-            symbol, unit, scale = _SHOWN.get(name, (name, "", 1.0))
-            tail = ", at the limit of the model" if name in self.at_bound else ""
-            lines.append(
-                f"{symbol} = {scale * value:.5g} +- {scale * sd:.2g} {unit}".strip() + tail
-            )
-        pairs = [
-            f"{_SHOWN.get(a, (a,))[0]} with {_SHOWN.get(b, (b,))[0]} {self.correlation[i, j]:+.2f}"
-            for i, a in enumerate(self.names)
-            for j, b in enumerate(self.names)
-            if i < j
-        ]
-        if pairs:
-            lines.append("correlations: " + ", ".join(pairs))
-        return lines
+        """One line per parameter, and how they hang together."""
+        lines = physics_sentences(self.base, self.covariance)
+        return lines + [f"{name} is at the limit of the model" for name in self.at_bound]
 
 
 _SHOWN: dict[str, tuple[str, str, float]] = {
@@ -69,6 +55,24 @@ _SHOWN: dict[str, tuple[str, str, float]] = {
     "length_m": ("L", "mm", 1e3),
     "diameter_m": ("D", "mm", 1e3),
 }
+
+
+def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
+    """The free parameters with their errors and correlations; (k, k) covariance of them."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    shown = [_SHOWN.get(name, (name, "", 1.0)) for name in base.parameter_names]
+    lines = [
+        f"{symbol} = {scale * value:.5g} +- {scale * error:.2g} {unit}".strip()
+        for (symbol, unit, scale), value, error in zip(shown, base.coefficients, sd, strict=True)
+    ]
+    scale = np.where(sd > 0.0, sd, 1.0)
+    together = covariance / np.outer(scale, scale)
+    pairs = [
+        f"{shown[i][0]} with {shown[j][0]} {together[i, j]:+.2f}"
+        for i in range(len(shown))
+        for j in range(i + 1, len(shown))
+    ]
+    return [*lines, *([f"correlation of {', '.join(pairs)}"] if pairs else [])]
 
 
 def refit_physics(

@@ -27,7 +27,7 @@ from ecm.rig.elastic import (
     unique_poses,
 )
 from ecm.rig.hidden import NOTHING, Hidden
-from ecm.rig.instruments import Camera, ForceTorqueSensor, displaced
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Stand, displaced
 from ecm.rig.physics import Physics
 from ecm.rig.plan import outside, requests, rest_pose
 from ecm.rig.plant import Course, Plant, course_of, nominal_physics
@@ -106,11 +106,17 @@ class Campaign:
             world = World(self.plant, self.course, self.physics, self._offset, settings)
             self.physics, secret = conceal(wanted, world, self.timeline.end_s, seed)
             self.secrets.append(secret)
+        self._stand = Stand(settings.instrument)
         self._truth = self.plant.truth(self.course, self.physics, self._offset)
 
     def __len__(self) -> int:
         """Readings, those of the sensor's zero included."""
         return len(self.timeline.visits)
+
+    @property
+    def offset(self) -> F:
+        """Constant zero of the sensor (6,), sensor axes."""
+        return np.array(self._offset, dtype=np.float64)
 
     @property
     def minutes(self) -> float:
@@ -125,9 +131,12 @@ class Campaign:
         sensor = ForceTorqueSensor(instrument).read(
             self._truth.sensor[index], visit.window_s, stream(self.seed, "sensor", *serial)
         )
-        seen = Camera(instrument).read(
-            self._truth.pose_seen[index], visit.window_s, stream(self.seed, "camera", *serial)
+        shown = self._stand.shown(
+            self._truth.pose_seen[index],
+            self._air.at(self._air.camera, np.array([visit.time_s]))[0],
+            stream(self.seed, "base target", *serial),
         )
+        seen = Camera(instrument).read(shown, visit.window_s, stream(self.seed, "camera", *serial))
         air = self._air
         noise = stream(self.seed, "thermometer", *serial).standard_normal(2)
         read = instrument.thermometer_noise_degC * noise

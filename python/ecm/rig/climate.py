@@ -33,6 +33,8 @@ class Climate:
     sensor_degC: F
     walk: F
     """(n, 6) unit Ornstein-Uhlenbeck process for the sensor's zero."""
+    camera: F
+    """(n, 6) unit process for the camera on its stand."""
 
     @staticmethod
     def build(
@@ -59,6 +61,7 @@ class Climate:
             _late(mechanism, settings.instrument.thermometer_lag_s),
             _late(room, 300.0) - _SENSOR_RISE_K * np.expm1(-time / _SENSOR_RISE_S),
             wander(stream(seed, "sensor wander"), count, 6, keep),
+            wander(stream(seed, "camera stand"), count, 6, keep),
         )
 
     def at(self, process: F, time_s: F) -> F:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm.rig.elastic import COS2, SIN2, STIFF, TAPER, THICK
+from ecm.rig.optics import LEDS
 from ecm.rig.physics import Physics, Sized
 from ecm.rig.physics.ageing import Ageing
 from ecm.rig.physics.anisotropy import Anisotropy
@@ -18,7 +19,6 @@ from ecm.rig.physics.camera_scale import CameraScale
 from ecm.rig.physics.face_tilt import FaceTilt
 from ecm.rig.physics.graded import Graded
 from ecm.rig.physics.hysteresis import Hysteresis
-from ecm.rig.physics.leds import COUNT as LEDS
 from ecm.rig.physics.leds import Leds
 from ecm.rig.physics.lift_off import LiftOff
 from ecm.rig.physics.marker_motion import MarkerMotion
@@ -278,17 +278,8 @@ def _seat(random: Random, scale: Scale) -> Sized:
 
 
 def _leds(random: Random, scale: Scale) -> Sized:
-    # The line of sight stands across the mechanism; some of the poses turn LEDs out of it.
-    azimuth = float(random.uniform(0.0, 2.0 * np.pi))
-    lean = 0.3 + 0.2 * float(random.random())
-    sight = (np.sin(lean) * np.cos(azimuth), np.sin(lean) * np.sin(azimuth), np.cos(lean))
     errors = random.standard_normal((LEDS, 3))
-    return Leds(
-        1e-3,
-        errors=tuple(tuple(row) for row in errors.tolist()),
-        sight=(float(sight[0]), float(sight[1]), float(sight[2])),
-        limit_rad=float(random.uniform(0.7, 0.9)),
-    )
+    return Leds(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
 
 
 Draw = Callable[[Random, Scale], Sized]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.rig.frames import compose, left_jacobian_inverse, rotate
+from ecm.rig.optics import LEDS, Optics
 from ecm.rig.settings import Instruments
 
 F = NDArray[np.float64]
@@ -56,6 +57,7 @@ class Camera:
 
     def __init__(self, settings: Instruments) -> None:
         self._settings = settings
+        self._optics = Optics(settings)
 
     def images(self, window_s: float) -> int:
         """Number of images in a window."""
@@ -68,9 +70,13 @@ class Camera:
         error w turns R into exp(w) R, which is J^-1 w in the rotation vector.
         """
         settings = self._settings
-        common = random.standard_normal(6) * np.repeat(
-            [settings.camera_error_m, settings.camera_error_rad], 3
-        )
+        if settings.led_errors == "common":
+            common = random.standard_normal(6) * np.repeat(
+                [settings.camera_error_m, settings.camera_error_rad], 3
+            )
+        else:
+            each = settings.camera_error_m * random.standard_normal((LEDS, 3))
+            common = self._optics.rigid(true, each)
         if random.random() < settings.outlier_share:
             common = common * settings.outlier_scale
         count = self.images(window_s)
@@ -89,12 +95,38 @@ class Camera:
         """Standard deviation of a window's mean: m per axis, rad about each base axis."""
         settings = self._settings
         images = self.images(window_s)
+        position, angle = settings.camera_error_m, settings.camera_error_rad
+        if settings.led_errors == "independent":
+            shift, turn = self._optics.independent_sd()
+            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
         return (
-            float(np.hypot(settings.camera_error_m, settings.camera_jitter_m / np.sqrt(images))),
-            float(
-                np.hypot(settings.camera_error_rad, settings.camera_jitter_rad / np.sqrt(images))
-            ),
+            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
+            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
         )
+
+
+class Stand:
+    """The camera's stand, which creeps; the base target shows how far, but for its own noise."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+
+    def shown(self, true: F, walk: F, random: np.random.Generator) -> F:
+        """The pose (6,) that is left to the camera; walk (6,) is the stand's unit process."""
+        settings = self._settings
+        moved = walk * np.repeat([settings.camera_drift_m, settings.camera_drift_rad], 3)
+        if not moved.any():
+            return true
+        if settings.base_target:
+            # What the base target tells of the motion is right but for the jitter of its images.
+            images = np.sqrt(settings.base_target_images)
+            jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
+            moved = jitter / images * random.standard_normal(6)
+        # The camera's own motion by x shows as the target's by -x, turned about the camera.
+        back = -moved
+        place = true[:3] + back[:3] + np.cross(back[3:], true[:3])
+        turned = displaced(true[None], np.concatenate([np.zeros(3), back[3:]])[None])[0]
+        return np.concatenate([place, turned[3:]])
 
 
 def displaced(poses: F, errors: F) -> F:

@@ -24,7 +24,14 @@ def zero_readings(course: Course) -> NDArray[np.bool_]:
 
 
 def wrench_in_base(
-    plant: Plant, course: Course, physics: Physics, *, sensor: F, poses: F, law: str
+    plant: Plant,
+    course: Course,
+    physics: Physics,
+    *,
+    sensor: F,
+    poses: F,
+    law: str,
+    temperature_degC: F | None = None,
 ) -> F:
     """Compensated wrench (N, 6) in base axes at the top frame.
 
@@ -34,11 +41,20 @@ def wrench_in_base(
         Readings (N, 6) in sensor axes.
     poses
         Measured poses (N, 6): their rotation turns the wrench to base axes.
+    temperature_degC
+        Of the sensor (N,) as it was read; the true one where it is not given.
     """
     reads = zero_readings(course)
     lost = physics.sensor_warm_up is not None and physics.sensor_warm_up.later_readings_lost
+    warm = course.sensor_temperature_degC if temperature_degC is None else temperature_degC
     zero = zero_at(
-        course.time_s, course.time_s[reads], sensor[reads], law, later_readings_lost=lost
+        course.time_s,
+        course.time_s[reads],
+        sensor[reads],
+        law,
+        temperature_degC=warm,
+        reading_temperature_degC=warm[reads],
+        later_readings_lost=lost,
     )
     return turn_wrench(rotation(poses[:, 3:]), plant.zeroed(sensor - zero))
 

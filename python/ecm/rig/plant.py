@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import COS2, SIN2, Elastic, Grading
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
+from ecm.rig.optics import Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.hysteresis import Hysteresis
 from ecm.rig.physics.payload import Payload
@@ -84,6 +85,9 @@ class Plant:
         self._gravity = np.asarray(settings.plant.gravity_m_s2)
         self._rest = rest_pose(length_m)
         self._history: dict[Hysteresis, F] = {}
+        table = settings.plant
+        place = table.marker_centre_m
+        self._marker = Payload(table.marker_mass_kg, places_m=((place[0], place[1], place[2]),))
         self._lags: dict[SensorPlay, F] = {}
 
     def anew(self) -> Plant:
@@ -101,6 +105,7 @@ class Plant:
         sensor = top @ self._sensor_from_top.T
         if physics.sensor_seat is not None:
             sensor = physics.sensor_seat.reading(sensor)
+        sensor = self._own_errors(sensor, course)
         limits = np.asarray(self._settings.instrument.fts_range)
         if physics.sensor_crosstalk is not None:
             sensor = physics.sensor_crosstalk.reading(sensor, limits)
@@ -120,11 +125,21 @@ class Plant:
             )
         return Truth(self._seen(course, physics), sensor + offset)
 
+    def _own_errors(self, sensor: F, course: Course) -> F:
+        """What every reading of this rig's sensor has: gain, cross-talk, thermal drift."""
+        instrument = self._settings.instrument
+        matrix = np.asarray(instrument.fts_crosstalk).reshape(6, 6) * (1.0 - np.eye(6))
+        warm = course.sensor_temperature_degC - self._settings.plant.room_temperature_degC
+        drift = np.outer(warm, instrument.fts_thermal_per_K)
+        found: F = sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift
+        return found
+
     def _seen(self, course: Course, physics: Physics) -> F:
         """Poses as a camera without noise sees them: target, then camera, then base marker."""
         seen = course.reached
         if physics.leds is not None:
-            seen = physics.leds.measured(seen)
+            optics = Optics(self._settings.instrument)
+            seen = physics.leds.measured(seen, optics.visible(seen), optics.places_m)
         if physics.tip_target is not None:
             seen = physics.tip_target.measured(seen)
         if physics.camera_scale is not None:
@@ -156,10 +171,10 @@ class Plant:
         force = -masses[:, None] * self._gravity
         arm = np.array([DEAD_WEIGHT_ARM_M, 0.0, 0.0])
         load = np.concatenate([force, np.cross(arm, force)], axis=1)
+        rest = np.tile(self._rest, (len(load), 1))
         if self._settings.instrument.zeroed_with_payload:
-            rest = np.tile(self._rest, (len(load), 1))
-            load = load - self._weight(course, physics, rows, rest)
-        return load
+            return load - self._weight(course, physics, rows, rest)
+        return load - self._marker.weight(rest, self._gravity)
 
     def _weight(self, course: Course, physics: Physics, rows: NDArray[np.bool_], poses: F) -> F:
         """Of everything that hangs on the platform, (N, 6)."""
@@ -169,7 +184,7 @@ class Plant:
                 weight += load.weight(poses, self._gravity)
         hangs = np.asarray([v.payload_on for v in course.visits])[rows]
         hanging: F = hangs[:, None] * weight
-        return hanging
+        return hanging + self._marker.weight(poses, self._gravity)
 
     def _mechanism(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
         anchor = course.anchor[rows]

@@ -6,6 +6,7 @@ import numpy as np
 
 from ecm.rig.elastic import Anchors
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
+from ecm.rig.optics import LEDS, LEDS_NEEDED, Optics
 from ecm.rig.physics.sensor_strain import LEVER_M
 from ecm.rig.plan import Request, Skipped, without_approach
 from ecm.rig.settings import RigSettings
@@ -26,6 +27,7 @@ def reachable(
     sensor_from_top = np.linalg.inv(top_from_sensor_wrench(instrument.top_from_sensor))
     back = transpose(rotation(anchors.poses[:, 3:]))
     felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
+    leds = Optics(instrument).visible(anchors.poses).sum(axis=1)
     ok: list[Request] = []
     for request in wanted:
         i = index[request.pose.tobytes()]
@@ -39,6 +41,11 @@ def reachable(
                 f"needs {felt[i, axis]:.4g} {unit} on axis {axis + 1} of the sensor, whose "
                 f"range leaves {limits[axis]:.4g} {unit} beside zero and noise "
                 "([instrument] fts_range)"
+            )
+        elif leds[i] < LEDS_NEEDED:
+            reason = (
+                f"the camera would see {leds[i]} of {LEDS} LEDs, {LEDS_NEEDED} are needed "
+                "([instrument] camera_place_m, led_angle_rad)"
             )
         if reason and request.action.name == "measure":
             skipped = [*skipped, Skipped(request.row, request.pose_id, reason)]

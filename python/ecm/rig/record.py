@@ -12,6 +12,8 @@ from ecm.errors import InputError
 from ecm.rig.frames import rotation, turn_wrench
 from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
 from ecm.rig.observe import wrench_in_base
+from ecm.rig.optics import Optics
+from ecm.rig.streams import stream
 from ecm.rig.timeline import OFFSET
 
 if TYPE_CHECKING:
@@ -102,6 +104,7 @@ def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> 
         sensor=np.stack([r.sensor for r in readings]),
         poses=poses,
         law=campaign.settings.rig.offset_compensation,
+        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
     )
     visits = campaign.timeline.visits
     rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
@@ -110,12 +113,14 @@ def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> 
         "pose_id": np.asarray([v.pose_id for v in taken], dtype=np.float64),
         "run": np.asarray([v.run for v in taken], dtype=np.float64),
         "repeat": np.asarray([v.repeat for v in taken], dtype=np.float64),
-        "time_s": np.asarray([v.time_s for v in taken]),
+        "time_s": _stamps(campaign, rows),
         "dwell_s": np.asarray([v.dwell_s for v in taken]),
         "approach": np.asarray([v.approach for v in taken], dtype=object),
         "kind": np.asarray([v.kind for v in taken], dtype=object),
     }
     spreads = np.stack([[*readings[i].pose_sd, *readings[i].wrench_sd] for i in rows])
+    optics = Optics(campaign.settings.instrument)
+    columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
     columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
     columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
     columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
@@ -128,6 +133,20 @@ def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> 
         f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in campaign.skipped
     )
     return Table(columns, _meta(campaign, truth_sha256), "campaign", skipped)
+
+
+def _stamps(campaign: Campaign, rows: list[int]) -> F:
+    """Time stamps by the recorder's clock; they grow, as a recorder's do."""
+    instrument = campaign.settings.instrument
+    time = np.asarray([campaign.timeline.visits[i].time_s for i in rows])
+    scatter = instrument.time_stamp_sd_s * np.asarray(
+        [
+            stream(campaign.seed, "stamp", *campaign.timeline.visits[i].serial).standard_normal()
+            for i in rows
+        ]
+    )
+    stamps: F = np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
+    return stamps
 
 
 def _meta(campaign: Campaign, truth_sha256: str) -> Any:

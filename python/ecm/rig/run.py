@@ -113,7 +113,13 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
     if length is None:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
     kept, _ = outside(requests(plan, rig.rig, length), rig.rig, length)
-    return lay_out(kept, rig.rig, length).end_s / 60.0
+    planned = lay_out(kept, rig.rig, length)
+    seconds = planned.end_s
+    if rig.rig.mode == "robot":
+        from ecm.robot.tour import extra_s
+
+        seconds += sum(extra_s(v, rig.rig) for v in planned.visits)
+    return seconds / 60.0
 
 
 def fem_source(plan: Table, threads: int = 0) -> Source:

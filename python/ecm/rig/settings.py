@@ -38,8 +38,11 @@ class Procedure:
     pose_error_m: float = setting(1.5e-4, low=0.0, high=5e-3)
     pose_error_rad: float = setting(1e-3, low=0.0, high=0.05)
     """Standard deviation of the reached minus the commanded pose, per axis."""
-    offset_compensation: str = setting("linear", choices=("linear", "before", "none"))
-    """`linear` in time between the unloaded readings before and after; `before`: the last one."""
+    offset_compensation: str = setting(
+        "linear", choices=("linear", "before", "none", "temperature")
+    )
+    """`linear` in time between the unloaded readings before and after; `before`: the last one;
+    `temperature`: a line in the sensor's temperature and time, then `linear` on what is left."""
     offset_every: int = setting(50, low=0, high=1_000_000)
     """Poses between two unloaded readings; 0: only before the first and after the last pose."""
     offset_window_s: float = setting(60.0, low=1e-2, high=1e5)
@@ -67,6 +70,12 @@ class Instruments:
     """A reading beyond is clipped, axis by axis of the sensor."""
     fts_resolution: tuple[float, ...] = setting((0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0)
     """One count; 0: none."""
+    fts_gain: tuple[float, ...] = setting((1.0,) * 6, low=0.1, high=10.0)
+    """Reading over true wrench of each axis."""
+    fts_crosstalk: tuple[float, ...] = setting((0.0,) * 36, low=-100.0, high=100.0)
+    """Row by row: what axis i reads of one N or N m on axis j; the diagonal is the gain's."""
+    fts_thermal_per_K: tuple[float, ...] = setting((0.0,) * 6, low=-100.0, high=100.0)
+    """Drift of each axis's zero with the sensor's own temperature, N/K and N m/K."""
     top_from_sensor: tuple[float, ...] = setting(
         (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0), low=-10.0, high=10.0
     )
@@ -78,6 +87,28 @@ class Instruments:
     camera_error_rad: float = setting(4e-4, low=0.0, high=0.5)
     """Error of localisation that all LEDs share: constant while the target rests, so a window
     does not average it out; new at each visit."""
+    led_errors: str = setting("common", choices=("common", "independent"))
+    """`common`: all LEDs of a target share the error above; `independent`: each LED has an error
+    of camera_error_m of its own, and the pose is that of the rigid fit."""
+    camera_place_m: tuple[float, ...] = setting((0.1, 0.5, 1.4), low=-100.0, high=100.0)
+    """Middle of the three lenses, base axes."""
+    lens_spread_m: float = setting(0.3, low=0.0, high=10.0)
+    """From one lens to the next."""
+    led_radius_m: float = setting(0.05, low=1e-3, high=1.0)
+    """Of the dome that carries the nine LEDs."""
+    led_angle_rad: float = setting(0.75, low=0.05, high=3.1)
+    """An LED is seen within this angle of its direction."""
+    camera_drift_m: float = setting(0.0, low=0.0, high=0.1)
+    camera_drift_rad: float = setting(0.0, low=0.0, high=0.5)
+    """Slow motion of the camera on its stand (Ornstein-Uhlenbeck, 1 h), per axis."""
+    base_target: bool = setting(True)
+    """A second target at the base shows the camera's motion, which is taken off."""
+    base_target_images: int = setting(600, low=1, high=1_000_000)
+    """Images of the base target that are averaged."""
+    clock_skew: float = setting(0.0, low=-0.1, high=0.1)
+    """The recorder's clock runs fast by this share."""
+    time_stamp_sd_s: float = setting(0.0, low=0.0, high=10.0)
+    """Scatter of a row's time stamp."""
     camera_jitter_m: float = setting(2e-5, low=0.0, high=0.1)
     camera_jitter_rad: float = setting(1e-4, low=0.0, high=0.5)
     """White from image to image."""
@@ -115,6 +146,10 @@ class PlantTable:
     payload_mass_kg: float = setting(0.0, low=0.0, high=100.0)
     payload_centre_m: tuple[float, ...] = setting((0.03, 0.0, 0.0), low=-10.0, high=10.0)
     """Known load between sensor and mechanism, in the top frame; declared in the data."""
+    marker_mass_kg: float = setting(0.0, low=0.0, high=10.0)
+    """Of the target between sensor and mechanism: it hangs on the sensor at every zero as well."""
+    marker_centre_m: tuple[float, ...] = setting((0.01, 0.0, 0.04), low=-1.0, high=1.0)
+    """In the top frame."""
     gravity_m_s2: tuple[float, ...] = setting((-9.81, 0.0, 0.0), low=-100.0, high=100.0)
     """In base axes."""
 

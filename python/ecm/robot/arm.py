@@ -33,7 +33,7 @@ ORIGINS_M = (FOOT_M, 0.2, 0.2, 0.2, 0.2, 0.19, 0.0)
 _LENGTH_M = (0.2, 0.2, 0.2, 0.2, 0.19, 0.06, FLANGE_M)
 _RADIUS_M = (0.06, 0.06, 0.06, 0.055, 0.05, 0.045, 0.035)
 
-HOME_RAD: F = np.deg2rad([0.0, -25.0, 0.0, 87.0, 0.0, -68.0, 0.0])
+HOME_RAD: F = np.deg2rad([0.0, -30.0, 0.0, 85.0, 0.0, -65.0, 0.0])
 """Flange straight down, wrist far from stretched and from its limit for tilts up to 45 degrees."""
 
 _ADAPTER = ("adapter", 0.045, 0.020, 0.25, "0.75 0.75 0.78 1")

@@ -130,6 +130,11 @@ class RobotCampaign(Campaign):
                     )
 
     @property
+    def minutes(self) -> float:
+        """How long the campaign takes on the rig: as planned, and how late the arm is by now."""
+        return (self.planned.end_s + self._shift_s) / 60.0
+
+    @property
     def measured(self) -> int:
         """Poses that have a reading."""
         return sum(v.kind == POSE for v in self.timeline.visits)

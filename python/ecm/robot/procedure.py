@@ -114,6 +114,7 @@ class Machine:
         self._servo = Servo(arm, self.simulation, model)
         self._guard = Guard(settings, self.simulation, model, length_m)
         self._frame = frame
+        self._rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._stack: list[F] = []
         self._outcome = Outcome(-1)
         self._target: F = np.zeros(7)
@@ -137,6 +138,8 @@ class Machine:
                 self._drive(stop.goal)
                 self._outcome.travel_s = self.simulation.time_s - begin
                 self._read(stop)
+                if not from_home and not stop.via:
+                    self._stack = self._straight()
                 from_home = False
             except Halt as halt:
                 self._outcome.reason = str(halt)
@@ -279,6 +282,22 @@ class Machine:
         self._stack = [simulation.home_rad.copy()]
         self._log("return", begin)
         self._servo.release()
+
+    def _straight(self) -> list[F]:
+        """Joints from home to here in one cubic motion: the way home of the direct strategy.
+
+        The recorded way would lead through every pose before.
+        """
+        simulation, procedure = self.simulation, self._settings.rig
+        pose, home = simulation.pose, simulation.home_rad
+        way = simulation.joints_rad - home
+        duration = max(
+            duration_s(float(np.linalg.norm(pose[:3] - self._rest[:3])), procedure.speed_m_s),
+            duration_s(float(np.linalg.norm(pose[3:])), procedure.speed_rad_s),
+            duration_s(float(np.abs(way).max()), _SLOW_RAD_S),
+        )
+        share, _ = progress(duration, simulation.step_s)
+        return list(home + share[:, None] * way)
 
     # --- one step --------------------------------------------------------------
 

@@ -90,6 +90,7 @@ def scene(settings: RigSettings, length_m: float) -> Scene:
     <geom class="shape" type="cylinder" fromto="{foot[0]:.17g} 0 {foot[2]:.17g} \
 {foot[0] + 0.11:.17g} 0 {foot[2]:.17g}" size="0.09" rgba="0.3 0.3 0.3 1"/>
     <geom class="shape" type="box" pos="-0.02 0 0" size="0.02 0.12 0.12" rgba="0.5 0.5 0.5 1"/>
+    <camera name="film" pos="0.42 0.85 0.32" xyaxes="0 -0.5219 0.853 0.9699 -0.2076 -0.127"/>
 {stop}    <body name="foot" pos="{place}" quat="0 0.70710678118654757 0 0.70710678118654757">
 {chain}    </body>
   </worldbody>

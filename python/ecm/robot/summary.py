@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +41,8 @@ def document(campaign: RobotCampaign) -> dict[str, Any]:
     """The record of a campaign."""
     planned = campaign.planned.visits
     lines = [line for line in campaign.taken if planned[line.visit].kind == timeline.POSE]
+    before = [s for s in campaign.skipped if s.row not in {planned[n.visit].row for n in lines}]
+    asked = len(lines) + len(before)
     reached = [line for line in lines if not line.reason]
     visits = [
         {
@@ -57,16 +61,17 @@ def document(campaign: RobotCampaign) -> dict[str, Any]:
     found: dict[str, Any] = {
         "schema": 1,
         "visits": visits,
-        "poses": len(lines),
+        "poses": asked,
         "reached": len(reached),
-        "success": len(reached) / len(lines) if lines else 0.0,
-        "reasons": [
+        "success": len(reached) / asked if asked else 0.0,
+        "reasons": [[s.row + 1, s.pose_id, s.reason] for s in before]
+        + [
             [planned[line.visit].row + 1, planned[line.visit].pose_id, line.reason]
             for line in lines
             if line.reason
         ],
         "mechanism_rms": dict(zip(WRENCH, campaign.mechanism.rms.tolist(), strict=True)),
-        "minutes": campaign.taken[-1].time_s / 60.0 if campaign.taken else 0.0,
+        "minutes": campaign.minutes,
         "off_known_m": {
             "largest": max((line.off_known_m for line in reached), default=0.0),
             "mean": float(np.mean([line.off_known_m for line in reached])) if reached else 0.0,
@@ -74,7 +79,41 @@ def document(campaign: RobotCampaign) -> dict[str, Any]:
     }
     if reached:
         found["phases"] = _phases(reached, campaign)
+        plan = np.stack([planned[line.visit].pose for line in reached])
+        distance, angle = errors(np.asarray([line.reached for line in reached]), plan)
+        found["calibration"] = {
+            "median_m": float(np.median(distance)),
+            "median_rad": float(np.median(angle)),
+        }
     return found
+
+
+def words(path: Path) -> list[str]:
+    """What a record says, in a few lines."""
+    found = json.loads(path.read_text(encoding="utf-8"))
+    lines = [
+        f"{found['reached']} of {found['poses']} poses reached in {found['minutes']:.0f} minutes",
+    ]
+    if "phases" in found:
+        for name in ("impedance", "position"):
+            phase = found["phases"][name]
+            share = " ".join(f"{100.0 * s:.0f}" for s in phase["fraction"].values())
+            lines.append(
+                f"after the {name} phase: {phase['median_m'] * 1e3:.3g} mm and "
+                f"{phase['median_rad'] * 1e3:.3g} mrad from the goal (median), largest "
+                f"{phase['largest_m'] * 1e3:.3g} mm and {phase['largest_rad'] * 1e3:.3g} mrad; "
+                f"share of the way, x to theta_z: {share} %"
+            )
+        off, arm = found["off_known_m"], found["calibration"]
+        lines.append(
+            f"the arm's own calibration puts it {arm['median_m'] * 1e3:.3g} mm and "
+            f"{arm['median_rad'] * 1e3:.3g} mrad off the plan (median), which the camera measures"
+        )
+        lines.append(
+            f"farthest from the straight ways to the poses: {off['largest'] * 1e3:.1f} mm, "
+            f"{off['mean'] * 1e3:.1f} mm on average"
+        )
+    return [*lines, f"{path}: the record of the arm"]
 
 
 def _phases(reached: list[Any], campaign: RobotCampaign) -> dict[str, Any]:

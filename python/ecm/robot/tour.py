@@ -18,6 +18,10 @@ from ecm.robot.timing import duration_s
 F = NDArray[np.float64]
 
 
+_SETTLE_S = 0.35
+_AT_HOME_S = 0.4
+
+
 @dataclass(frozen=True)
 class Tour:
     """The stops of one sortie, and when the plan lets it begin and end."""
@@ -62,6 +66,17 @@ def tours(visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: flo
         last = visit.time_s + 0.5 * visit.window_s + _leg(visit.pose, rest, procedure)
     close()
     return found
+
+
+def extra_s(visit: Visit, procedure: Procedure) -> float:
+    """What the arm needs beyond the timeline, by experience: settling and the position phase.
+
+    Impedance control leaves about a quarter of the way; the way home repeats every motion.
+    """
+    if visit.kind != POSE:
+        return 0.0
+    left = 0.25 * float(np.linalg.norm(visit.pose[:3] - visit.way[0][:3]))
+    return 2.0 * (_SETTLE_S + duration_s(left, procedure.speed_m_s)) + _AT_HOME_S
 
 
 def _leg(start: F, end: F, procedure: Procedure) -> float:

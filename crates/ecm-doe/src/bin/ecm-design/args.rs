@@ -30,13 +30,49 @@ pub enum Search {
     Paper,
 }
 
+/// The protocol of the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Preset {
+    /// Each pose once, from the initial pose, two seconds of rest
+    Paper,
+    /// Two sides of approach, three dwells, home checks and unloaded readings between
+    Diagnosable,
+}
+
+/// `--help` on one screen; the man page has every option in full.
+const HELP: &str = "\
+Chooses N candidate poses of a CSV table and says how close to the best that is
+
+Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
+
+  --n N                 poses to choose, besides those of --include
+  --criterion NAME      d (default), i, a, g, di (with --share S), maximin
+  --model NAME          cubic (default), linear, quadratic, poly:D, energyD with
+                        D 4..6 (energyD-revolution, energyD-general; --length M)
+  --columns A,B         coordinates (default: pose columns, or all numeric ones)
+  --preset NAME         protocol: paper, diagnosable (default: the poses alone)
+  --include 1,5-9       must be in; rows count from 1
+  --exclude ROWS|REGION must not, e.g. 7 or 'x_m<0.09&y_m>0'; may be repeated
+  --augment FILE        poses already measured
+  --replicates          a pose may be chosen again       --ridge LAMBDA  a prior
+  --metres-per-radian L maximin: distance in metres (default: ranges to [-1, 1])
+  --search best|paper   the paper's exchange instead of the best search
+  --starts N  --iterations N  --time-limit S     budget (about 10 s; 20 maximin)
+  --seed N  --threads N  threads (0: all) do not change the result
+  --out FILE  --json FILE  --quiet  --skip-bad-rows
+  --man  --completions SHELL  -V  -h              (ecm-design --man | man -l -)
+
+Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)
+";
+
 /// Chooses N of the candidate poses in a CSV table and says how close to the best that is.
 #[derive(Debug, Parser)]
 #[command(
     name = "ecm-design",
     version,
     max_term_width = 110,
-    disable_help_flag = true
+    disable_help_flag = true,
+    override_help = HELP
 )]
 #[command(
     after_help = "Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (the best so far is written)"
@@ -60,6 +96,12 @@ pub struct Args {
     /// maximin: count a radian as so many metres [default: every coordinate scaled to [-1, 1]]
     #[arg(long, value_name = "METRES")]
     pub metres_per_radian: Option<f64>,
+    /// Protocol of the plan [default: each pose once]
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Effects to be told apart: they need the nominal stiffness that `ecm design` has
+    #[arg(long, value_name = "IDS", hide = true)]
+    pub effects: Option<String>,
     /// Coordinate columns, comma-separated [default: the pose columns, or all numeric ones]
     #[arg(long, value_delimiter = ',')]
     pub columns: Vec<String>,
@@ -87,7 +129,7 @@ pub struct Args {
     /// Independent starts
     #[arg(long, default_value_t = 10)]
     pub starts: usize,
-    /// Search budget: disturbances (d), thousands of swaps (maximin); 0 is about 10 s at paper size
+    /// Search budget: disturbances (models), thousands of swaps (maximin); 0: 10 s or 20 s at paper size
     #[arg(long, default_value_t = 0)]
     pub iterations: usize,
     /// Stop after so many seconds; then the result depends on the machine
@@ -115,9 +157,9 @@ pub struct Args {
     #[arg(short, long, action = clap::ArgAction::HelpShort)]
     pub help: Option<bool>,
     /// Print the man page
-    #[arg(long, hide = true)]
+    #[arg(long)]
     pub man: bool,
     /// Print shell completions
-    #[arg(long, hide = true, value_name = "SHELL")]
+    #[arg(long, value_name = "SHELL")]
     pub completions: Option<clap_complete::Shell>,
 }

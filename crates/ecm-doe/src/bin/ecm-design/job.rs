@@ -366,7 +366,7 @@ fn read_measured(
 }
 
 /// `length_m` of `[mechanism]` in the TOML beside the table.
-fn length_beside(path: &Path) -> Result<f64, Failure> {
+pub fn length_beside(path: &Path) -> Result<f64, Failure> {
     let meta = path.with_extension("toml");
     let wanted = "energy models need the undeformed length: give --length METRES or length_m under [mechanism]";
     let name = meta.display();

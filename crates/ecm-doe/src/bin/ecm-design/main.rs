@@ -5,6 +5,7 @@ mod failure;
 mod job;
 mod plan;
 mod progress;
+mod protocol;
 mod rows;
 mod table;
 
@@ -57,6 +58,11 @@ fn run(args: &Args) -> Result<u8, Failure> {
             "--time-limit: {found}, expected seconds, 0 for none"
         )));
     }
+    if args.effects.is_some() {
+        return Err(Failure::Input(
+            "--effects: which effects a plan tells apart depends on the stiffness and the rig, which this binary does not know; use `ecm design --preset diagnosable --effects IDS`".into(),
+        ));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
@@ -74,7 +80,11 @@ fn run(args: &Args) -> Result<u8, Failure> {
     plan::write(
         &job.table,
         &job.rows(&design),
-        args.seed,
+        &plan::Protocol {
+            seed: args.seed,
+            preset: args.preset,
+            length_m: args.length.or_else(|| job::length_beside(path).ok()),
+        },
         args.out.as_deref(),
     )?;
     if let Some(file) = &args.json {

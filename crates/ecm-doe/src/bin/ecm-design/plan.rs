@@ -4,73 +4,127 @@ use std::io::Write;
 use std::path::Path;
 
 use rand::SeedableRng;
-use rand::seq::SliceRandom;
 
+use crate::args::Preset;
 use crate::failure::Failure;
+use crate::protocol::{Visit, median_rest_x_m, visits};
 use crate::table::{POSE, Table, WRENCH};
 
-/// Columns that a plan adds to a table of poses, with the value of every row.
-///
-/// The paper's protocol: each pose is approached from the initial pose, in one run.
-const ADDED: [(&str, &str); 5] = [
-    ("kind", "pose"),
-    ("approach", "initial"),
-    ("dwell_s", ""),
-    ("run", "0"),
-    ("action", "measure"),
-];
+/// Columns that a plan adds to a table of poses.
+const ADDED: [&str; 5] = ["kind", "approach", "dwell_s", "run", "action"];
+
+/// How the rows become a plan.
+pub struct Protocol {
+    /// Of the visiting order.
+    pub seed: u64,
+    /// Which visits; each pose once without.
+    pub preset: Option<Preset>,
+    /// Where the top rests, for the checks of a preset; without it the candidates tell.
+    pub length_m: Option<f64>,
+}
 
 /// Writes the rows (from 0) of `table` to `out`, or to standard output.
 ///
 /// A table of poses is visited in an order drawn with `seed`, so that a drift over time is no
 /// trend over the workspace, and gets the columns of a plan; any other keeps its order.
-pub fn write(table: &Table, rows: &[usize], seed: u64, out: Option<&Path>) -> Result<(), Failure> {
+pub fn write(
+    table: &Table,
+    rows: &[usize],
+    protocol: &Protocol,
+    out: Option<&Path>,
+) -> Result<(), Failure> {
     let poses = table.header.iter().any(|h| POSE.contains(&h.as_str()));
-    let mut order = rows.to_vec();
-    if poses {
-        order.shuffle(&mut rand_chacha::ChaCha8Rng::seed_from_u64(seed));
+    let unwritten = |e: csv::Error| Failure::System(format!("the plan cannot be written: {e}"));
+    if !poses {
+        if protocol.preset.is_some() {
+            return Err(Failure::Input(format!(
+                "{}: --preset needs pose columns ({}); leave it out for other coordinates",
+                table.name,
+                POSE.join(", ")
+            )));
+        }
+        return save(&render_rows(table, rows).map_err(unwritten)?, out);
     }
-    let text = render(table, &order, poses)
-        .map_err(|e| Failure::System(format!("the plan cannot be written: {e}")))?;
-    save(&text, out)
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(protocol.seed);
+    let visits = visits(table, rows, protocol.preset, &mut rng)?;
+    let checks = visits.iter().any(|v| v.kind != "pose");
+    let rest_x_m = match protocol.length_m {
+        Some(length) => length,
+        None if checks => median_rest_x_m(table)?,
+        None => 0.0,
+    };
+    save(&render(table, &visits, rest_x_m).map_err(unwritten)?, out)
 }
 
-fn render(table: &Table, rows: &[usize], poses: bool) -> Result<Vec<u8>, csv::Error> {
+fn render_rows(table: &Table, rows: &[usize]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let has = |name: &str| table.header.iter().any(|h| h == name);
+    writer.write_record(&table.header)?;
+    for &row in rows {
+        writer.write_record(&table.cells(row))?;
+    }
+    finish(writer)
+}
+
+fn render(table: &Table, visits: &[Visit], rest_x_m: f64) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let own_id = table.header.iter().position(|h| h == "pose_id");
     // What was measured and how the row was visited before says nothing about the plan.
     let replaced = |name: &str| {
-        let measured = WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name))
-            || ["time_s", "repeat"].contains(&name);
-        poses && (measured || ADDED.iter().any(|(a, _)| *a == name))
+        WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name))
+            || ["time_s", "repeat", "pose_id"].contains(&name)
+            || ADDED.contains(&name)
     };
-    let numbered = poses && !has("pose_id");
     let kept: Vec<usize> = (0..table.header.len())
-        .filter(|&c| !replaced(&table.header[c]))
+        .filter(|&c| !replaced(&table.header[c]) || Some(c) == own_id)
         .collect();
+    let id = |row: usize| match own_id {
+        Some(c) => {
+            String::from_utf8_lossy(table.cells(row).get(c).unwrap_or_default()).into_owned()
+        }
+        None => row.to_string(),
+    };
     let mut header: Vec<&str> = kept.iter().map(|&c| table.header[c].as_str()).collect();
-    if numbered {
+    if own_id.is_none() {
         header.push("pose_id");
     }
-    if poses {
-        header.extend(ADDED.iter().map(|(name, _)| *name));
-    }
+    header.extend(ADDED);
     writer.write_record(&header)?;
-    for &row in rows {
-        let cells = table.cells(row);
+    let rest = |name: &str| match POSE.iter().position(|p| *p == name)? {
+        0 => Some(rest_x_m.to_string()),
+        _ => Some("0".to_owned()),
+    };
+    for visit in visits {
+        let cells = table.cells(visit.row);
+        let check = visit.kind != "pose";
         for &c in &kept {
-            writer.write_field(cells.get(c).unwrap_or_default())?;
-        }
-        if numbered {
-            writer.write_field(row.to_string())?;
-        }
-        if poses {
-            for (_, value) in ADDED {
-                writer.write_field(value)?;
+            match rest(&table.header[c]).filter(|_| check) {
+                Some(value) => writer.write_field(value)?,
+                None if check && Some(c) == own_id => writer.write_field("-1")?,
+                None => writer.write_field(cells.get(c).unwrap_or_default())?,
             }
+        }
+        if own_id.is_none() {
+            writer.write_field(if check {
+                "-1".to_owned()
+            } else {
+                id(visit.row)
+            })?;
+        }
+        let approach = match visit.from {
+            _ if check => String::new(),
+            None => "initial".to_owned(),
+            Some(row) => id(row),
+        };
+        let added = [visit.kind, &approach, visit.dwell_s, "0", visit.action];
+        for value in added {
+            writer.write_field(value)?;
         }
         writer.write_record(None::<&[u8]>)?;
     }
+    finish(writer)
+}
+
+fn finish(writer: csv::Writer<Vec<u8>>) -> Result<Vec<u8>, csv::Error> {
     writer
         .into_inner()
         .map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))

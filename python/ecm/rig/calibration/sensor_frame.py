@@ -1,0 +1,58 @@
+"""Where the force-torque sensor sits: from wrenches that are known at the top (dead weights).
+
+The sensor reads r = Ad w with Ad the adjoint of the frame (R, t) of the sensor in the top frame:
+the wrench is moved to the top by f = R f_s, tau = R tau_s + t x R f_s. Gauss-Newton on (t, R).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.rig.calibration.frame_fit import FrameFit, solve_scaled
+from ecm.rig.frames import rotation, rotation_vector, skew
+
+F = NDArray[np.float64]
+
+_ROUNDS = 30
+
+
+def sensor_frame(
+    readings: F, wrenches_at_top: F, *, force_sd_N: float, torque_sd_Nm: float
+) -> FrameFit:
+    """The sensor's frame in the top frame from (n, 6) readings without zero and known wrenches.
+
+    Raises
+    ------
+    InputError
+        Fewer than three wrenches, or forces along one line only.
+    """
+    n = len(readings)
+    if n < 3:
+        raise InputError(f"sensor frame: {n} wrenches, expected at least 3")
+    forces = wrenches_at_top[:, :3]
+    if np.linalg.svd(forces, compute_uv=False)[1] < 1e-3 * np.linalg.norm(forces):
+        raise InputError("sensor frame: all forces lie on one line; turn the sensor between them")
+    u, _, vt = np.linalg.svd(forces.T @ readings[:, :3])
+    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    place = np.zeros(3)
+    weight = np.tile(np.repeat([1.0 / force_sd_N, 1.0 / torque_sd_Nm], 3), n)
+    covariance, dof = np.eye(6), 1
+    for _ in range(_ROUNDS):
+        force = readings[:, :3] @ turn.T
+        moment = readings[:, 3:] @ turn.T
+        at_top = np.concatenate([force, moment + np.cross(place, force)], axis=1)
+        design = np.zeros((n, 6, 6))
+        design[:, :3, 3:] = -skew(force)
+        design[:, 3:, :3] = -skew(force)
+        # The turn moves force and moment about the sensor's own origin.
+        design[:, 3:, 3:] = -skew(moment) - skew(place[None]) @ skew(force)
+        step, covariance, dof = solve_scaled(
+            weight[:, None] * design.reshape(-1, 6), weight * (wrenches_at_top - at_top).ravel()
+        )
+        place = place + step[:3]
+        turn = rotation(step[None, 3:])[0] @ turn
+        if np.abs(step).max() < 1e-12:
+            break
+    return FrameFit(np.concatenate([place, rotation_vector(turn[None])[0]]), covariance, dof)

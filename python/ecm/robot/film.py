@@ -1,0 +1,166 @@
+"""A film of the first poses of a campaign: MuJoCo draws the arm, and the mechanism with it.
+
+The mechanism is no body of the scene; it is drawn as a row of capsules along the cubic that leaves
+the base and meets the top frame straight on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import ComputationError, MissingExtra
+from ecm.rig.elastic import Progress
+from ecm.robot.procedure import Stop
+from ecm.robot.scene import mujoco
+from ecm.robot.simulation import Simulation
+from ecm.robot.worker import Job
+
+F = NDArray[np.float64]
+
+WIDTH, HEIGHT = 480, 400
+FRAMES_PER_S = 12
+FASTER = 4.0
+"""Simulated over filmed time."""
+_PIECES = 12
+_CLEAR, _LOADED = np.array([0.55, 0.75, 0.95, 1.0]), np.array([0.95, 0.35, 0.25, 1.0])
+_FULL_N = 120.0
+"""Force at which the mechanism is drawn red."""
+
+
+class Film:
+    """Collects frames; `frame` is the callback of a machine."""
+
+    def __init__(self, length_m: float, radius_m: float) -> None:
+        self._library = mujoco()
+        self._length_m, self._radius_m = length_m, radius_m
+        self._context = _gl_context()
+        self._drawing: Any = None
+        self._last_s = -1.0
+        self.images: list[NDArray[np.uint8]] = []
+
+    def begin(self) -> None:
+        """A sortie begins: its clock starts again."""
+        self._last_s = -1.0
+
+    def frame(self, simulation: Simulation, phase: str) -> None:
+        """One more frame where enough time has passed."""
+        del phase
+        if simulation.time_s - self._last_s < FASTER / FRAMES_PER_S - 1e-9:
+            return
+        self._last_s = simulation.time_s
+        library = self._library
+        if self._drawing is None:
+            self._drawing = self._begin_drawing(simulation)
+        scene, option, camera, canvas, place = self._drawing
+        library.mjv_updateScene(
+            simulation.model, simulation.data, option, None, camera,
+            library.mjtCatBit.mjCAT_ALL.value, scene,
+        )  # fmt: skip
+        self._draw_mechanism(scene, simulation)
+        library.mjr_render(place, scene, canvas)
+        image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
+        library.mjr_readPixels(image, None, place, canvas)
+        self.images.append(image[::-1].copy())
+
+    def write(self, path: Path) -> None:
+        """As an animated GIF."""
+        try:
+            from PIL import Image
+        except ImportError:
+            raise MissingExtra("pillow", "robot", "--film") from None
+        frames = [Image.fromarray(image).quantize(96) for image in self.images]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            frames[0].save(
+                path, format="GIF", save_all=True, append_images=frames[1:],
+                duration=round(1000.0 / FRAMES_PER_S), loop=0,
+            )  # fmt: skip
+        except OSError as error:
+            raise ComputationError(f"{path}: the film cannot be written: {error}") from None
+
+    def close(self) -> None:
+        """Gives the graphics context back."""
+        self._drawing = None
+        self._context.free()
+
+    def _begin_drawing(self, simulation: Simulation) -> Any:
+        library = self._library
+        canvas = library.MjrContext(simulation.model, library.mjtFontScale.mjFONTSCALE_100.value)
+        library.mjr_setBuffer(library.mjtFramebuffer.mjFB_OFFSCREEN.value, canvas)
+        # MuJoCo's cameras stand upright along z; here up is x, so the camera is given by its axes.
+        camera = library.MjvCamera()
+        camera.type = library.mjtCamera.mjCAMERA_FIXED.value
+        camera.fixedcamid = 0
+        scene = library.MjvScene(simulation.model, maxgeom=200)
+        return scene, library.MjvOption(), camera, canvas, library.MjrRect(0, 0, WIDTH, HEIGHT)
+
+    def _draw_mechanism(self, scene: Any, simulation: Simulation) -> None:
+        library = self._library
+        load = min(1.0, float(np.linalg.norm(simulation.wrench[:3])) / _FULL_N)
+        colour = ((1.0 - load) * _CLEAR + load * _LOADED).astype(np.float32)
+        points = centre_line(
+            simulation.position, simulation.data.site_xmat[0].reshape(3, 3), self._length_m
+        )
+        for start, end in pairwise(points):
+            if scene.ngeom >= scene.maxgeom:
+                return
+            piece = scene.geoms[scene.ngeom]
+            kind = library.mjtGeom.mjGEOM_CYLINDER.value
+            library.mjv_initGeom(piece, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+            library.mjv_connector(piece, kind, self._radius_m, start, end)
+            scene.ngeom += 1
+
+
+def centre_line(top_m: F, top_axes: F, length_m: float) -> F:
+    """Points (n, 3) of the cubic from the base along x to the top along its own x."""
+    u = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    begin, end = length_m * np.array([1.0, 0.0, 0.0]), length_m * top_axes[:, 0]
+    line: F = (u**3 - 2 * u**2 + u) * begin + (3 * u**2 - 2 * u**3) * top_m + (u**3 - u**2) * end
+    return line
+
+
+def film(
+    job: Job, stops: Sequence[Stop], path: Path, radius_m: float, progress: Progress = None
+) -> int:
+    """Films each stop as a sortie of its own; returns the number of frames.
+
+    Raises
+    ------
+    ComputationError
+        Where no way to draw without a screen is found.
+    """
+    picture = Film(job.surrogate.length_m, radius_m)
+    try:
+        machine = job.machine(picture.frame)
+        for i, stop in enumerate(stops):
+            picture.begin()
+            machine.sortie([stop])
+            if progress is not None:
+                progress(i + 1, len(stops), "filming")
+        picture.write(path)
+    finally:
+        picture.close()
+    return len(picture.images)
+
+
+def _gl_context() -> Any:
+    """A context for drawing without a screen: EGL, OSMesa, or a hidden window."""
+    tried = []
+    for name in ("egl", "osmesa", "glfw"):
+        try:
+            context = import_module(f"mujoco.{name}").GLContext(WIDTH, HEIGHT)
+            context.make_current()
+            return context
+        except Exception as error:  # whatever a graphics driver raises
+            tried.append(f"{name}: {error}")
+    raise ComputationError(
+        "the film needs a way to draw without a screen and found none; install libegl1 or "
+        f"libosmesa6 ({'; '.join(tried)[:300]})"
+    )

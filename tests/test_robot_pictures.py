@@ -1,0 +1,120 @@
+"""The film, Fig. 7, and the command that writes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from conftest import Done
+from ecm.errors import ComputationError, InputError, MissingExtra
+from ecm.robot.film import Film, centre_line, film
+from ecm.robot.procedure import Stop
+from ecm.robot.scene import mujoco
+from ecm.robot.show import need_robot, show
+from robot_rig import REST, job, machine, plan, settings
+from test_rig_stand_in import L, StandIn, some_poses
+
+GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
+
+
+def need_drawing() -> None:
+    try:
+        Film(L, 0.033).close()
+    except ComputationError as error:
+        pytest.skip(str(error))
+
+
+def test_a_film_shows_the_arm_and_what_it_bends(tmp_path: Path) -> None:
+    need_drawing()
+    image = pytest.importorskip("PIL.Image", reason="pillow is missing: see the extra robot")
+    out = tmp_path / "film.gif"
+    count = film(job(), [Stop(0, GOAL, (), 0.2, 0.2)], out, 0.033)
+    frames = []
+    with image.open(out) as moving:
+        assert moving.n_frames == count > 5
+        for i in (0, count // 2):
+            moving.seek(i)
+            frames.append(np.asarray(moving.convert("RGB"), dtype=float))
+    assert frames[0].std() > 20.0  # something is drawn
+    assert np.abs(frames[0] - frames[1]).mean() > 0.5  # and it moves
+
+
+def test_the_centre_line_meets_both_frames() -> None:
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    line = centre_line(np.array([0.06, 0.05, 0.0]), turn, L)
+    assert line[0] == pytest.approx(np.zeros(3))
+    assert line[-1] == pytest.approx([0.06, 0.05, 0.0])
+    assert abs(line[1, 1]) < 0.2 * line[1, 0]
+    last = line[-1] - line[-2]
+    assert abs(last[0]) < 0.3 * last[1]
+
+
+def test_phases_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    from ecm.robot.figure import figure_7
+
+    stop = Stop(0, GOAL, (), 0.2, 0.2)
+    result = machine().sortie([stop])
+    out = tmp_path / "fig7.svg"
+    figure_7(result, stop, L, out)
+    text = out.read_text(encoding="utf-8")
+    assert "<svg" in text
+    assert len(text) > 20_000
+
+
+def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    out = tmp_path / "fig7.png"
+    (line,) = show(
+        plan(some_poses(7)), settings(), phases=out, source=StandIn(), folder=tmp_path / "cache"
+    )
+    assert str(out) in line
+    assert out.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_pictures_are_of_the_arm_alone() -> None:
+    from ecm.rig import RigSettings
+
+    with pytest.raises(InputError, match=r"--film.*mode"):
+        need_robot(RigSettings(), ("--film", Path("a.gif")))
+    with pytest.raises(InputError, match=r"expected a file ending in \.gif"):
+        need_robot(settings(), ("--film", Path("a.mp4")))
+
+
+def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtra, match=r"ecm-stiffness\[robot\]"):
+        mujoco()
+
+
+def test_the_command_drives_the_arm_on_fem(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    poses = some_poses(6, seed=2)
+    names = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
+    rows = "\n".join(",".join(f"{v:.9g}" for v in pose) for pose in poses)
+    (tmp_path / "plan.csv").write_text(",".join(names) + "\n" + rows + "\n")
+    (tmp_path / "plan.toml").write_text(
+        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
+        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n"
+    )
+    (tmp_path / "rig.toml").write_text(
+        '[rig]\nmode = "robot"\nspeed_m_s = 0.05\nspeed_rad_s = 0.4\nprocesses = 1\n'
+    )
+    out = tmp_path / "data.csv"
+    done = ecm_command(
+        "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out", out
+    )
+    assert done.code == 0, done.err
+    assert "6 of 6 poses reached" in done.out
+    assert "after the impedance phase" in done.out
+    found: dict[str, Any] = json.loads((tmp_path / "data.robot.json").read_text())
+    assert found["phases"]["position"]["largest_m"] < 1e-6
+    assert len(out.read_text().splitlines()) == 7
