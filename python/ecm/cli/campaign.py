@@ -34,7 +34,9 @@ def campaign(
     hide: Annotated[
         str | None,
         typer.Option(
-            "--hide", metavar="EFFECT=S", help="Hide an effect of strength S; random; none."
+            "--hide",
+            metavar="EFFECT=S",
+            help="Hide an effect of strength S; random; none; FIRST.csv: what is hidden there.",
         ),
     ] = None,
     film: Annotated[
