@@ -102,10 +102,11 @@ class Config:
     source: str = ""
     """File it was read from, for messages."""
 
-    def __post_init__(self) -> None:
+    def check_job(self) -> None:
+        """InputError where the tables of the whole job do not fit each other."""
         if self.design.n > self.simulate.n - self.simulate.n_test:
             raise InputError(
-                f"[design] n = {self.design.n}: expected at most the "
+                f"{self._where}[design] n = {self.design.n}: expected at most the "
                 f"{self.simulate.n - self.simulate.n_test} training pairs of [simulate] "
                 "(n - n_test)"
             )
@@ -113,9 +114,13 @@ class Config:
         needed = math.comb(degree + 6, 6)
         if self.simulate.n - self.simulate.n_test < needed:
             raise InputError(
-                f"[simulate] n - n_test = {self.simulate.n - self.simulate.n_test}: expected at "
+                f"{self._where}[simulate] n - n_test = {self.simulate.n - self.simulate.n_test}: expected at "
                 f"least {needed}, the coefficients of [select] degrees {degree}"
             )
+
+    @property
+    def _where(self) -> str:
+        return f"{self.source}: " if self.source else ""
 
 
 def config_from_dict(
