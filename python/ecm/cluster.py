@@ -134,7 +134,9 @@ _fems: dict[str, Any] = {}
 """On a worker: the last body, which many chunks share."""
 
 
-def _work(mechanism: Mechanism, mesh: bytes, threads: int, wrenches: F, guess: bytes) -> Part:
+def _work(
+    mechanism: Mechanism, mesh: bytes, kind: str, threads: int, wrenches: F, guess: bytes
+) -> Part:
     from ecm._native import Guess
 
     key = mechanism.key() + str(hash(mesh))
