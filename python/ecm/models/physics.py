@@ -143,6 +143,10 @@ class PhysicsMap:
         family.check(wanted)
         return family.at(wanted)
 
+    def other_body(self, values: Mapping[str, float]) -> EnergyMap | None:
+        """The energy of E, nu, L, D, also beyond what was tabulated; None without a family."""
+        return None if self.family is None else self.family.at(values)
+
     def with_free(self, *names: str) -> PhysicsMap:
         """The same map with these values as coefficients."""
         self._tabulated()
