@@ -393,6 +393,30 @@ def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
     return found.poses, found.wrenches
 
 
+def part_full(count: int, figures: Figures, folder: Path) -> list[str]:
+    """Every stable solution of the paper's load box, however far it turns."""
+    from ecm.mechanism import Mechanism
+    from ecm.simulate import Workspace, simulate
+
+    far = simulate(Mechanism(), count, Workspace(full_box=True), seed=4, directory=folder / "full")
+    body = Body(far.poses, far.wrenches, test=100)
+    angle = np.linalg.norm(far.poses[:, 3:], axis=1)
+    text = [
+        f"Rotation of the {len(angle)} poses: median {np.median(angle):.2f} rad, nine tenths below "
+        f"{np.quantile(angle, 0.9):.2f}, largest {angle.max():.2f}.",
+        "",
+    ]
+    for title, noise in (("no noise", None), ("the rig's noise", RIG)):
+        lines = [
+            body.line(model, n, noise, design=False)
+            for model in MODELS
+            for n in (20, 50, 100, 200, count)
+        ]
+        figures[f"full, {title}"] = lines
+        text += [f"### Neck, the full workspace, random poses, {title}", "", *shown(lines), ""]
+    return text
+
+
 def part_broken(wrenches: F, figures: Figures, folder: Path) -> list[str]:
     """Bodies that are not quite symmetric, with and without the group of the fault."""
     text = []
@@ -412,7 +436,7 @@ def part_broken(wrenches: F, figures: Figures, folder: Path) -> list[str]:
     return text
 
 
-PARTS = ("sizes", "goals", "reach", "loads", "broken")
+PARTS = ("sizes", "goals", "reach", "loads", "full", "broken")
 
 
 def main() -> None:
@@ -420,7 +444,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--part", choices=PARTS, action="append")
-    parser.add_argument("--broken", type=int, default=460, help="pairs per unsymmetric body")
+    parser.add_argument("--broken", type=int, default=360, help="pairs per unsymmetric body")
+    parser.add_argument("--full", type=int, default=500, help="pairs of the full workspace")
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
@@ -446,6 +471,8 @@ def main() -> None:
             text = part_reach(neck, figures)
         elif part == "loads":
             text = part_loads(neck, figures, out)
+        elif part == "full":
+            text = part_full(arguments.full, figures, out)
         else:
             text = part_broken(wrenches[: arguments.broken], figures, out)
         (out / f"{part}.md").write_text("\n".join(text), encoding="utf-8")

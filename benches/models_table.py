@@ -32,6 +32,7 @@ from ecm.errors import EcmError, MissingExtra
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
 from ecm.models import StiffnessMap, fit_model
+from ecm.models.choice import free_coefficients
 from ecm.table import Table
 
 F = NDArray[np.float64]
@@ -67,14 +68,6 @@ def seconds_a_row(base: StiffnessMap, poses: F, stiffness: bool) -> float:
         call(poses)
         best = min(best, time.perf_counter() - start)
     return best / len(poses)
-
-
-def coefficients_of(base: StiffnessMap) -> int:
-    """How many numbers were fitted: of a principal component regression those of its rank."""
-    model = getattr(base, "model", None)
-    rank = getattr(model, "rank", 0)
-    free = base.kind == "polynomial" and rank > 0
-    return rank * len(base.outputs) if free else len(base.coefficients)
 
 
 def measure(
@@ -128,7 +121,7 @@ def measure(
         lines.append(
             {
                 "model": name,
-                "coefficients": coefficients_of(base),
+                "coefficients": free_coefficients(base),
                 "inside": errors[SIZES[-1]],
                 "inside_10": errors.get(10, np.inf),
                 "beyond": whitened(base, poses[beyond], wrenches[beyond], of_beyond),
