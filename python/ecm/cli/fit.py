@@ -37,8 +37,8 @@ def fit(
             "--model",
             metavar="NAME",
             help="choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, "
-            "energyD-general, energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with "
-            "[mechanism].",
+            "energyD-general, energyD+GROUP, physics, rod, constant-curvature, gp, mlp, "
+            "or a TOML with [mechanism].",
         ),
     ] = "cubic",
     pcr: Annotated[
