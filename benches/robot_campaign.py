@@ -1,7 +1,7 @@
 """The arm through both designs of 200 poses at 1 kHz: time, success, how near each phase comes.
 
     python benches/robot_campaign.py PLAN-D.csv PLAN-MAXIMIN.csv [--processes 2] [--json FILE]
-                                     [--approach initial|previous] [--controller MODEL.json]
+                                     [--approach initial|previous] [--rig examples/robot.toml]
 
 The plans are those of `ecm identify examples/neck.toml` (plan-d.csv, plan-maximin.csv). `--part
 loop` times the steps of one pose alone; `--part springs` shows how far impedance control alone
@@ -16,6 +16,7 @@ import os
 import resource
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from ecm.columns import POSE
+from ecm.config import read_rig
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.robot.campaign import RobotCampaign
 from ecm.robot.procedure import Stop
@@ -31,6 +33,8 @@ from ecm.robot.run import robot_path
 from ecm.robot.summary import PHASES
 from ecm.stages import cache_directory
 from ecm.table import Table, read_table
+
+ROOT = Path(__file__).parent.parent
 
 
 def processor_s() -> float:
@@ -142,19 +146,15 @@ def main() -> None:
     parser.add_argument("--part", choices=("campaigns", "loop", "springs"), default="campaigns")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--approach", choices=("initial", "previous"), default="initial")
-    parser.add_argument("--controller", default="")
+    parser.add_argument("--rig", type=Path, default=ROOT / "examples" / "robot.toml")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    rig = RigSettings.from_dict(
-        {
-            "rig": {
-                "mode": "robot",
-                "processes": options.processes,
-                "approach": options.approach,
-                "controller_model": options.controller,
-            }
-        }
+    rig = read_rig(options.rig)
+    rig = replace(
+        rig,
+        rig=replace(rig.rig, approach=options.approach),
+        arm=replace(rig.arm, processes=options.processes),
     )
     plans = [read_table(path, need="predict") for path in options.plans]
     result: dict[str, Any] = {}
