@@ -74,7 +74,7 @@ class Cluster:
         self._workers = workers
         mesh = b"" if mechanism.mesh_file is None else mechanism.mesh_file.read_bytes()
         kind = "" if mechanism.mesh_file is None else mechanism.mesh_file.suffix
-        self._work = (replace(mechanism, mesh_file=None), mesh, kind, threads)
+        self._work = (replace(mechanism, mesh_file=None), (mesh, kind), threads)
         self._guess: tuple[Guess | None, Any] = (None, None)
         self._futures: dict[Any, tuple[int, list[int]]] = {}
 
@@ -135,14 +135,14 @@ _fems: dict[str, Any] = {}
 
 
 def _work(
-    mechanism: Mechanism, mesh: bytes, kind: str, threads: int, wrenches: F, guess: bytes
+    mechanism: Mechanism, file: tuple[bytes, str], threads: int, wrenches: F, guess: bytes
 ) -> Part:
     from ecm._native import Guess
 
-    key = mechanism.key() + str(hash(mesh))
+    key = mechanism.key() + str(hash(file))
     if key not in _fems:
         _fems.clear()
-        _fems[key] = _body(mechanism, mesh, kind)
+        _fems[key] = _body(mechanism, *file)
     start = Guess(guess) if guess else None
     return packed(_fems[key].solve_each(wrenches, guess=start, threads=threads))
 
