@@ -23,7 +23,7 @@ $(VENV)/.ready: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
 	$(BIN)/python -m pip install --quiet --group dev
-	$(BIN)/python -m pip install --quiet $$($(BIN)/python tests/requirements.py data report learn cluster robot)
+	$(BIN)/python -m pip install --quiet $$($(BIN)/python tests/requirements.py mesh cad data report learn cluster robot)
 	touch $@
 
 # One profile for wheel and tests: the solver's dependencies are compiled once.

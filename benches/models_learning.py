@@ -38,10 +38,12 @@ SIZES = (10, 20, 50, 100, 200, 1400)
 MODELS = ("cubic", "energy4", "energy5", "energy6")
 RIG = Noise(source="declared")
 NO_NOISE = Noise(0.0, 0.0, 0.0, 0.0, source="declared")
-DESIGN_STEPS = 20
+DESIGN_STEPS = 5
 """Budget of the D-optimal exchange, in disturbances of each chain: no clock, so reproducible."""
 BROKEN = ("anisotropy", "precurvature", "face_tilt")
 DRAWS = 8
+GOAL_DRAWS = 32
+"""A median of eight is off by a fifth from another eight."""
 
 
 def table_of(poses: F, wrenches: F, noise: Noise = NO_NOISE) -> Table:
@@ -76,7 +78,7 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
         regressor = _native.polynomial_regressor(poses, 3, poses.min(axis=0), poses.max(axis=0))
         if n < regressor.shape[1]:
             return None
-        found = _native.d_optimal(regressor, n, starts=1, seed=0, iterations=25 * DESIGN_STEPS)
+        found = _native.d_optimal(regressor, n, starts=1, seed=0, iterations=100 * DESIGN_STEPS)
     else:
         base = fit_model(table_of(poses, wrenches), model).base
         columns = base.columns(poses) / wrenches.std(axis=0)[:, None]
@@ -102,6 +104,7 @@ class Body:
         order = np.random.default_rng(0).permutation(len(poses))
         self.test, self.pool = order[:test], order[test:]
         self.poses, self.wrenches = poses, wrenches
+        self.designs: dict[tuple[str, int], I | None] = {}
         reference = fit_model(table_of(poses, wrenches), "energy6").base
         rows = Rows(table_of(poses[self.test], wrenches[self.test]), reference)
         self.whitener = whiteners(RIG.covariance(rows))
@@ -123,18 +126,28 @@ class Body:
         return np.sqrt((left**2).mean(axis=0)), float(np.sqrt((white**2).mean()))
 
     def line(
-        self, model: str, n: int, noise: Noise | None, design: bool, weights: Weights = "auto"
+        self,
+        model: str,
+        n: int,
+        noise: Noise | None,
+        *,
+        design: bool,
+        weights: Weights = "auto",
+        draws: int = DRAWS,
     ) -> dict[str, object]:
         """One row of a table: median and quartiles over draws."""
         pool = self.pool
         n = min(n, len(pool))
         if design:
-            picked = designed(self.poses[pool].copy(), self.wrenches[pool].copy(), model, n)
-            rows = [] if picked is None else [pool[picked]] * (1 if noise is None else DRAWS)
+            if (model, n) not in self.designs:
+                pairs = self.poses[pool].copy(), self.wrenches[pool].copy()
+                self.designs[model, n] = designed(*pairs, model, n)
+            picked = self.designs[model, n]
+            rows = [] if picked is None else [pool[picked]] * (1 if noise is None else draws)
         else:
             rows = [
                 np.sort(np.random.default_rng([d, n]).permutation(pool)[:n])
-                for d in range(DRAWS if n < len(pool) else 1 if noise is None else 3)
+                for d in range(draws if n < len(pool) else 1 if noise is None else 3)
             ]
         found = [self.errors(model, r, noise, d, weights) for d, r in enumerate(rows)]
         if not found:
@@ -273,7 +286,7 @@ def part_sizes(neck: Body, figures: Figures) -> list[str]:
     ):
         start = time.perf_counter()
         lines = [
-            neck.line(model, n, noise, design)
+            neck.line(model, n, noise, design=design)
             for model in MODELS
             for n in SIZES
             if not (design and n > 200)
@@ -293,10 +306,10 @@ def part_goals(neck: Body, figures: Figures) -> list[str]:
     """
     found, text = [], []
     for design in (False, True):
-        cubic = neck.line("cubic", 200, None, design)
+        cubic = neck.line("cubic", 200, None, design=design, draws=GOAL_DRAWS)
         for weights in ("spread", "noise"):
             for model, n in (("energy4", 10), ("energy6", 50)):
-                own = neck.line(model, n, None, design, weights)
+                own = neck.line(model, n, None, design=design, weights=weights, draws=GOAL_DRAWS)
                 times = np.array(cubic["rmse"]) / np.array(own["rmse"])
                 where = "D-optimal" if design else "random"
                 found.append(
@@ -328,7 +341,7 @@ def part_reach(neck: Body, figures: Figures) -> list[str]:
     for limit in (0.015, 0.020, 0.025, 0.030, 0.045):
         part = Body(neck.poses[reach < limit], neck.wrenches[reach < limit], test=60)
         for model, n in (("cubic", 200), ("energy4", 10), ("energy4", 50), ("energy6", 50)):
-            found = part.line(model, n, None, False)
+            found = part.line(model, n, None, design=False)
             found["model"] = f"{model}, \\|c\\| < {1e3 * limit:.0f} mm"
             lines.append(found)
     figures["reach"] = lines
@@ -360,7 +373,7 @@ def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
         if "box" in name:
             asked += [("energy4", 10), ("energy4", 50), ("energy5", 15), ("energy6", 50)]
         for model, n in asked:
-            found = body.line(model, n, None, False)
+            found = body.line(model, n, None, design=False)
             found["model"] = f"{model}, {name}"
             lines.append(found)
     figures["loads"] = lines
@@ -380,13 +393,37 @@ def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
     return found.poses, found.wrenches
 
 
+def part_full(count: int, figures: Figures, folder: Path) -> list[str]:
+    """Every stable solution of the paper's load box, however far it turns."""
+    from ecm.mechanism import Mechanism
+    from ecm.simulate import Workspace, simulate
+
+    far = simulate(Mechanism(), count, Workspace(full_box=True), seed=4, directory=folder / "full")
+    body = Body(far.poses, far.wrenches, test=100)
+    angle = np.linalg.norm(far.poses[:, 3:], axis=1)
+    text = [
+        f"Rotation of the {len(angle)} poses: median {np.median(angle):.2f} rad, nine tenths below "
+        f"{np.quantile(angle, 0.9):.2f}, largest {angle.max():.2f}.",
+        "",
+    ]
+    for title, noise in (("no noise", None), ("the rig's noise", RIG)):
+        lines = [
+            body.line(model, n, noise, design=False)
+            for model in MODELS
+            for n in (20, 50, 100, 200, count)
+        ]
+        figures[f"full, {title}"] = lines
+        text += [f"### Neck, the full workspace, random poses, {title}", "", *shown(lines), ""]
+    return text
+
+
 def part_broken(wrenches: F, figures: Figures, folder: Path) -> list[str]:
     """Bodies that are not quite symmetric, with and without the group of the fault."""
     text = []
     for kind in BROKEN:
         uneven = Body(*broken_body(kind, wrenches, folder), test=60)
         lines = [
-            uneven.line(model, n, noise, False)
+            uneven.line(model, n, noise, design=False)
             for noise in (None, RIG)
             for model in ("cubic", "energy4", f"energy4+{kind}", "energy6", f"energy6+{kind}")
             for n in (50, 200, 400)
@@ -399,7 +436,7 @@ def part_broken(wrenches: F, figures: Figures, folder: Path) -> list[str]:
     return text
 
 
-PARTS = ("sizes", "goals", "reach", "loads", "broken")
+PARTS = ("sizes", "goals", "reach", "loads", "full", "broken")
 
 
 def main() -> None:
@@ -407,7 +444,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--part", choices=PARTS, action="append")
-    parser.add_argument("--broken", type=int, default=460, help="pairs per unsymmetric body")
+    parser.add_argument("--broken", type=int, default=360, help="pairs per unsymmetric body")
+    parser.add_argument("--full", type=int, default=500, help="pairs of the full workspace")
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
@@ -433,6 +471,8 @@ def main() -> None:
             text = part_reach(neck, figures)
         elif part == "loads":
             text = part_loads(neck, figures, out)
+        elif part == "full":
+            text = part_full(arguments.full, figures, out)
         else:
             text = part_broken(wrenches[: arguments.broken], figures, out)
         (out / f"{part}.md").write_text("\n".join(text), encoding="utf-8")

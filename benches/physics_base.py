@@ -29,7 +29,8 @@ from ecm.material import Material
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
 from ecm.models import PhysicsMap, physics_map
-from ecm.models.physics_build import diameter, noise_whiteners
+from ecm.models.physics_build import diameter
+from ecm.models.physics_fit import noise_whiteners
 from ecm.models.physics_poses import NOISE, workspace_poses
 from ecm.models.physics_refit import refit_physics
 from ecm.simulate import fem_poses

@@ -78,9 +78,16 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
 )
 def test_refusals_name_file_table_and_key(document: dict[str, Any], expected: str) -> None:
     with pytest.raises(InputError) as caught:
-        config_from_dict(document, "neck.toml")
+        config_from_dict(document, "neck.toml").check_job()
     assert str(caught.value).startswith("neck.toml")
     assert expected in str(caught.value)
+
+
+def test_a_few_pairs_are_enough_for_simulate_alone() -> None:
+    few = config_from_dict({"simulate": {"n": 60, "n_test": 10}}, "few.toml")
+    assert few.simulate.n == 60
+    with pytest.raises(InputError, match=r"few.toml: \[design\] n = 200"):
+        few.check_job()
 
 
 def test_a_mesh_is_looked_for_beside_the_file(tmp_path: Path) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from conftest import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
-from ecm import _native
 from ecm.columns import POSE, WRENCH
+from ecm.config import read_rig
 from ecm.design import (
     Design,
     choose,
@@ -26,6 +26,7 @@ from ecm.design import (
     nominal_base,
     paper_plan,
     plain_plan,
+    rig_noise,
     separable,
 )
 from ecm.design.how_many import knee
@@ -34,7 +35,6 @@ from ecm.design.rows import list_or_region, row_list
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError
 from ecm.meta import Meta
-from ecm.models import EnergyMap
 from ecm.table import Table, read_table
 
 F = NDArray[np.float64]
@@ -150,34 +150,56 @@ def test_noise_of_the_pose_moves_the_design() -> None:
     assert 0.8 < weighted.efficiency <= 1.0
 
 
-def test_physics_needs_a_nominal_base_and_uses_two_sensitivities() -> None:
+def test_physics_needs_its_base() -> None:
     table = candidates()
     with pytest.raises(InputError, match="nominal base"):
         choose(table.poses, 5, model="physics")
-    body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033,
-            "young_modulus_Pa": 6.5e5, "poisson_ratio": 0.49}  # fmt: skip
-    base = nominal_base(Table(table.columns, Meta(mechanism=body), "c"))
-    assert base.base.kind == "physics"
-    assert regressor(table.poses, "physics", base=base).rows.shape[1] == 1
-    # At another Poisson ratio the torsion differs, say.
-    other = EnergyMap(
-        _native.EnergyModel.fit(
-            table.poses, table.wrenches * [1.0, 1.0, 1.0, 0.9, 1.0, 1.0], length_m=LENGTH_M,
-            degree=4, symmetry="alike",
-        )
-    )  # fmt: skip
-    base = replace(base, other_poisson=(other, base.base, 0.01))
-    rows = regressor(table.poses, "physics", base=base).rows.reshape(len(table), 6, -1)
-    assert rows.shape[2] == 2
-    change = (base.base.predict(table.poses) - other.predict(table.poses)) / 0.01
-    seen = np.linalg.solve(base.whiteners(table.poses), rows[:, :, 1:])[:, :, 0]
-    np.testing.assert_allclose(seen, change, rtol=1e-6, atol=1e-6 * np.abs(change).max())
-    ours = base.whiteners(table.poses[:3]) @ base.base.predict(table.poses[:3])[:, :, None]
-    np.testing.assert_allclose(rows[:3, :, 0], ours[:, :, 0], rtol=1e-9)
-    found = choose(table.poses, 5, model="physics", base=base, iterations=10)
-    assert len(found.indices) == 5
+    with pytest.raises(InputError, match=r"\[mechanism\] that FEM can solve"):
+        nominal_base(table, physics=True)
     with pytest.raises(InputError, match="nominal stiffness"):
         nominal_base(candidates(wrenches=False))
+
+
+def test_a_design_for_the_physics_base_from_end_to_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    """The neck's own FEM (kept in the cache folder, built where it is not there)."""
+    monkeypatch.chdir(tmp_path)
+    table = candidates(80, wrenches=False)
+    Path("c.csv").write_text(csv_text(dict(table.columns)), encoding="utf-8")
+    Path("c.toml").write_text(
+        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
+        "young_modulus_Pa = 6.5e5\npoisson_ratio = 0.49\n",
+        encoding="utf-8",
+    )
+    done = ecm_command("design", "c.csv", "--n", "5", "--model", "physics", "--iterations", "10",
+                       "--out", "p.csv", "--json", "p.json")  # fmt: skip
+    assert done.code == 0, done.err
+    document = json.loads(Path("p.json").read_text())
+    base = nominal_base(read_table("c.csv"), physics=True)
+    assert base.base.kind == "physics"
+    rows = regressor(table.poses, "physics", base=base).rows
+    # The columns are the wrench over E and its change with nu, whitened.
+    whiteners = base.whiteners(table.poses)
+    own = whiteners @ base.base.predict(table.poses)[:, :, None] / 6.5e5
+    np.testing.assert_allclose(rows[:, 0], own.ravel(), rtol=1e-9)
+    moved = base.base.with_coefficients(base.base.coefficients + np.array([0.0, 1e-4]))
+    change = (moved.predict(table.poses) - base.base.predict(table.poses)) / 1e-4
+    seen = (whiteners @ change[:, :, None]).ravel()
+    np.testing.assert_allclose(rows[:, 1], seen, atol=0.01 * np.abs(seen).max())
+    # Of all pairs of five the chosen ones determine E and nu best, up to a swap.
+    blocks = rows.reshape(80, 6, 2)
+    inside = [row - 1 for row in document["rows"]]
+
+    def log_det(chosen: list[int]) -> float:
+        part = blocks[chosen].reshape(-1, 2)
+        return float(np.linalg.slogdet(part.T @ part)[1])
+
+    best = log_det(inside)
+    assert document["value"] == pytest.approx(best / 2.0 - np.log(5.0))
+    for at in range(5):
+        for other in set(range(80)) - set(inside):
+            assert log_det([*inside[:at], other, *inside[at + 1 :]]) <= best + 1e-9
 
 
 def test_effects_of_the_poses_are_part_of_the_design() -> None:
@@ -343,14 +365,18 @@ def neck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_binary_and_the_command_write_the_same_plan(neck: Path, ecm_command: Command) -> None:
-    binary = ROOT / "target" / "release" / "ecm-design"
+    binary = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"), "release", "ecm-design")
+    if not binary.is_absolute():
+        binary = ROOT / binary
     if not binary.exists():
-        pytest.skip("target/release/ecm-design: run `cargo build --release -p ecm-doe`")
+        pytest.skip(f"{binary}: run `cargo build --release -p ecm-doe`")
     for more in (
         ["--criterion", "d", "--model", "quadratic"],
         ["--criterion", "g", "--model", "linear"],
         ["--criterion", "maximin"],
         ["--criterion", "di", "--model", "energy4", "--share", "0.3"],
+        ["--criterion", "i", "--model", "quadratic", "--ridge", "0.5", "--replicates"],
+        ["--criterion", "d", "--model", "linear", "--search", "paper", "--preset", "paper"],
     ):
         options = ["c.csv", "--n", "30", "--iterations", "10", "--seed", "4", "--include", "7,9",
                    "--exclude", "x_m<0.102&y_m>0.009", "--exclude", "1-3", *more]  # fmt: skip
@@ -395,6 +421,61 @@ def test_presets_effects_and_how_many(neck: Path, ecm_command: Command) -> None:
                        "fts_drif", "--out", "q.csv")  # fmt: skip
     assert done.code == 2
     assert "did you mean fts_drift" in done.err
+
+
+def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Command) -> None:
+    """A rig with ten times the noise sees effects ten times as large, and poses differently."""
+    for name, factor in (("fine", 1.0), ("coarse", 10.0)):
+        Path(f"{name}.toml").write_text(
+            f"[rig]\ndwell_s = {20.0 * factor}\n[instrument]\n"
+            f"force_noise_N = {3.0 * factor}\ntorque_noise_Nm = {0.1 * factor}\n"
+            f"fts_resolution = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
+            f"camera_error_m = {4e-5 * factor}\ncamera_error_rad = {4e-4 * factor}\n"
+            f"camera_jitter_m = 0.0\ncamera_jitter_rad = 0.0\n",
+            encoding="utf-8",
+        )
+    found = {}
+    for name in ("fine", "coarse"):
+        done = ecm_command("design", "c.csv", "--n", "12", "--model", "energy4", "--preset",
+                           "diagnosable", "--effects", "fts_offset", "--rig", f"{name}.toml",
+                           "--iterations", "5", "--out", "p.csv", "--json", "p.json", "--report",
+                           f"{name}.html", "--how-many")  # fmt: skip
+        assert done.code == 0, done.err
+        assert "minutes on the rig" in done.out
+        found[name] = json.loads(Path("p.json").read_text())
+        page = Path(f"{name}.html").read_text(encoding="utf-8")
+        assert "knee, n = " in page
+        assert "fts_offset" in page
+    sizes = [found[name]["effects"][0]["size"] for name in ("fine", "coarse")]
+    assert sizes[1] / sizes[0] == pytest.approx(10.0, rel=0.05)
+    # All noises alike: the same poses; and the dwell is the plan's, not the rig's.
+    assert found["fine"]["rows"] == found["coarse"]["rows"]
+    assert rig_noise(read_rig("fine.toml")).force_sd_N == pytest.approx(3.0 / 10.0)
+    done = ecm_command("design", "c.csv", "--n", "12", "--model", "linear", "--rig", "coarse.toml",
+                       "--iterations", "5", "--out", "p.csv", "--json", "p.json")  # fmt: skip
+    assert done.code == 0, done.err
+    slow = json.loads(Path("p.json").read_text())["minutes"]
+    plan = read_table("p.csv")
+    assert slow > len(plan) * 200.0 / 60.0
+    Path("none.toml").write_text("[instrument]\ncamera_error_m = 0.0\ncamera_jitter_m = 0.0\n")
+    done = ecm_command("design", "c.csv", "--n", "9", "--rig", "none.toml", "--out", "p.csv")
+    assert done.code == 2
+    assert "positive figures" in done.err
+
+
+def test_a_ridge_determines_what_few_poses_cannot() -> None:
+    poses, _ = neck_rows(60)
+    with pytest.raises(EcmError, match="28 coefficients"):
+        choose(poses, 20, model="quadratic")
+    found = choose(poses, 20, model="quadratic", ridge=0.1, iterations=20)
+    rows = regressor(poses, "quadratic").rows
+    prior = 0.1 * np.eye(28)
+    prior[0, 0] = 0.0
+    chosen = rows[found.indices]
+    expected = np.linalg.slogdet(chosen.T @ chosen + prior)[1] / 28.0 - np.log(20.0)
+    assert found.value == pytest.approx(expected)
+    with pytest.raises(InputError, match="--ridge"):
+        choose(poses, 20, model="quadratic", ridge=-1.0)
 
 
 def test_augment_and_time_limit(neck: Path, ecm_command: Command) -> None:

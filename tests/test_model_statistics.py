@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from conftest import Done
 from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
@@ -215,8 +218,8 @@ def test_scikit_learn_gives_the_same_polynomials() -> None:
     component = LinearRegression(fit_intercept=False).fit(scores, wrenches)
     threshold = singular_threshold("rank:40", poses, wrenches, 3)
     ours = _native.PolynomialModel.fit(poses, wrenches, 3, method="pcr", threshold=threshold)
-    expected = component.predict(svd.transform(features(test)))
-    assert np.all(np.abs(ours.predict(test) - expected) < 1e-8 * size)
+    expected = component.predict(scores)
+    assert np.all(np.abs(ours.predict(poses) - expected) < 1e-9 * size)
 
 
 def test_leverage_grows_outside_and_the_flag_says_so(tmp_path: Path) -> None:
@@ -271,6 +274,12 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     assert choice.best.name == "energy4"
     assert choice.error[0] > 2.0 * choice.error[1]
     assert choice.coefficients[1] == 22
+    # Degree and b the same way: a smaller error has to be worth its coefficients.
+    degrees = choose_model(table, ["linear", "quadratic", "cubic"], folds=5)
+    within = degrees.error <= degrees.error.min() + degrees.standard_error[degrees.error.argmin()]
+    assert degrees.chosen == int(np.argmax(within))
+    cuts = [Candidate("cubic", b) for b in (0.01, 0.1, 0.5, 2.0)]
+    assert choose_model(table, cuts, folds=5).error.argmax() == 3
     with pytest.raises(InputError, match="no candidates"):
         choose_model(table, [])
 
@@ -280,10 +289,30 @@ def test_a_learning_curve_stops_where_it_is_flat() -> None:
     curve = learning_curve(table, "energy4", [4, 8, 16, 32, 64], draws=4, seed=1)
     assert curve.enough in (8, 16, 32, 64)
     assert curve.error[0] > curve.error[-1]
+    # Within what the draws can tell apart, and never more poses than the best.
+    assert curve.one_standard_error in (8, 16, 32, 64)
     short = learning_curve(table, "energy6", [12, 16], draws=4, seed=1)
     assert short.enough is None
     with pytest.raises(InputError, match="held out"):
         learning_curve(table, "energy4", [5000])
+
+
+def test_the_command_chooses_and_says_how_many_poses(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    campaign(seed=3).write(tmp_path / "data.csv")
+    ran = ecm_command(
+        "fit", tmp_path / "data.csv", "--model", "choose", "--curve", "--out", tmp_path / "m.json",
+        "--json", tmp_path / "j.json",
+    )  # fmt: skip
+    assert ran.code == 0, ran.err
+    said = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
+    assert said["model"] == "energy4"
+    listed = {(c["model"], c["pcr"]): c for c in said["choice"]["candidates"]}
+    assert listed["energy4", None]["chosen"]
+    assert listed["cubic", "0.01/sqrtN"]["coefficients"] < listed["cubic", None]["coefficients"]
+    assert said["curve"]["enough"] in said["curve"]["sizes"]
+    assert load_model(tmp_path / "m.json").name == "energy4"
 
 
 def test_a_model_without_covariance_has_no_leverage() -> None:

@@ -147,12 +147,12 @@ def test_the_learning_bench_makes_its_rows() -> None:
     learning = bench("models_learning")
     data = stand_in(500, 7)
     body = learning.Body(data.poses.copy(), data.wrenches.copy(), test=60)
-    few = body.line("energy4", 10, None, False)
-    many = body.line("cubic", 200, None, False)
+    few = body.line("energy4", 10, None, design=False)
+    many = body.line("cubic", 200, None, design=False)
     assert few["whitened"] < 0.01 < many["whitened"]
-    noisy = [body.line("energy4", n, learning.RIG, False) for n in (10, 200)]
+    noisy = [body.line("energy4", n, learning.RIG, design=False) for n in (10, 200)]
     assert noisy[1]["whitened"] < noisy[0]["whitened"]
-    assert body.line("cubic", 50, None, False)["whitened"] == np.inf
+    assert body.line("cubic", 50, None, design=False)["whitened"] == np.inf
     assert "energy4: 200" in learning.floor_line(noisy) or "energy4: 10" in learning.floor_line(
         noisy
     )

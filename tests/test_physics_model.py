@@ -19,19 +19,15 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm._native import EnergyModel
 from ecm.columns import POSE, WRENCH
+from ecm.diagnose import diagnose
 from ecm.errors import InputError
 from ecm.material import Material
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
-from ecm.models import PhysicsMap, fit_model, load_model, physics, physics_build, physics_map
-from ecm.models.physics_build import (
-    LENGTH_M,
-    SHEAR_MODULUS_PA,
-    BuildSettings,
-    noise_whiteners,
-    shape_of,
-)
+from ecm.models import Model, PhysicsMap, fit_model, load_model, physics, physics_build, physics_map
+from ecm.models.physics_build import BuildSettings, shape_of
 from ecm.models.physics_family import PARAMETERS, compressibility, poisson_ratio
+from ecm.models.physics_fit import LENGTH_M, SHEAR_MODULUS_PA, noise_whiteners
 from ecm.models.physics_poses import rod_like, workspace_poses
 from ecm.models.physics_refit import refit_physics
 from ecm.table import Table
@@ -287,7 +283,7 @@ def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap)
     for _ in range(20):
         seen = poses + random.standard_normal(poses.shape) * np.repeat([37e-6, 6e-4], 3)
         read = wrenches + random.standard_normal(poses.shape) * np.repeat([0.3, 0.010], 3)
-        found = refit_physics(neck, table_of(seen, read))
+        found = neck.refit(table_of(seen, read))
         assert found.converged
         off.append((found.values - truth) / found.sd)
     assert found.names == ("young_modulus_Pa", "poisson_ratio")
@@ -300,6 +296,23 @@ def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap)
     np.testing.assert_allclose(fitted.base.coefficients, found.values, rtol=1e-9)
     assert fitted.covariance is not None
     assert "E = 0.7" in found.sentences()[0]
+
+
+def test_a_thicker_body_is_named_and_another_nu_absorbed(neck: PhysicsMap) -> None:
+    body = Mechanism(radius_m=1.01 * 0.033, poisson_ratio=0.475)
+    poses, wrenches, _ = by_fem(body, 60, 11)
+    random = np.random.default_rng(5)
+    poses, wrenches = np.tile(poses, (3, 1)), np.tile(wrenches, (3, 1))
+    poses += random.standard_normal(poses.shape) * np.repeat([37e-6, 6e-4], 3)
+    wrenches += random.standard_normal(poses.shape) * np.repeat([0.3, 0.010], 3)
+    found = diagnose(Model(base=neck), table_of(poses, wrenches)).to_dict()
+    assert found["base"]["kind"] == "physics"
+    assert found["base"]["error_over_noise"] < 0.15
+    assert found["answer"] == [["diameter_error"]]
+    size = found["effects"][0]["parameters"]["relative_diameter"]
+    assert abs(size["value"] - 0.01) < 4.0 * size["sd"] < 0.002
+    reasons = {item["id"]: item["reason"] for item in found["not_testable"]}
+    assert "absorbs it (100 %)" in reasons["compressibility"]
 
 
 def test_no_refit_leaves_what_was_tabulated(neck: PhysicsMap) -> None:

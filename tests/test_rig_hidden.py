@@ -111,6 +111,32 @@ def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
     assert wrong.score["wrong"] == [["payload"]]
 
 
+@pytest.mark.parametrize("effect", sorted(DRAWS))
+def test_another_campaign_can_measure_the_same_rig(effect: str, tmp_path: Path) -> None:
+    """What is sealed beside a table is hidden again, shape and size, whatever the plan."""
+    first = Campaign(both_sides(), RigSettings(), StandIn(), hide=[Hidden(effect, 2.0)], seed=5)
+    text = first.truth_text()
+    assert text is not None
+    data = first.table([first.measure(0)] * len(first))
+    data.write(tmp_path / "first.csv")
+    (tmp_path / "first.truth.json").write_text(text)
+    again = Hidden.parse(str(tmp_path / "first.csv"))
+    second = Campaign(both_sides(), RigSettings(), StandIn(), hide=again, seed=6)
+    assert second.secrets == first.secrets
+    name = first.secrets[0].name
+    assert getattr(second.physics, name) == getattr(first.physics, name)
+
+
+def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
+    out = tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
+    assert Hidden.parse(str(out)) == (Hidden("none", 0.0),)
+    (tmp_path / "data.truth.json").write_text("{}")
+    with pytest.raises(InputError, match="the seal is broken"):
+        Hidden.parse(str(out))
+
+
 def test_two_effects_can_be_hidden() -> None:
     hide = Hidden.parse("payload=1, hysteresis=0.5")
     campaign = Campaign(both_sides(), RigSettings(), StandIn(), hide=hide)

@@ -75,9 +75,9 @@ def test_the_table_is_that_of_the_rig_with_the_joints_beside(cache: Path, tmp_pa
 
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
     campaign = RobotCampaign(
-        plan(some_poses(30)), settings(), StandIn(), folder=cache, library_folder=cache
+        plan(some_poses(24)), settings(), StandIn(), folder=cache, library_folder=cache
     )
-    for _ in campaign.lines((), 2):
+    for _ in campaign.lines((), 1):
         pass
     table = campaign.finished().measured()
     rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
@@ -87,15 +87,15 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> Non
     )
     covariance = row_covariance(campaign.plant, campaign.course, campaign.settings)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
-    assert strength == pytest.approx(1.0, abs=0.2)
+    assert strength == pytest.approx(1.0, abs=0.25)
 
 
 def test_any_number_of_processes_gives_the_same_bytes(cache: Path, tmp_path: Path) -> None:
-    poses = some_poses(7, seed=2)
-    for n in (1, 3):
+    poses = some_poses(6, seed=2)
+    for n in (1, 2):
         (tmp_path / str(n)).mkdir()
         run(cache, poses, tmp_path / str(n) / "data.csv", rig={"processes": n}, seed=5)
-    assert files(tmp_path / "1") == files(tmp_path / "3")
+    assert files(tmp_path / "1") == files(tmp_path / "2")
 
 
 class Stopped(Exception):
@@ -174,12 +174,12 @@ def test_direct_saves_time_and_tells_how_far_it_leaves_what_is_known(
 def test_the_time_is_known_beforehand(cache: Path) -> None:
     from ecm.rig import campaign_minutes
 
-    table = plan(some_poses(10, seed=7))
-    rig = {"speed_m_s": 0.02, "speed_rad_s": 0.15, "dwell_s": 2.0}
+    table = plan(some_poses(6, seed=7))
+    rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
     campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache, library_folder=cache)
     planned = campaign.minutes
-    assert len(list(campaign.lines((), 2))) == 12
-    assert campaign.minutes > planned + 0.3
+    assert len(list(campaign.lines((), 1))) == 8
+    assert campaign.minutes > planned + 0.1
     assert campaign.minutes == pytest.approx(campaign_minutes(table, settings(**rig)), rel=0.05)
 
 
@@ -279,19 +279,19 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 from test_robot_campaign import run
 from test_rig_stand_in import some_poses
-run(Path({cache!r}), some_poses(12, seed=5), Path({out!r}), rig={{"processes": 2}})
+run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}})
 """
 
 
 def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
-    poses = some_poses(12, seed=5)
+    poses = some_poses(8, seed=5)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
     text = KILLED.format(tests=str(Path(__file__).parent), cache=str(cache), out=str(out))
     process = subprocess.Popen([sys.executable, "-c", text], env=os.environ | {"PYTHONPATH": ""})
     journal = out.with_name("data.journal.csv")
     until = time.monotonic() + 120.0
-    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 6):
+    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 4):
         assert time.monotonic() < until
         assert process.poll() is None
         time.sleep(0.01)
@@ -300,7 +300,7 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
     lines = journal.read_text().split("\n")[2:-1]
     done = [Line.parse(line, "journal") for line in lines]
     assert [line.visit for line in done] == list(range(len(done)))
-    assert len(done) >= 4
+    assert len(done) >= 2
     taken: list[int] = []
     run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
     assert taken[0] == len(done) + 1
@@ -310,7 +310,7 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
 def test_what_is_hidden_acts_and_is_sealed(cache: Path, tmp_path: Path) -> None:
     from ecm.rig import reveal
 
-    poses = some_poses(12, seed=2)
+    poses = some_poses(7, seed=2)
     out = tmp_path / "data.csv"
     hidden = run(cache, poses, out, hide="payload=3", seed=1)
     plain = run(cache, poses, seed=1)

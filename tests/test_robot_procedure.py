@@ -171,3 +171,14 @@ def test_the_same_sortie_gives_the_same_numbers() -> None:
     again = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
     assert np.array_equal(first.trace, again.trace)
     assert math.isclose(first.reading_s, again.reading_s, rel_tol=0.0)
+
+
+def test_the_example_is_valid_and_holds_the_defaults() -> None:
+    from pathlib import Path
+
+    from ecm.config import read_rig
+    from ecm.rig.arm_table import ArmTable
+
+    rig = read_rig(Path(__file__).parent.parent / "examples" / "robot.toml")
+    assert rig.rig.mode == "robot"
+    assert rig.arm == ArmTable()

@@ -73,9 +73,8 @@ class Cluster:
             )
         self._workers = workers
         mesh = b"" if mechanism.mesh_file is None else mechanism.mesh_file.read_bytes()
-        self._work = (replace(mechanism, mesh_file=None), mesh, threads)
-        if mechanism.mesh_file is not None:
-            self._work = (replace(mechanism, mesh_file=None, builtin=""), mesh, threads)
+        kind = "" if mechanism.mesh_file is None else mechanism.mesh_file.suffix
+        self._work = (replace(mechanism, mesh_file=None), (mesh, kind), threads)
         self._guess: tuple[Guess | None, Any] = (None, None)
         self._futures: dict[Any, tuple[int, list[int]]] = {}
 
@@ -135,22 +134,24 @@ _fems: dict[str, Any] = {}
 """On a worker: the last body, which many chunks share."""
 
 
-def _work(mechanism: Mechanism, mesh: bytes, threads: int, wrenches: F, guess: bytes) -> Part:
+def _work(
+    mechanism: Mechanism, file: tuple[bytes, str], threads: int, wrenches: F, guess: bytes
+) -> Part:
     from ecm._native import Guess
 
-    key = mechanism.key() + str(hash(mesh))
+    key = mechanism.key() + str(hash(file))
     if key not in _fems:
         _fems.clear()
-        _fems[key] = _body(mechanism, mesh)
+        _fems[key] = _body(mechanism, *file)
     start = Guess(guess) if guess else None
     return packed(_fems[key].solve_each(wrenches, guess=start, threads=threads))
 
 
-def _body(mechanism: Mechanism, mesh: bytes) -> Any:
+def _body(mechanism: Mechanism, mesh: bytes, kind: str) -> Any:
     if not mesh:
         return mechanism.fem()
     with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory) / "body.msh"
+        path = Path(directory) / f"body{kind}"
         path.write_bytes(mesh)
         try:
             return replace(mechanism, mesh_file=path).fem()

@@ -102,20 +102,25 @@ class Config:
     source: str = ""
     """File it was read from, for messages."""
 
-    def __post_init__(self) -> None:
-        if self.design.n > self.simulate.n - self.simulate.n_test:
+    def check_job(self) -> None:
+        """InputError where the tables of the whole job do not fit each other."""
+        pairs = self.simulate.n - self.simulate.n_test
+        if self.design.n > pairs:
             raise InputError(
-                f"[design] n = {self.design.n}: expected at most the "
-                f"{self.simulate.n - self.simulate.n_test} training pairs of [simulate] "
-                "(n - n_test)"
+                f"{self._where}[design] n = {self.design.n}: expected at most the {pairs} training "
+                "pairs of [simulate] (n - n_test)"
             )
         degree = max(self.select.degrees)
         needed = math.comb(degree + 6, 6)
-        if self.simulate.n - self.simulate.n_test < needed:
+        if pairs < needed:
             raise InputError(
-                f"[simulate] n - n_test = {self.simulate.n - self.simulate.n_test}: expected at "
-                f"least {needed}, the coefficients of [select] degrees {degree}"
+                f"{self._where}[simulate] n - n_test = {pairs}: expected at least {needed}, the "
+                f"coefficients of [select] degrees {degree}"
             )
+
+    @property
+    def _where(self) -> str:
+        return f"{self.source}: " if self.source else ""
 
 
 def config_from_dict(

@@ -99,6 +99,7 @@ def identify(
     """
     if not isinstance(config, Config):
         config = read_config(config)
+    config.check_job()
     job = Job(config, out, seed, threads, console or Console())
     out.mkdir(parents=True, exist_ok=True)
     summary: dict[str, Any] = {

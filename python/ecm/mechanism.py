@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import FemError, InputError
+from ecm.errors import InputError
 from ecm.material import Material
+from ecm.mesh_file import read_mesh
 from ecm.settings import read_settings
 from ecm.stages import hash_of
 from ecm.toml_file import check_keys, nearest
@@ -65,9 +66,9 @@ class Mechanism:
     free_length_m: float = 0.0
     """Length when detached, for a preloaded mechanism; 0: the same as length_m."""
     mesh_file: Path | None = None
-    """Gmsh 4.1 ASCII file with faces named `base` and `top`, instead of a builtin."""
+    """Mesh or CAD file with faces `base` and `top` (ecm.mesh_file), instead of a builtin."""
     quality: str = "standard"
-    """standard or fine: element size of a builtin."""
+    """standard or fine: element size of a builtin or of CAD."""
     axial_stiffness_N: float = 0.0
     """EA of a builtin rod; 0: from radius and E."""
     shear_stiffness_N: float = 0.0
@@ -157,7 +158,7 @@ class Mechanism:
         values = unknown | values
         if not values["builtin"]:
             if "mesh" in table and "length_m" not in table:
-                values["length_m"] = _mesh_length(Path(values["mesh_file"]))
+                values["length_m"] = _mesh_length(Path(values["mesh_file"]), table)
             if "length_m" not in values:
                 raise InputError(
                     f"{place}: the key 'length_m' is missing; it is the least that a model needs"
@@ -207,7 +208,7 @@ class Mechanism:
         from ecm._native import Mesh
 
         if self.mesh_file is not None:
-            return _read_mesh(self.mesh_file)
+            return read_mesh(self.mesh_file, self.quality)
         if self.builtin in ("cylinder", "rod") and self.radius_m > 0.0:
             return Mesh.cylinder(
                 length_m=self.length_m, radius_m=self.radius_m, quality=self.quality
@@ -391,19 +392,9 @@ def _material(table: Mapping[str, Any], place: str) -> dict[str, Any]:
     }
 
 
-def _mesh_length(path: Path) -> float:
-    return float(_read_mesh(path).length_m)
-
-
-def _read_mesh(path: Path) -> Mesh:
-    from ecm._native import Mesh
-
-    _mesh_bytes(path)
-    try:
-        return Mesh.read(str(path))
-    except FemError as error:
-        text = str(error)
-        raise InputError(text if str(path) in text else f"{path}: {text}") from None
+def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
+    quality = table.get("quality", "standard")
+    return float(read_mesh(path, quality if quality in QUALITIES else "standard").length_m)
 
 
 def _mesh_bytes(path: Path) -> bytes:

@@ -21,7 +21,7 @@ from ecm._native import rod_poses
 from ecm.cases import ARRAYS, Cases, room
 from ecm.errors import ComputationError, InputError
 from ecm.mechanism import Mechanism
-from ecm.meta import Instrument, Meta
+from ecm.meta import Meta
 from ecm.stages import Stage
 from ecm.table import POSE, WRENCH, Table
 
@@ -100,17 +100,13 @@ class Simulated:
         return len(self.poses)
 
     def table(self, source: str = "simulated pairs") -> Table:
-        """The pairs as a measurement table that knows its mechanism, and that it is exact."""
+        """The pairs as a measurement table that knows its mechanism."""
         columns: dict[str, F] = dict(zip(POSE, self.poses.T, strict=True))
         columns |= dict(zip(WRENCH, self.wrenches.T, strict=True))
         columns["energy_J"] = self.energy_J
         columns["largest_stretch"] = self.largest_stretch
         columns["smallest_jacobian"] = self.smallest_jacobian
-        exact = Instrument(
-            pose_position_sd_m=0.0, pose_rotation_sd_rad=0.0, force_sd_N=0.0, torque_sd_Nm=0.0
-        )
-        meta = Meta(mechanism=self.mechanism.to_dict(), instrument=exact)
-        return Table(columns, meta, source)
+        return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
 
 
 def simulate(

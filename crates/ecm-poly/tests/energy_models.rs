@@ -130,33 +130,46 @@ proptest! {
 
 #[test]
 fn closed_loops_need_no_work() {
-    let m = model(Symmetry::Revolution, 6, 1.0);
-    let steps = 20_000;
-    let at = |s: f64| {
-        let t = std::f64::consts::TAU * s;
-        [
-            LENGTH + 0.01 * t.sin(),
-            0.015 * t.cos(),
-            0.012 * (2.0 * t).sin(),
-            0.3 * t.cos(),
-            0.6 * t.sin(),
-            0.5 * (t + 0.7).cos(),
-        ]
-    };
-    let (mut work, mut turnover) = (0.0, 0.0);
-    for i in 0..steps {
-        let (a, b) = (
-            at(f64::from(i) / f64::from(steps)),
-            at(f64::from(i + 1) / f64::from(steps)),
-        );
-        let mid: [f64; 6] = std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-        let h = m.predict(&[mid]).unwrap()[0];
-        let g = ecm_se3::Wrench::from_array(&h).generalised(&ecm_se3::Pose::from_array(&mid));
-        let step: f64 = (0..6).map(|k| g[k] * (b[k] - a[k])).sum();
-        work += step;
-        turnover += step.abs();
+    // The trapezoidal rule over a smooth closed loop converges like its Fourier series: what is
+    // left of the work is rounding.
+    let broken = ["anisotropy", "face_tilt", "handedness"];
+    let groups = Group::from_names(&broken, Symmetry::Revolution).unwrap();
+    let count = terms(Symmetry::Revolution, 6).unwrap().len() + group_terms(&groups, 6).len();
+    let weights: Vec<f64> = (0..count).map(|i| 0.1 * (i as f64).cos()).collect();
+    let uneven =
+        EnergyModel::with_groups(LENGTH, 6, Symmetry::Revolution, &groups, SCALE, &weights)
+            .unwrap();
+    let mut models = vec![uneven];
+    models.extend(SYMMETRIES.map(|symmetry| model(symmetry, 6, 1.0)));
+    let points = 400;
+    for m in &models {
+        let (mut work, mut turnover) = (0.0, 0.0);
+        for i in 0..points {
+            let t = std::f64::consts::TAU * f64::from(i) / f64::from(points);
+            let p = [
+                LENGTH + 0.01 * t.sin(),
+                0.015 * t.cos(),
+                0.012 * (2.0 * t).sin(),
+                0.3 * t.cos(),
+                0.6 * t.sin(),
+                0.5 * (t + 0.7).cos(),
+            ];
+            let rate = [
+                0.01 * t.cos(),
+                -0.015 * t.sin(),
+                0.024 * (2.0 * t).cos(),
+                -0.3 * t.sin(),
+                0.6 * t.cos(),
+                -0.5 * (t + 0.7).sin(),
+            ];
+            let h = m.predict(&[p]).unwrap()[0];
+            let g = ecm_se3::Wrench::from_array(&h).generalised(&Pose::from_array(&p));
+            let power: f64 = (0..6).map(|k| g[k] * rate[k]).sum();
+            work += power;
+            turnover += power.abs();
+        }
+        assert!(work.abs() < 1e-12 * turnover, "{work} of {turnover}");
     }
-    assert!(work.abs() < 1e-7 * turnover, "{work} of {turnover}");
 }
 
 #[test]
@@ -350,7 +363,7 @@ fn groups_add_their_wrench_and_stay_an_energy() {
     for h in &hessians {
         for i in 0..6 {
             for j in 0..i {
-                assert!((h[i][j] - h[j][i]).abs() < 1e-9 * h[0][0].abs());
+                assert!((h[i][j] - h[j][i]).abs() <= 1e-12 * largest(h));
             }
         }
     }

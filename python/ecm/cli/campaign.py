@@ -34,8 +34,18 @@ def campaign(
     hide: Annotated[
         str | None,
         typer.Option(
-            "--hide", metavar="EFFECT=S", help="Hide an effect of strength S; random; none."
+            "--hide",
+            metavar="EFFECT=S",
+            help="Hide an effect of strength S; random; none; FIRST.csv: what is hidden there.",
         ),
+    ] = None,
+    rigs: Annotated[
+        int,
+        typer.Option("--rigs", min=0, metavar="N", help="On N rigs of their own seeds: OUT-0000 …"),
+    ] = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler that deals the rigs."),
     ] = None,
     film: Annotated[
         Path | None, typer.Option("--film", metavar="FILE.gif", help="The arm at the first poses.")
@@ -51,7 +61,7 @@ def campaign(
 ) -> None:
     """Drive the simulated rig through a plan and write what it measures."""
     from ecm.config import read_rig
-    from ecm.rig import campaign_minutes, run_campaign
+    from ecm.rig import campaign_minutes, run_campaign, run_campaigns
 
     with Console(quiet=quiet) as console:
         output(out, json, film, phases)
@@ -62,6 +72,14 @@ def campaign(
             need_robot(settings, ("--film", film), ("--phases", phases))
         table = load([plan], console, need="predict")
         console.say(f"{len(table)} visits, about {campaign_minutes(table, settings):.0f} minutes")
+        if rigs or scheduler is not None:
+            paths = run_campaigns(
+                table, settings, out, rigs=max(1, rigs), hide=hide, seed=seed, threads=threads,
+                scheduler=scheduler, progress=console.bar("campaign"),
+            )  # fmt: skip
+            save_json(json, {"schema": 1, "seed": seed, "data": [str(path) for path in paths]})
+            console.say(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
+            return
         keep_note("Readings so far are kept: the same command goes on there.")
         data = run_campaign(
             table, settings, out, hide=hide, seed=seed, threads=threads,

@@ -14,17 +14,20 @@ from ecm.cli.options import (
     HiddenThreads,
     Json,
     Out,
-    Quiet,
+    Report,
     Seed,
     load,
     load_effects,
+    need_report,
     output,
     save_json,
 )
 
 if TYPE_CHECKING:
-    from ecm.design import BaseForDesign, Separable
+    from ecm.compare.noise import Noise
+    from ecm.design import BaseForDesign, Separable, Size
     from ecm.effects import Effect
+    from ecm.rig import RigSettings
     from ecm.table import Table
 
 
@@ -44,6 +47,13 @@ class Preset(str, Enum):
 
     paper = "paper"
     diagnosable = "diagnosable"
+
+
+class Search(str, Enum):
+    """How to look for the design."""
+
+    best = "best"
+    paper = "paper"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -84,6 +94,9 @@ def design(
         str | None,
         typer.Option("--base", metavar="MODEL", help="Nominal: weighs rows by their noise."),
     ] = None,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="RIG", help="Noise, minutes of this rig file.")
+    ] = None,
     share: Annotated[float, typer.Option("--share", min=0.0, max=1.0, hidden=True)] = 0.5,
     metres_per_radian: Annotated[
         float | None, typer.Option("--metres-per-radian", hidden=True)
@@ -91,27 +104,28 @@ def design(
     how_many: Annotated[
         bool, typer.Option("--how-many", help="Also n against expected error, up to N.")
     ] = False,
+    replicates: Annotated[bool, typer.Option("--replicates", hidden=True)] = False,
+    ridge: Annotated[float, typer.Option("--ridge", hidden=True)] = 0.0,
+    search: Annotated[Search, typer.Option("--search", hidden=True)] = Search.best,
     starts: Annotated[int, typer.Option("--starts", min=1, hidden=True)] = 10,
-    iterations: Annotated[
-        int,
-        typer.Option(
-            "--iterations", metavar="N", min=0, help="Budget; 0: 10 s.", show_default=False
-        ),
-    ] = 0,
+    iterations: Annotated[int, typer.Option("--iterations", min=0, hidden=True)] = 0,
     time_limit: Annotated[float, typer.Option("--time-limit", min=0.0, hidden=True)] = 0.0,
     meta: Annotated[Path | None, typer.Option("--meta", hidden=True)] = None,
     skip_bad_rows: Annotated[bool, typer.Option("--skip-bad-rows", hidden=True)] = False,
     json: Json = None,
+    report: Report = None,
     seed: Seed = 0,
     threads: HiddenThreads = 0,
-    quiet: Quiet = False,
+    quiet: Annotated[bool, typer.Option("--quiet", hidden=True)] = False,
 ) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md)."""
     from ecm.design import choose, diagnosable_plan, paper_plan, plain_plan
 
     with Console(quiet=quiet) as console:
-        output(out, json)
+        output(out, json, report)
+        need_report(report)
         wanted = _effects(effects, preset)
+        settings = _rig(rig)
         table = load([candidates], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
         # Free polynomials absorb the effects.
         name = model or ("cubic" if not effects else "energy4")
@@ -119,18 +133,20 @@ def design(
             table,
             base=base,
             model=name,
-            needed=bool(effects),
+            noise=_noise(settings),
+            needed=bool(effects) or rig is not None,
             free=preset is Preset.diagnosable,
             threads=threads,
             console=console,
         )
         names = table.pose_columns
         poses = table.matrix(names)
+        weighed = base is not None or rig is not None or name == "physics" or effects
         options: dict[str, Any] = {
             "criterion": criterion.value,
             "model": name,
             "length_m": table.meta.length_m,
-            "base": nominal if base is not None or name == "physics" or effects else None,
+            "base": nominal if weighed else None,
             "seed": seed,
             "threads": threads,
         }
@@ -145,6 +161,9 @@ def design(
             exclude=_excluded(exclude, table),
             measured=_measured(augment, table, console),
             effects=wanted if effects else (),
+            replicates=replicates,
+            ridge=ridge,
+            method="paper" if search is Search.paper else "search",
             share=share,
             metres_per_radian=metres_per_radian,
             columns=names,
@@ -157,8 +176,9 @@ def design(
         else:
             plan = plain_plan(table, chosen, seed=seed)
         plan.write(out)
-        told = _told(plan, nominal, wanted, preset)
-        curve = _curve(poses, n, options, how_many, console)
+        told = _told(plan, nominal, wanted, preset, settings)
+        minutes = _minutes(plan, settings)
+        sizes = _sizes(poses, n, options, how_many, console)
         save_json(
             json,
             {
@@ -173,16 +193,44 @@ def design(
                 "efficiency": chosen.efficiency,
                 "status": chosen.status,
                 "reproducible": time_limit == 0.0,
+                "minutes": minutes,
                 "effects": [item.to_dict() for item in told],
-                "how_many": curve,
+                "how_many": [size.to_dict() for size in sizes],
             },
         )
+        if report is not None:
+            from ecm.cli.design_report import write_design
+
+            write_design(report, table, chosen, told=told, sizes=sizes, minutes=minutes)
         console.say(chosen.sentence())
         if time_limit > 0.0:
             console.say("with a time limit another run may give another design")
         for item in told:
             console.say("  " + item.sentence())
-        console.say(f"{out}: {len(plan)} rows")
+        time = "" if minutes is None else f", about {minutes:.0f} minutes on the rig"
+        console.say(f"{out}: {len(plan)} rows{time}")
+
+
+def _rig(path: Path | None) -> RigSettings | None:
+    from ecm.config import read_rig
+
+    return None if path is None else read_rig(path)
+
+
+def _noise(settings: RigSettings | None) -> Noise | None:
+    from ecm.design import rig_noise
+
+    return None if settings is None else rig_noise(settings)
+
+
+def _minutes(plan: Table, settings: RigSettings | None) -> float | None:
+    """Robot minutes on this rig, or the default one; None where no length is known."""
+    from ecm.columns import POSE
+    from ecm.rig import RigSettings, campaign_minutes
+
+    if plan.meta.length_m is None or plan.pose_columns != POSE:
+        return None
+    return campaign_minutes(plan, RigSettings() if settings is None else settings)
 
 
 def _effects(text: str | None, preset: Preset | None) -> tuple[Effect, ...]:
@@ -205,6 +253,7 @@ def _nominal(
     *,
     base: str | None,
     model: str,
+    noise: Noise | None,
     needed: bool,
     free: bool,
     threads: int,
@@ -216,12 +265,16 @@ def _nominal(
     from ecm.design import nominal_base
     from ecm.errors import InputError
 
-    if base is not None:
-        return nominal_base(table, open_model(base))
-    if needed or model == "physics":
-        if model == "physics":
-            console.say("FEM at two Poisson ratios (kept for the next time) ...")
-        return nominal_base(table, poisson=model == "physics", threads=threads)
+    physics = model == "physics"
+    if base is not None or needed or physics:
+        return nominal_base(
+            table,
+            None if base is None else open_model(base, console),
+            physics=physics,
+            noise=noise,
+            threads=threads,
+            progress=console.bar("physics base") if physics else None,
+        )
     if not free:
         return None
     try:
@@ -266,17 +319,18 @@ def _told(
     nominal: BaseForDesign | None,
     effects: Sequence[Effect],
     preset: Preset | None,
+    rig: RigSettings | None,
 ) -> list[Separable]:
     from ecm.design import separable
 
     if preset is not Preset.diagnosable or nominal is None:
         return []
-    return separable(plan, nominal, effects)
+    return separable(plan, nominal, effects, rig=rig)
 
 
-def _curve(
+def _sizes(
     poses: Any, n: int, options: dict[str, Any], wanted: bool, console: Console
-) -> list[dict[str, Any]]:
+) -> list[Size]:
     """n against expected error up to N, printed with its knee."""
     from ecm.design import how_many
 
@@ -290,4 +344,4 @@ def _curve(
     for size in sizes:
         mark = "  <- knee" if size.knee else ""
         console.say(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")
-    return [size.to_dict() for size in sizes]
+    return sizes

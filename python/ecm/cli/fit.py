@@ -36,9 +36,9 @@ def fit(
         typer.Option(
             "--model",
             metavar="NAME",
-            help="poly:D, linear .. cubic, energy4..6, energyD-revolution, energyD-general, "
-            "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with "
-            "[mechanism].",
+            help="choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, "
+            "energyD-general, energyD+GROUP, physics, rod, constant-curvature, gp, mlp, "
+            "or a TOML with [mechanism].",
         ),
     ] = "cubic",
     pcr: Annotated[
@@ -51,6 +51,9 @@ def fit(
     stable: Annotated[
         bool, typer.Option("--stable", help="A stable rest at the undeformed pose.")
     ] = False,
+    curve: Annotated[
+        bool, typer.Option("--curve", help="Also say how many poses are enough.")
+    ] = False,
     weights: Annotated[
         str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
     ] = "auto",
@@ -62,11 +65,15 @@ def fit(
     quiet: Quiet = False,
 ) -> None:
     """Fit a model to a table and write its file."""
+    from ecm.cli.choose import chosen_model, how_many_poses
     from ecm.cli.models import fit_named, fit_summary
 
     with Console(quiet=quiet) as console:
         output(out, json)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
+        choice = None
+        if model == "choose":
+            model, pcr, choice = chosen_model(table, pcr, seed, console)
         fitted = fit_named(
             table,
             model,
@@ -79,7 +86,9 @@ def fit(
         )
         fitted.save(out)
         summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
-        save_json(json, summary | {"warnings": list(table.warnings)})
+        enough = how_many_poses(table, model, seed, console) if curve else None
+        more = {"choice": choice, "curve": enough, "warnings": list(table.warnings)}
+        save_json(json, summary | more)
         for line in summary["sentences"]:
             console.say(line)
         console.say(f"{out}: model {model}")

@@ -5,7 +5,7 @@
 effects a plan can name and from what size, `how_many` what further poses would bring.
 """
 
-from ecm.design.base import BaseForDesign, nominal_base
+from ecm.design.base import BaseForDesign, nominal_base, rig_noise
 from ecm.design.choose import Design, choose
 from ecm.design.follow_up import drivable, follow_up_plan
 from ecm.design.how_many import Size, how_many
@@ -29,5 +29,6 @@ __all__ = [
     "plain_plan",
     "polynomial_degree",
     "predicted_table",
+    "rig_noise",
     "separable",
 ]

@@ -6,8 +6,9 @@ simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,15 @@ from ecm.effects import Effect, Rows
 from ecm.errors import InputError
 from ecm.meta import Meta
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
+from ecm.rig.frames import top_from_sensor_wrench
+from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.table import Table
 
+if TYPE_CHECKING:
+    from ecm.mechanism import Mechanism
+    from ecm.rig.settings import RigSettings
+
 F = NDArray[np.float64]
-_POISSON_STEP = 0.01
 _ENOUGH = 100
 """Simulated poses from which a physics map can be made and tried."""
 
@@ -34,20 +40,6 @@ class BaseForDesign:
     base: StiffnessMap
     noise: Noise
     meta: Meta
-    other_poisson: tuple[StiffnessMap, StiffnessMap, float] | None = None
-    """The physics at two Poisson ratios and their difference, for its sensitivity."""
-
-    def poisson_column(self, poses: F) -> F:
-        """(N, 6, 1) sensitivity of the wrench to Poisson's ratio.
-
-        (N, 6, 0) where it is unknown, or the base has it among its own coefficients.
-        """
-        own = getattr(self.base, "parameter_names", ())
-        if self.other_poisson is None or "poisson_ratio" in own:
-            return np.zeros((len(poses), 6, 0))
-        lower, upper, step = self.other_poisson
-        poses = np.ascontiguousarray(poses)
-        return np.asarray(((upper.predict(poses) - lower.predict(poses)) / step)[:, :, None])
 
     def rows(self, poses: F) -> Rows:
         """Rows at (N, 6) poses, their wrenches predicted."""
@@ -84,12 +76,20 @@ def nominal_base(
     candidates: Table,
     model: Model | None = None,
     *,
-    poisson: bool = False,
+    physics: bool = False,
+    noise: Noise | None = None,
     threads: int = 0,
+    progress: Callable[[int, int, str], object] | None = None,
 ) -> BaseForDesign:
     """The nominal base: of `model`, else of the candidates' wrenches, else FEM of [mechanism].
 
-    With `poisson` also the sensitivity to Poisson's ratio, by FEM of `[mechanism]` at two.
+    Parameters
+    ----------
+    physics
+        Only the physics base will do: of `model`, or the FEM of `[mechanism]` with its
+        sensitivities to E and Poisson's ratio (built once per shape, minutes).
+    noise
+        One row's, by default that of the candidates' `[instrument]`.
 
     Errors
     ------
@@ -103,7 +103,7 @@ def nominal_base(
             f"{where}: the noise and the effects of a pose need the six pose columns, "
             f"found {found}; give all of {', '.join(POSE)}"
         )
-    noise = declared_noise(candidates)
+    noise = declared_noise(candidates) if noise is None else noise
     meta = Meta(
         mechanism=candidates.meta.mechanism,
         scene=candidates.meta.scene,
@@ -111,22 +111,58 @@ def nominal_base(
     )
     body = candidates.meta.body()
     known = body is not None and body.has_body
-    pair = None
-    if poisson and body is not None and known:
-        physics = physics_map(body, threads=threads)
-        below = physics.at(poisson_ratio=body.poisson_ratio - _POISSON_STEP)
-        pair = (below, physics.at(), _POISSON_STEP)
+    if physics:
+        own = _physics(where, body if known else None, model, threads, progress)
+        return BaseForDesign(own, noise, _with_length(meta, own.length_m))
     if model is not None:
-        return BaseForDesign(model.base, noise, _with_length(meta, model.base.length_m), pair)
+        return BaseForDesign(model.base, noise, _with_length(meta, model.base.length_m))
     length = candidates.meta.length_m
     if candidates.wrench_columns == WRENCH and length is not None:
-        return BaseForDesign(_of_wrenches(candidates, length, known=known), noise, meta, pair)
+        return BaseForDesign(_of_wrenches(candidates, length, known=known), noise, meta)
     if body is not None and known:
-        return BaseForDesign(physics_map(body, threads=threads), noise, meta, pair)
+        return BaseForDesign(physics_map(body, threads=threads, progress=progress), noise, meta)
     raise InputError(
         f"{where}: the nominal stiffness is not known; give --base MODEL, simulated wrenches "
         "beside the poses with [mechanism] length_m, or a [mechanism] that FEM can solve"
     )
+
+
+def _physics(
+    where: str,
+    body: Mechanism | None,
+    model: Model | None,
+    threads: int,
+    progress: Callable[[int, int, str], object] | None,
+) -> StiffnessMap:
+    """The physics base itself: E and, where it is tabulated, Poisson's ratio are unknown."""
+    if model is not None:
+        if model.base.kind == "physics":
+            return model.base
+        raise InputError(
+            f"--base: a {model.base.kind} model, but --model physics needs the physics base; leave "
+            "--base out where the candidates have a [mechanism], or give a physics model"
+        )
+    if body is None:
+        raise InputError(
+            f"{where}: --model physics needs a [mechanism] that FEM can solve; add builtin, its "
+            "dimensions and young_modulus_Pa to the TOML beside the candidates"
+        )
+    return physics_map(body, threads=threads, progress=progress)
+
+
+def rig_noise(settings: RigSettings) -> Noise:
+    """One averaged row's noise of a rig file, as its campaigns declare it."""
+    instrument, window = settings.instrument, settings.rig.window_s
+    adjoint = top_from_sensor_wrench(instrument.top_from_sensor)
+    variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
+    position, angle = Camera(instrument).row_sd(window)
+    sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])
+    if not (sd > 0.0).all():
+        raise InputError(
+            f"--rig: its noise of position, rotation, force and torque is {sd.tolist()}; a design "
+            "needs positive figures in [instrument]"
+        )
+    return Noise().with_parameters(sd, "declared")
 
 
 def _of_wrenches(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:

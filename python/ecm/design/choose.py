@@ -47,7 +47,7 @@ class Design:
 
     def sentence(self) -> str:
         """One line for people."""
-        least = "" if self.criterion in ("d", "i", "a") else "at least "
+        least = "at least " if self.criterion in ("g", "maximin") else ""
         return (
             f"{len(self.indices)} poses, {_WORDS[self.criterion]} {least}"
             f"{100.0 * self.efficiency:.1f} % of what is possible"
@@ -73,6 +73,7 @@ def choose(
     base: BaseForDesign | None = None,
     effects: Sequence[Effect] = (),
     share: float = 0.5,
+    ridge: float = 0.0,
     method: Literal["search", "paper"] = "search",
     metres_per_radian: float | None = None,
     columns: Sequence[str] = POSE,
@@ -96,6 +97,9 @@ def choose(
         Weighs every row by the instruments' noise at its pose.
     effects
         The design determines their parameters too, as far as the poses can.
+    ridge
+        Information known beforehand on every coefficient but a polynomial's constant: the design
+        for a ridge fit with this lambda (Bayesian D, I, A).
     method
         search: the best there is; paper: Fedorov's exchange for d, simple exchange for maximin.
     columns
@@ -123,8 +127,9 @@ def choose(
         )  # fmt: skip
     else:
         rows = regressor(
-            poses, model, length_m=length_m, measured=measured, base=base, effects=effects
-        )
+            poses, model, length_m=length_m, measured=measured, base=base, effects=effects,
+            ridge=ridge,
+        )  # fmt: skip
         found = _native.d_optimal(
             rows.rows, n + len(inside), rows_per_pose=rows.rows_per_pose, starts=starts,
             iterations=iterations, seed=seed, threads=threads, time_limit_s=time_limit_s,

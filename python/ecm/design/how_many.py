@@ -16,7 +16,7 @@ from ecm import _native
 from ecm.design.base import BaseForDesign
 from ecm.design.choose import Progress, choose
 from ecm.design.regressors import COMPONENT_SD, model_columns, polynomial_degree, regressor
-from ecm.errors import InputError
+from ecm.errors import DesignError, InputError
 
 F = NDArray[np.float64]
 
@@ -84,12 +84,18 @@ def how_many(
     norms = np.linalg.norm(rows.rows, axis=0)
     values, slopes = values / norms, slopes / norms
     blocks = (rows.rows / norms).reshape(len(poses), rows.rows_per_pose, terms)
-    found = []
+    found: list[Size] = []
     for done, n in enumerate(sizes):
-        design = choose(
-            poses, n, criterion=criterion, model=model, length_m=length_m, base=base, seed=seed,
-            threads=threads, iterations=iterations,
-        )  # fmt: skip
+        try:
+            design = choose(
+                poses, n, criterion=criterion, model=model, length_m=length_m, base=base,
+                seed=seed, threads=threads, iterations=iterations,
+            )  # fmt: skip
+        except DesignError:
+            # An energy model needs more poses than its terms over six.
+            if given or n == sizes[-1]:
+                raise
+            continue
         chosen = blocks[design.indices].reshape(-1, terms)
         errors = [_error(chosen, part.reshape(-1, terms)) for part in (values, slopes)]
         if given or errors[0] < _HOPELESS:

@@ -60,8 +60,15 @@ def regressor(
     measured: F | None = None,
     base: BaseForDesign | None = None,
     effects: Sequence[Effect] = (),
+    ridge: float = 0.0,
 ) -> Regressor:
-    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose."""
+    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose.
+
+    `ridge` is known beforehand of every coefficient but a polynomial's constant, in units of the
+    rows' information.
+    """
+    if not (ridge >= 0.0 and np.isfinite(ridge)):
+        raise InputError(f"--ridge: {ridge}, expected a positive number, 0 for none")
     everything = poses if measured is None else np.concatenate([poses, measured])
     prior: F | None = None
     if model == "physics" or model.startswith("energy"):
@@ -87,6 +94,10 @@ def regressor(
         per_pose = 1
     rows = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]))
     split = len(poses) * per_pose
+    if ridge > 0.0:
+        known = np.full(rows.shape[1], ridge)
+        known[: 1 if per_pose == 1 else 0] = 0.0
+        prior = np.diag(known) if prior is None else prior + np.diag(known)
     return Regressor(
         rows[:split].copy(), per_pose, None if measured is None else rows[split:].copy(), prior
     )
@@ -95,12 +106,13 @@ def regressor(
 def model_columns(poses: F, model: str, length_m: float | None, base: BaseForDesign | None) -> F:
     """(N, 6, k) wrench per coefficient of an energy model or of physics.
 
-    Physics: the sensitivities to the modulus and, where the base knows it, to Poisson's ratio.
+    Physics: the sensitivities to the modulus and, where the base has it tabulated, to Poisson's
+    ratio.
     """
     if model == "physics":
-        nominal = _needed(base, "the physics model")
-        own = nominal.base.columns(np.ascontiguousarray(poses))
-        return np.concatenate([own, nominal.poisson_column(poses)], axis=2)
+        return np.asarray(
+            _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
+        )
     if length_m is None and base is not None:
         length_m = base.base.length_m
     if length_m is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.effects.mid_frame import stretched, wrench_of
 from ecm.effects.moved import moved_in_base, turned
+from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
 from ecm.effects.rod_strain import mean_strain, rod_strain
 from ecm.effects.rows import Rows
@@ -25,7 +26,10 @@ _BENDING_POWER = 3.4
 
 
 class LengthError(EffectBase):
-    """The mechanism is longer than the file says: U(c - (dL, 0, 0), theta)."""
+    """The mechanism is longer than the file says: U(c - (dL, 0, 0), theta).
+
+    On the physics base the body of that length itself, which is softer too.
+    """
 
     id = "length_error"
     physics = "The mechanism is longer than stated, so that the stated rest pose compresses it."
@@ -42,14 +46,24 @@ class LengthError(EffectBase):
         }
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Wrench of the shifted energy minus that of the base."""
+        """Wrench of the longer body, or of the shifted energy, minus that of the base."""
+
+        def longer(body: dict[str, float]) -> dict[str, float]:
+            return body | {"length_m": body["length_m"] + values[0]}
+
+        exact = of_another_body(rows, longer)
+        if exact is not None:
+            return exact - rows.wrench
         shift = np.zeros(6)
         shift[0] = -values[0]
         return stretched(rows, np.eye(6), shift) - rows.wrench
 
 
 class DiameterError(EffectBase):
-    """D larger by delta: axial D^2, lateral D^3, torsion D^4, bending D^3.4."""
+    """D larger by delta: axial D^2, lateral D^3, torsion D^4, bending D^3.4.
+
+    On the physics base the body of that diameter itself.
+    """
 
     id = "diameter_error"
     physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
@@ -62,7 +76,14 @@ class DiameterError(EffectBase):
         return {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Wrench of the stretched energy minus that of the base."""
+        """Wrench of the thicker body, or of the stretched energy, minus that of the base."""
+
+        def thicker(body: dict[str, float]) -> dict[str, float]:
+            return body | {"diameter_m": body["diameter_m"] * (1.0 + values[0])}
+
+        exact = of_another_body(rows, thicker)
+        if exact is not None:
+            return exact - rows.wrench
         d = 1.0 + values[0]
         lateral, bending = d**1.5, d ** (0.5 * _BENDING_POWER)
         matrix = np.diag([d, lateral, lateral, d**2, bending, bending])

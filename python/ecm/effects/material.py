@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.effects.mid_frame import stretched
+from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
 from ecm.effects.rows import Rows
@@ -118,7 +119,10 @@ class StrainStiffening(LinearEffect):
 
 
 class Compressibility(EffectBase):
-    """G / E larger by g: torsion and the shear part of the lateral stiffness grow alike."""
+    """G / E larger by g: torsion and the shear part of the lateral stiffness grow alike.
+
+    On the physics base 1 + nu smaller by 1 + g, which its free nu absorbs.
+    """
 
     id = "compressibility"
     physics = "Poisson's ratio is not as stated, so shear is stiffer or softer against stretch."
@@ -134,7 +138,14 @@ class Compressibility(EffectBase):
         }
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Wrench of the stretched energy minus that of the base."""
+        """Wrench of the other nu, or of the stretched energy, minus that of the base."""
+
+        def other(body: dict[str, float]) -> dict[str, float]:
+            return body | {"poisson_ratio": (1.0 + body["poisson_ratio"]) / (1.0 + values[0]) - 1.0}
+
+        exact = of_another_body(rows, other)
+        if exact is not None:
+            return exact - rows.wrench
         share = rest_stiffness(rows).bending_share
         torsion, lateral = np.sqrt(1.0 + values[0]), np.sqrt(1.0 + (1.0 - share) * values[0])
         matrix = np.diag([1.0, lateral, lateral, torsion, 1.0, 1.0])

@@ -19,6 +19,7 @@ from ecm.compare.noise import Noise, whiteners
 from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.models.fit import fit_model
+from ecm.models.maps import PolynomialMap
 from ecm.models.pcr import Threshold
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def choose_model(
                 train = measured.select(np.flatnonzero(fold != part))
                 held = np.flatnonzero(fold == part)
                 model = fit_model(train, candidate.name, pcr=candidate.pcr)
-                size = len(model.base.coefficients)
+                size = free_coefficients(model.base)
                 squares.append(_square(model.base, measured, held, whitener))
         except EcmError:
             error.append(np.inf)
@@ -103,6 +104,13 @@ def choose_model(
     return Choice(listed, tuple(sizes), np.array(error), np.array(spread), int(order[0]))
 
 
+def free_coefficients(base: StiffnessMap) -> int:
+    """How many numbers a fit chose: of a principal component regression those of its rank."""
+    if isinstance(base, PolynomialMap) and base.model.rank > 0:
+        return base.model.rank * len(base.outputs)
+    return len(base.coefficients)
+
+
 @dataclass(frozen=True)
 class LearningCurve:
     """Held-out error against the number of poses."""
@@ -116,6 +124,8 @@ class LearningCurve:
     """(s,) quartile."""
     enough: int | None
     """The fewest poses that the stop rule accepts, None where more are needed."""
+    one_standard_error: int | None
+    """The fewest poses whose mean error over draws is within one standard error of the best's."""
 
 
 def learning_curve(
@@ -132,7 +142,8 @@ def learning_curve(
 
     The stop rule: the fewest poses whose held-out error is within `tolerance` of the smallest
     on the curve, provided that the curve has become flat there: the largest size must not be
-    better than the one before by more than `tolerance`.
+    better than the one before by more than `tolerance`. `one_standard_error` asks for what the
+    draws can tell apart instead of for a share.
     """
     measured = table.measured()
     groups = row_groups(measured)
@@ -163,7 +174,12 @@ def learning_curve(
     if flat and np.isfinite(middle[-1]):
         within = middle <= (1.0 + tolerance) * middle.min()
         enough = usable[int(np.argmax(within))]
-    return LearningCurve(tuple(usable), middle, lower, upper, enough)
+    mean, few = errors.mean(axis=1), None
+    if np.isfinite(mean).any() and draws > 1:
+        best = int(np.argmin(mean))
+        spread = float(errors[best].std(ddof=1)) / np.sqrt(draws)
+        few = usable[int(np.argmax(mean <= mean[best] + spread))]
+    return LearningCurve(tuple(usable), middle, lower, upper, enough, few)
 
 
 def _folds(groups: I, folds: int, seed: int) -> I:

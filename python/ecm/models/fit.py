@@ -12,7 +12,7 @@ from ecm import _native
 from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import usable_sd
 from ecm.compare.folds import row_groups
-from ecm.compare.noise import Noise, declared_noise, is_exact
+from ecm.compare.noise import Noise, declared_noise
 from ecm.errors import InputError
 from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.leverage import leverages
@@ -69,9 +69,10 @@ def fit_model(
     zero_at_home, stable
         No wrench, and a stable rest, at the undeformed pose (constraints.py).
     weights
-        noise: by the declared noise of wrench and pose, errors in variables. spread: each
-        component over its own standard deviation (energies), which for polynomials is the paper's
-        ordinary least squares. auto: noise for energies, spread for polynomials and for exact data.
+        noise: by the declared noise of wrench and pose, errors in variables; for exact data a
+        common rig's is assumed, which serves them better than the spread (docs/models.md).
+        spread: each component over its own standard deviation (energies), which for polynomials
+        is the paper's ordinary least squares. auto: noise for energies, spread for polynomials.
     """
     fitted = _fitted(
         table, name, pcr=pcr, body=(mechanism, physics), threads=threads, weights=weights
@@ -180,7 +181,7 @@ def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
 
     noise = declared_noise(table)
     first = fit(table.poses, table.wrenches, None)
-    if weights == "spread" or (weights == "auto" and is_exact(table)):
+    if weights == "spread":
         return _model(EnergyMap(first), noise, np.asarray(first.covariance), table)
     found = fit_with_pose_noise(table, EnergyMap(first), noise, solve)
     return _model(found.base, noise, found.covariance, table, found.residual_variance)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,8 +27,10 @@ from ecm.models.physics_poses import MARGIN
 from ecm.stages import Stage, cache_directory, hash_of, write_atomically
 
 if TYPE_CHECKING:
+    from ecm.compare.noise import Noise
     from ecm.mechanism import Mechanism
     from ecm.models.physics_build import BuildSettings
+    from ecm.models.physics_refit import PhysicsRefit
     from ecm.table import Table
 
 F = NDArray[np.float64]
@@ -143,6 +145,10 @@ class PhysicsMap:
         family.check(wanted)
         return family.at(wanted)
 
+    def other_body(self, values: Mapping[str, float]) -> EnergyMap | None:
+        """The energy of E, nu, L, D, also beyond what was tabulated; None without a family."""
+        return None if self.family is None else self.family.at(values)
+
     def with_free(self, *names: str) -> PhysicsMap:
         """The same map with these values as coefficients."""
         self._tabulated()
@@ -157,6 +163,14 @@ class PhysicsMap:
             return replace(self, factor=float(coefficients[0]))
         given = zip(self.free, map(float, coefficients), strict=True)
         return self._with_values({**self.values, **dict(given)})
+
+    def refit(
+        self, table: Table, noise: Noise | None = None, *, free: Sequence[str] | None = None
+    ) -> PhysicsRefit:
+        """E, nu and where asked L and D of measured pairs, with errors (physics_refit.py)."""
+        from ecm.models.physics_refit import refit_physics
+
+        return refit_physics(self, table, noise, free=free)
 
     def _with_values(self, values: Mapping[str, float]) -> PhysicsMap:
         family, old = self._tabulated()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
 from ecm.rig.hidden import Hidden
+from ecm.rig.many import run_campaigns
 from ecm.rig.run import campaign_minutes, fem_source, run_campaign
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
 from ecm.rig.truth import Revealed, reveal, score
@@ -28,5 +29,6 @@ __all__ = [
     "reveal",
     "rig_from_dict",
     "run_campaign",
+    "run_campaigns",
     "score",
 ]

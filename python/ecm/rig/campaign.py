@@ -181,7 +181,7 @@ class Campaign:
             [v.kind, v.row, v.pose.tolist(), v.pose_id, v.repeat, v.run, v.approach, v.time_s]
             for v in self.timeline.visits
         ]
-        hide = [[h.effect, h.strength] for h in self._hide]
+        hide = [[h.effect, h.strength, *([list(h.shape)] if h.shape else [])] for h in self._hide]
         document = [1, source.key(), self.settings.to_dict(), self.seed, hide, asked]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 

@@ -72,6 +72,9 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         energy_J=float(np.mean(0.5 * np.abs(np.sum(h * moved, axis=1)))),
     )
     name, first = draw(hide.effect, stream(seed, "hidden shape", hide.effect), scale)
+    if hide.shape:
+        known = first.with_parameters(dict(hide.shape))
+        return put(world.physics, name, known), Secret(hide.effect, hide.strength, name, known.size)
     whitener = Whitener(row_covariance(plant, course, world.settings), h[:, :, None])
     plain = world.residual(world.physics)
 

@@ -1,12 +1,15 @@
-"""What is to be hidden in a rig: `EFFECT=S`, `random`, `none`, or several."""
+"""What is to be hidden in a rig: `EFFECT=S`, `random`, `none`, several, or as in another table."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from ecm.errors import InputError
 from ecm.rig.draws import DRAWS, Random
 from ecm.rig.fields import nearest
+from ecm.rig.truth import reveal
 
 RANDOM_STRENGTHS = (0.5, 1.0, 3.0)
 """`--hide random` takes one of these."""
@@ -22,10 +25,14 @@ class Hidden:
 
     effect: str
     strength: float
+    shape: tuple[tuple[str, Any], ...] = ()
+    """Parameters of the plant, where the effect is that of an earlier campaign."""
 
     @staticmethod
     def parse(text: str) -> tuple[Hidden, ...]:
         """`EFFECT=S`, `EFFECT` (s = 1), `random`, `none`; several with commas; () of no text.
+
+        A measurement table (`first.csv`) stands for what is sealed beside it, at the same size.
 
         Raises
         ------
@@ -35,6 +42,8 @@ class Hidden:
         """
         if not text.strip():
             return ()
+        if Path(text).suffix in (".csv", ".parquet"):
+            return Hidden.sealed_in(Path(text))
         asked = tuple(Hidden._one(part) for part in text.split(","))
         names = [h.effect for h in asked]
         if len(set(names)) < len(names):
@@ -42,6 +51,16 @@ class Hidden:
         if NOTHING in names and len(names) > 1:
             raise InputError(f"--hide {text}: found `none` beside others; expected it alone")
         return asked
+
+    @staticmethod
+    def sealed_in(data: Path) -> tuple[Hidden, ...]:
+        """What was hidden in an earlier campaign, so that another measures the same rig."""
+        effects = reveal(data).effects
+        if not effects:
+            return (Hidden(NOTHING, 0.0),)
+        return tuple(
+            Hidden(e["id"], float(e["s"]), tuple(sorted(e["parameters"].items()))) for e in effects
+        )
 
     @staticmethod
     def _one(text: str) -> Hidden:

@@ -90,9 +90,19 @@ class Plant:
         self._marker = Payload(table.marker_mass_kg, places_m=((place[0], place[1], place[2]),))
         self._lags: dict[SensorPlay, F] = {}
 
+    @property
+    def gradings(self) -> Mapping[str, Grading]:
+        """Of the modulus, by name."""
+        return self._gradings
+
     def anew(self) -> Plant:
         """The same plant without the history of a course that it has seen."""
         return Plant(self._settings, self.elastic, self.length_m, self._gradings)
+
+    def load(self, course: Course, physics: Physics) -> F:
+        """What the platform asks of the sensor, base axes, (N, 6); every row is a loaded one."""
+        asked = self._sensor_load(course, physics, course.loaded)
+        return turn_wrench(rotation(course.reached[:, 3:]), asked)
 
     def truth(self, course: Course, physics: Physics, offset: F) -> Truth:
         """Readings without noise at every visit; `offset` (6,) is the sensor's constant zero."""

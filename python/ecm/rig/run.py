@@ -11,7 +11,7 @@ from ecm.errors import InputError
 from ecm.rig import truth
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
-from ecm.rig.hidden import Hidden
+from ecm.rig.hidden import NOTHING, Hidden
 from ecm.rig.journal import Journal
 from ecm.rig.plan import outside, requests
 from ecm.rig.record import HEADER, Reading
@@ -62,7 +62,9 @@ def run_campaign(
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
-        hide = rig.hidden.effect and f"{rig.hidden.effect}={rig.hidden.strength!r}"
+        hide = rig.hidden.effect
+        if hide and hide != NOTHING:
+            hide = f"{hide}={rig.hidden.strength!r}"
     if isinstance(hide, str):
         hide = Hidden.parse(hide)
     if folder is None:

@@ -19,8 +19,9 @@ from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import Hidden
+from ecm.rig.physics import Physics
 from ecm.rig.plan import HOME, Skipped, rest_pose
-from ecm.rig.plant import course_of
+from ecm.rig.plant import course_of, nominal_physics
 from ecm.rig.record import Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import OFFSET, POSE, Timeline, Visit
@@ -31,6 +32,7 @@ from ecm.robot.mechanism import controller_model, fem_pairs, surrogate
 from ecm.robot.procedure import Sortie
 from ecm.robot.record import Line
 from ecm.robot.scene import mujoco, scene
+from ecm.robot.surroundings import Effects
 from ecm.robot.tour import Tour, tours
 from ecm.robot.worker import Job, sorties
 
@@ -71,7 +73,7 @@ class RobotCampaign(Campaign):
         poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
         self.mechanism = surrogate(poses, wrenches, length)
         model = controller_model(settings.arm.controller_model, poses, wrenches, length)
-        self.job = Job(settings, self.mechanism, build(model, library_folder))
+        self.job = Job(settings, self.mechanism, build(model, library_folder), self._effects())
         self.tours: list[Tour] = tours(self.planned.visits, self.goals, settings.rig, length)
         self.home_rad = scene(settings, length).home_rad
         self.taken: list[Line] = []
@@ -258,6 +260,22 @@ class RobotCampaign(Campaign):
         self._heated = len(begun)
         end = 3.0 * self.planned.end_s + _SLOW_PROCESSES_S
         self._air = Climate.build(self.settings, self.seed, end, self.timeline.heating)
+
+    def _effects(self) -> Effects | None:
+        """What moves with the arm beside the bare mechanism; None where nothing is hidden."""
+        if not self.secrets:
+            return None
+        return Effects(
+            anchors=self.plant.elastic.anchors,
+            gradings=self.plant.gradings,
+            physics=self.physics,
+            bare=nominal_physics(self.settings, Physics(), np.zeros(6)),
+            visits=tuple(self.planned.visits),
+            anchor=self._anchors,
+            seed=self.seed,
+            end_s=3.0 * self.planned.end_s + _SLOW_PROCESSES_S,
+            heating=tuple(self.planned.heating),
+        )
 
     def _key_of(self, source: Source) -> str:
         own = self.settings

@@ -26,6 +26,7 @@ from ecm.robot.inverse import solve, swivel
 from ecm.robot.scene import scene
 from ecm.robot.servo import Servo
 from ecm.robot.simulation import Simulation
+from ecm.robot.surroundings import EVERY, Surroundings
 from ecm.robot.timing import duration_s, progress
 
 F = NDArray[np.float64]
@@ -53,6 +54,8 @@ class Stop:
     """Poses to pass on the way."""
     dwell_s: float
     window_s: float
+    depart_s: float = 0.0
+    """When the sortie leaves home, by the plan."""
 
 
 @dataclass
@@ -103,7 +106,9 @@ class Machine:
         length_m: float,
         mechanism: Callable[[F], F],
         library: Path,
+        *,
         frame: Frame = None,
+        around: Surroundings | None = None,
     ) -> None:
         self._settings = settings
         self._arm = arm = settings.arm
@@ -114,6 +119,7 @@ class Machine:
         self._servo = Servo(arm, self.simulation, model)
         self._guard = Guard(settings, self.simulation, model, length_m)
         self._frame = frame
+        self._around = around
         self._rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._stack: list[F] = []
         self._outcome = Outcome(-1)
@@ -127,7 +133,11 @@ class Machine:
         self._servo.release()
         self._stack = [self.simulation.joints_rad.copy()]
         outcomes, from_home = [], True
+        if self._around is not None:
+            self._around.leave(self._rest, stops[0].depart_s)
         for stop in stops:
+            if self._around is not None:
+                self._around.towards(stop.visit)
             self._outcome = Outcome(stop.visit, from_home=from_home)
             outcomes.append(self._outcome)
             try:
@@ -315,6 +325,14 @@ class Machine:
         self._poses.append(simulation.pose.copy())
         if self._frame is not None:
             self._frame(simulation, phase)
+        if self._around is not None and simulation.steps % EVERY == 0:
+            beside = self._around.wrench(
+                simulation.pose,
+                simulation.time_s,
+                EVERY * simulation.step_s,
+                moving=phase not in ("settle", "rest", "reading"),
+            )
+            simulation.drift(beside, EVERY)
         if phase == "return":
             return
         total = torque + simulation.gravity_Nm

@@ -46,6 +46,9 @@ class Simulation:
         self._site_axes: F = self.data.site_xmat[0]
         self.wrench: F = np.zeros(6)
         """h, what the arm exerts on the mechanism."""
+        self.beside: F = np.zeros(6)
+        """What acts beside the mechanism's elasticity, part of `wrench`; see `drift`."""
+        self._drift: F | None = None
         self.steps = 0
         self.step_s = float(self.model.opt.timestep)
         self.reset()
@@ -60,6 +63,8 @@ class Simulation:
         self.library.mj_resetData(self.model, self.data)
         self.joints_rad[:] = self.home_rad if joints_rad is None else joints_rad
         self.steps = 0
+        self.beside[:] = 0.0
+        self._drift = None
         self.sense()
 
     def sense(self) -> None:
@@ -71,13 +76,21 @@ class Simulation:
         library.mju_quat2Vel(self._turn, self.quaternion, 1.0)
         self.position[:] = self._site_position
         self.wrench = self.mechanism(self._row)[0]
+        if self._drift is not None:
+            self.wrench = self.wrench + self.beside
 
     def advance(self, torque_Nm: F) -> None:
         """One step under joint torques that hold the mechanism as well: applied - J'h."""
         np.subtract(torque_Nm, self.jacobian_T.dot(self.wrench), out=self.applied_Nm)
         self.library.mj_step2(self.model, self.data)
         self.steps += 1
+        if self._drift is not None:
+            self.beside += self._drift
         self.sense()
+
+    def drift(self, beside: F, steps: int) -> None:
+        """What acts beside elasticity goes to this wrench (6,) in so many steps, evenly."""
+        self._drift = (beside - self.beside) / steps
 
     def compliance(self) -> F:
         """J M^-1 J', inverse of the inertia felt at the top, (6, 6)."""

@@ -62,7 +62,7 @@ def tours(visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: flo
         if at_home:
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
         via = tuple(points[1:-1])
-        open_stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s))
+        open_stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart))
         last = visit.time_s + 0.5 * visit.window_s + _leg(visit.pose, rest, procedure)
     close()
     return found

@@ -22,6 +22,7 @@ from ecm.errors import ComputationError
 from ecm.rig.settings import RigSettings
 from ecm.robot.mechanism import Surrogate
 from ecm.robot.procedure import Frame, Machine, Sortie, Stop
+from ecm.robot.surroundings import Effects
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,20 @@ class Job:
     settings: RigSettings
     surrogate: Surrogate
     library: Path
+    effects: Effects | None = None
 
     def machine(self, frame: Frame = None) -> Machine:
         """A machine of this process."""
+        around = None
+        if self.effects is not None:
+            around = self.effects.around(self.settings, self.surrogate)
         return Machine(
             self.settings,
             self.surrogate.length_m,
             self.surrogate.model().predict,
             self.library,
-            frame,
+            frame=frame,
+            around=around,
         )
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar, TypeVar
+
+from ecm.errors import InputError
 
 T = TypeVar("T", bound="Sized")
 
@@ -24,3 +27,23 @@ class Sized:
     def parameters(self) -> dict[str, Any]:
         """For the sealed truth."""
         return {"unit": self.unit, **asdict(self)}
+
+    def with_parameters(self: T, known: Mapping[str, Any]) -> T:
+        """The truth that `parameters` was read from, which may have gone through JSON.
+
+        Raises
+        ------
+        InputError
+            Where the names are not this truth's.
+        """
+        own = {field.name for field in fields(self)}
+        if set(known) - {"unit"} != own:
+            raise InputError(
+                f"sealed parameters {', '.join(sorted(set(known) - {'unit'}))}, expected "
+                f"{', '.join(sorted(own))}: the truth was sealed by another version"
+            )
+        return replace(self, **{name: _tuples(known[name]) for name in own})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

@@ -1,0 +1,149 @@
+"""One plan on many rigs: each has a seed of its own, here or on the workers of a Dask scheduler.
+
+`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with its TOML and truth. A table
+that is there under the same settings is not measured again; a kill loses at most the rigs that
+were under way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ecm.errors import InputError, MissingExtra
+from ecm.rig.elastic import Progress
+from ecm.rig.run import run_campaign
+from ecm.rig.settings import RigSettings
+from ecm.stages import write_atomically
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+_CONNECT_S = 10.0
+
+
+def paths_of(out: Path, rigs: int) -> list[Path]:
+    """The tables of so many rigs."""
+    return [out.with_name(f"{out.stem}-{i:04d}{out.suffix}") for i in range(rigs)]
+
+
+def run_campaigns(
+    plan: Table,
+    rig: RigSettings,
+    out: Path,
+    *,
+    rigs: int,
+    hide: str | None = None,
+    seed: int = 0,
+    scheduler: str | None = None,
+    threads: int = 0,
+    progress: Progress = None,
+) -> list[Path]:
+    """Measures the plan on rigs with the seeds `seed`, `seed` + 1, ...; the tables' paths.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler; None: one after the other, here.
+
+    Raises
+    ------
+    InputError
+        No scheduler at the address, or tables of other settings at `out`.
+    """
+    paths = paths_of(out, rigs)
+    key = _key(plan, rig, hide, seed)
+    ledger = out.with_name(f"{out.stem}.rigs.json")
+    done = _done(ledger, key)
+    open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
+    settings = rig.to_dict()
+    meta = plan.meta.to_toml()
+    text = _csv(plan)
+
+    def finished(i: int, files: dict[str, bytes]) -> None:
+        for suffix, content in sorted(files.items()):
+            write_atomically(paths[i].with_suffix(suffix), content.decode())
+        done.add(i)
+        write_atomically(ledger, json.dumps({"key": key, "done": sorted(done)}))
+        if progress is not None:
+            progress(len(done), rigs, "rigs")
+
+    work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
+    if scheduler is None:
+        for i, arguments in work:
+            finished(i, measured(*arguments))
+    else:
+        _on_workers(scheduler, work, finished)
+    return paths
+
+
+def measured(  # noqa: PLR0917
+    plan: str, meta: str, settings: dict[str, Any], hide: str | None, seed: int, threads: int
+) -> dict[str, bytes]:
+    """The files of one campaign by suffix; everything comes and goes as text, to any machine."""
+    from ecm.table import read_table
+
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "plan.csv"
+        source.write_text(plan, encoding="utf-8")
+        source.with_suffix(".toml").write_text(meta, encoding="utf-8")
+        table = read_table(source, need="predict")
+        out = Path(folder) / "data.csv"
+        rig = RigSettings.from_dict(settings)
+        run_campaign(table, rig, out, hide=hide, seed=seed, threads=threads)
+        names = (".csv", ".toml", ".truth.json")
+        made = {suffix: out.with_suffix(suffix) for suffix in names}
+        return {suffix: path.read_bytes() for suffix, path in made.items() if path.exists()}
+
+
+def _csv(plan: Table) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.csv"
+        plan.write(path)
+        return path.read_text(encoding="utf-8")
+
+
+def _key(plan: Table, rig: RigSettings, hide: str | None, seed: int) -> str:
+    document = [_csv(plan), plan.meta.to_toml(), rig.to_dict(), hide, seed]
+    return hashlib.sha256(json.dumps(document).encode()).hexdigest()
+
+
+def _done(ledger: Path, key: str) -> set[int]:
+    if not ledger.exists():
+        return set()
+    try:
+        found = json.loads(ledger.read_text(encoding="utf-8"))
+        same, done = found["key"] == key, {int(i) for i in found["done"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        same, done = False, set()
+    if not same:
+        raise InputError(
+            f"{ledger}: these are campaigns of another plan, rig, seed or hidden effect. Remove "
+            "it to begin anew, or choose another --out"
+        )
+    return done
+
+
+def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise MissingExtra("distributed", "cluster", "--scheduler") from None
+    try:
+        client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--scheduler {scheduler}: no answer within {_CONNECT_S:.0f} s ({error}). Start one "
+            "with `dask scheduler` and workers with `dask worker ADDRESS`"
+        ) from None
+    try:
+        futures = {client.submit(measured, *one, pure=False): i for i, one in work}
+        for future in distributed.as_completed(list(futures), loop=client.loop):
+            finished(futures[future], future.result())
+    finally:
+        client.close()
