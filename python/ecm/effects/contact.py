@@ -101,7 +101,7 @@ def _tilt(rotation_vectors: F) -> tuple[F, F]:
 class Debonding(LinearEffect):
     """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
 
-    An open joint at the base is a hinge: it turns by c m q / (q + q0) with the moment m at the base,
+    An open joint at the base is a hinge: it turns by c m q / (q + q0), m the moment at the base,
     q = max(0, f_x + b |m| / (r / 2)) the pull at the rim.
     """
 
