@@ -153,6 +153,31 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
     assert campaign.finished().text("approach").tolist() == approach
 
 
+def test_every_action_of_a_plan_is_done(cache: Path) -> None:
+    poses = some_poses(8, seed=9)
+    action = [
+        "measure",
+        "home",
+        "measure",
+        "unload",
+        "warm_up:10",
+        "measure",
+        "remount:90",
+        "measure",
+    ]
+    table = run(cache, poses, columns={"action": action}, rig={"approach": "previous"})
+    kinds = table.text("kind").tolist()
+    assert kinds == ["pose", "home", "pose", "unloaded", "pose", "pose"]
+    times = table.column("time_s")
+    assert np.all(np.diff(times) > 0.0)
+    assert times[4] - times[3] > 600.0
+    warmer = table.column("temperature_degC")
+    assert warmer[4] > warmer[2] + 3.0
+    assert table.meta.runs[1]["mount_angle_rad"] == pytest.approx(np.pi / 2.0)
+    home = table.select(table.text("kind") == "home")
+    assert home.poses[0] == pytest.approx(REST, abs=5e-3)
+
+
 # --- strategies and time ----------------------------------------------------------
 
 

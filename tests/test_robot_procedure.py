@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -158,6 +159,21 @@ def test_an_unreachable_pose_names_the_joint_that_has_no_room() -> None:
     assert any("joint 6" in o.reason and "degrees" in o.reason for o in outcomes)
 
 
+def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
+    control = machine()
+    sound = control.simulation.mechanism
+    calls = iter(range(10**9))
+    control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * np.nan
+    broken = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
+    assert "diverged" in broken.reason
+    control.simulation.mechanism = sound
+    assert only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
+    assert not list(tmp_path.iterdir())
+
+
 def test_limits_are_the_published_ones() -> None:
     assert np.rad2deg(RANGE_RAD) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
     assert pytest.approx([176, 176, 100, 100, 100, 38, 38]) == TORQUE_NM
@@ -174,8 +190,6 @@ def test_the_same_sortie_gives_the_same_numbers() -> None:
 
 
 def test_the_example_is_valid_and_holds_the_defaults() -> None:
-    from pathlib import Path
-
     from ecm.config import read_rig
     from ecm.rig.arm_table import ArmTable
 

@@ -287,7 +287,8 @@ class RobotCampaign(Campaign):
 
 
 def _thinned(trace: F) -> list[list[float]]:
-    """At most some points of a way, the last one among them."""
+    """At most some points of a way, the last one among them; none where it diverged."""
+    trace = trace[np.isfinite(trace).all(axis=1)]
     if len(trace) == 0:
         return []
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))

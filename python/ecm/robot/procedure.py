@@ -25,7 +25,7 @@ from ecm.robot.impedance import Impedance
 from ecm.robot.inverse import solve, swivel
 from ecm.robot.scene import scene
 from ecm.robot.servo import Servo
-from ecm.robot.simulation import Simulation
+from ecm.robot.simulation import Diverged, Simulation
 from ecm.robot.surroundings import EVERY, Surroundings
 from ecm.robot.timing import duration_s, progress
 
@@ -155,10 +155,23 @@ class Machine:
                 self._outcome.reason = str(halt)
                 self._retrace()
                 from_home = True
+            except (Diverged, np.linalg.LinAlgError):
+                self._outcome.reason = "the simulation diverged; choose a smaller [rig] step_s"
+                self._put_home()
+                from_home = True
         home = self._outcome = Outcome(-1)
         if not from_home:
             self._retrace()
         return Sortie(tuple(outcomes), self.simulation.time_s, home)
+
+    def _put_home(self) -> None:
+        """Where no motion is left to come home by; the clock goes on."""
+        steps = self.simulation.steps
+        self._servo.release()
+        self.simulation.reset()
+        self.simulation.steps = steps
+        self._stack = [self.simulation.joints_rad.copy()]
+        self._log("return", self.simulation.time_s)
 
     # --- phases ---------------------------------------------------------------
 
