@@ -108,7 +108,9 @@ def diagnose(
         words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
         unknown = describe(problem, left, accepted, before) | {"words": words}
     elif accepted and not remains:
-        if over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P:
+        doubtful = over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P
+        # Two names that stand in for a third leave little: each needs its rivals far away.
+        if doubtful or len(accepted) > 1:
             pairs = zip(accepted, classes, strict=True)
             classes = [widened(problem, accepted, item, members) for item, members in pairs]
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
