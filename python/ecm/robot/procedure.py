@@ -119,6 +119,7 @@ class Machine:
         self._servo = Servo(arm, self.simulation, model)
         self._guard = Guard(settings, self.simulation, model, length_m)
         self._frame = frame
+        self._elbow = swivel(self._scene.home_rad)
         self._around = around
         self._rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._stack: list[F] = []
@@ -231,7 +232,7 @@ class Machine:
         simulation = self.simulation
         now = simulation.joints_rad.copy()
         flange_m, flange_axes = self._scene.flange_goal(goal[:3], axes)
-        found = solve(flange_m, flange_axes, swivel(now), now, self._arm.joint_margin_rad)
+        found = solve(flange_m, flange_axes, self._elbow, now, self._arm.joint_margin_rad)
         if found.reason:
             raise Halt(f"inverse kinematics: {found.reason}")
         procedure = self._settings.rig
