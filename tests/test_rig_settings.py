@@ -11,6 +11,7 @@ import pytest
 import ecm.rig
 from ecm.errors import InputError
 from ecm.rig import RigSettings
+from ecm.toml_file import read_toml
 
 
 def test_defaults_stand_where_nothing_is_said() -> None:
@@ -59,3 +60,12 @@ def test_the_rig_knows_nothing_of_models_and_effects() -> None:
             elif isinstance(node, ast.ImportFrom):
                 names = [f"{node.module}.{alias.name}" for alias in node.names]
             assert not any(n.startswith(forbidden) for n in names), file.name
+
+
+def test_the_example_shows_every_key_at_its_default() -> None:
+    path = Path(__file__).parent.parent / "examples" / "rig.toml"
+    tables = read_toml(path, "rig")
+    defaults = RigSettings().to_dict()
+    assert RigSettings.from_dict(tables, str(path)).to_dict() == defaults
+    for table, keys in tables.items():
+        assert set(keys) == set(defaults[table]), table

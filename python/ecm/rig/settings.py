@@ -96,8 +96,9 @@ class Instruments:
     """From one lens to the next."""
     led_radius_m: float = setting(0.05, low=1e-3, high=1.0)
     """Of the dome that carries the nine LEDs."""
-    led_angle_rad: float = setting(0.75, low=0.05, high=3.1)
-    """An LED is seen within this angle of its direction."""
+    led_angle_rad: float = setting(0.9, low=0.05, high=3.1)
+    """An LED is seen within this angle of its direction; at 0.9 four or more are, up to a tilt of
+    0.8 rad."""
     camera_drift_m: float = setting(0.0, low=0.0, high=0.1)
     camera_drift_rad: float = setting(0.0, low=0.0, high=0.5)
     """Slow motion of the camera on its stand (Ornstein-Uhlenbeck, 1 h), per axis."""
