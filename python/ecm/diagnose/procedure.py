@@ -24,6 +24,7 @@ from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
+from ecm.diagnose.scatter import scatter_effects, with_growth
 from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
 from ecm.diagnose.signature import signature_shares
 from ecm.diagnose.unknown import describe, structure
@@ -88,6 +89,10 @@ def diagnose(
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
     problem = assemble(choose_base(model, table), _without(model, table), tested, noise)
+    scatter = scatter_effects(problem, tested)
+    grown = with_growth(problem.noise, scatter)
+    if grown is not problem.noise:
+        problem = assemble(problem.base, problem.table, tested, grown)
     smooth = omnibus_columns(problem)
     base_columns = problem.design[:, :, : problem.n_base]
     first = omnibus(problem.response, smooth, base_columns, problem.weights)
@@ -131,7 +136,7 @@ def diagnose(
         answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
         effects=final.effects,
         base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
-        noise=problem.noise.to_dict(),
+        noise=problem.noise.to_dict() | {"effects": [item.to_dict() for item in scatter]},
         gate=gate,
         ranking=tuple(_row(problem, item) for item in ranked),
         checks=tuple(checks),
