@@ -158,6 +158,10 @@ def main() -> None:
         arm=replace(rig.arm, processes=options.processes),
     )
     plans = [read_table(path, need="predict") for path in options.plans]
+    # The plans say `initial` for every pose, which goes before the rig's own.
+    plans = [
+        replace(p, columns={k: v for k, v in p.columns.items() if k != "approach"}) for p in plans
+    ]
     if options.poses:
         plans = [plan.select(np.arange(len(plan)) < options.poses) for plan in plans]
     result: dict[str, Any] = {}
