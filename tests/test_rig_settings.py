@@ -31,6 +31,12 @@ def test_defaults_stand_where_nothing_is_said() -> None:
         ({"rig": {"dwell_s": float("nan")}}, ["dwell_s", "nan"]),
         ({"rig": {"offset_every": 2.5}}, ["offset_every", "integer"]),
         ({"rig": {"mode": "by hand"}}, ["mode", "quasi_static, robot"]),
+        (
+            {"rig": {"mode": "robot", "impedence_N_m": 900.0}},
+            ["impedence_N_m", "Did you mean `impedance_N_m`"],
+        ),
+        ({"rig": {"mode": "robot", "dwel_s": 1.0}}, ["Did you mean `dwell_s`"]),
+        ({"rig": {"mode": "robot", "step_s": 1.0}}, ["step_s", "to 0.002"]),
         ({"rig": {"impedance_N_m": 900.0}}, ["impedance_N_m", 'mode = "robot"']),
         ({"rig": {"approach": "sideways"}}, ["approach", "initial, previous"]),
         ({"rig": 3}, ["rig.toml [rig]", "a table"]),
