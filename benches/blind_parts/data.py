@@ -17,8 +17,10 @@ from blind_parts.strange import STRANGE, Law, smooth_misfit
 from blind_parts.strength import Strength
 from ecm.columns import WRENCH
 from ecm.compare.noise import declared_noise
+from ecm.diagnose.base import choose_base
 from ecm.effects import Rows
 from ecm.models import Model, PhysicsMap
+from ecm.models.maps import StiffnessMap
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source
 from ecm.stages import cache_directory
 from ecm.table import Table
@@ -81,7 +83,7 @@ def data_of(
         )
         table, quiet, truth = made.table, made.quiet, dict(made.sizes)
     else:
-        table, quiet, truth = _rig(asked, plan, uneven, truth)
+        table, quiet, truth = _rig(asked, plan, uneven, truth, choose_base(model, plan))
     if asked.strange:
         table, quiet = _with(STRANGE[asked.strange], asked.strength, (table, quiet), model, asked)
     if asked.variant == "base_error":
@@ -92,7 +94,7 @@ def data_of(
 
 
 def _rig(
-    asked: Set, plan: Table, uneven: float, truth: dict[str, Any] | None
+    asked: Set, plan: Table, uneven: float, truth: dict[str, Any] | None, base: StiffnessMap
 ) -> tuple[Table, Table, dict[str, Any]]:
     settings = RigSettings()
     if asked.variant == "noise":
@@ -111,6 +113,7 @@ def _rig(
         hide=[Hidden(id, s, (truth or {}).get(id, ())) for id, s in asked.hidden],
         seed=asked.seed + (0 if truth is None else 1_000_000),
         folder=cache_directory(),
+        base_columns=base.columns,
     )
     table = campaign.run()
     silent = dict.fromkeys(
@@ -135,7 +138,7 @@ def _with(
     rows = Rows(quiet, model.base)
     is_pose = np.asarray(quiet.text("kind") == "pose")
     covariance = declared_noise(table).covariance(Rows(table, model.base))
-    columns = np.asarray(model.base.columns(rows.poses))
+    columns = np.asarray(choose_base(model, table).columns(rows.poses))
     scale = Strength(covariance[is_pose], columns[is_pose])
     wrench = wrench * is_pose[:, None]
     size = strength / scale(wrench[is_pose])

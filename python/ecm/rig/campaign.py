@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +62,7 @@ class Campaign:
         seed: int = 0,
         folder: Path | None = None,
         progress: Progress = None,
+        base_columns: Callable[[F], F] | None = None,
     ) -> None:
         self.plan = plan
         self.settings = settings
@@ -105,7 +106,9 @@ class Campaign:
         for wanted in self._hide:
             if wanted.effect == NOTHING:
                 continue
-            world = World(self.plant, self.course, self.physics, self._offset, settings)
+            world = World(
+                self.plant, self.course, self.physics, self._offset, settings, base_columns
+            )
             self.physics, secret = conceal(wanted, world, self.timeline.end_s, seed)
             self.secrets.append(secret)
         self._stand = Stand(settings.instrument)
