@@ -41,9 +41,9 @@ ONE = (
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Plans of half the size: a diagnosis takes half the time."""
+    """Plans of a third of the size: a diagnosis takes a third of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, count in (("POSES", 60), ("VISITS", 160), ("PAPER_POSES", 90)):
+        for name, count in (("POSES", 45), ("VISITS", 120), ("PAPER_POSES", 60)):
             patch.setattr(f"blind_parts.plans.{name}", count)
         yield tmp_path_factory.mktemp("blind")
 
