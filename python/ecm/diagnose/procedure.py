@@ -19,7 +19,14 @@ from ecm.compare.noise import Noise
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable, widened
+from ecm.diagnose.classes import (
+    MOST_IN_CLASS,
+    NEAR,
+    NEAR_IN_DOUBT,
+    answer_class,
+    confusable,
+    widened,
+)
 from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
@@ -117,7 +124,8 @@ def diagnose(
         # Two names that stand in for a third leave little: each needs its rivals far away.
         if doubtful or len(accepted) > 1:
             pairs = zip(accepted, classes, strict=True)
-            classes = [widened(problem, accepted, item, members) for item, members in pairs]
+            near = NEAR_IN_DOUBT if doubtful else NEAR
+            classes = [widened(problem, accepted, item, m, near) for item, m in pairs]
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
     elif remains and (rejected or accepted):
         verdict = "unknown"
