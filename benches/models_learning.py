@@ -363,8 +363,7 @@ def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
         ("\\|fx\\| < 40 N", np.abs(force[:, 0]) < 40.0),
     ]
     bodies = [(name, Body(neck.poses[m], neck.wrenches[m], test=60)) for name, m in cuts]
-    for share in (0.6, 0.5):
-        bodies.append((f"{share} of the box", Body(*smaller_box(share, 400, folder), test=60)))
+    bodies.append(("half the box", Body(*smaller_box(0.5, 400, folder), test=60)))
     lines = []
     for name, body in bodies:
         asked = [("cubic", 200), ("cubic", 5000)]
@@ -410,7 +409,7 @@ def part_full(count: int, figures: Figures, folder: Path) -> list[str]:
         lines = [
             body.line(model, n, noise, design=False)
             for model in MODELS
-            for n in (20, 50, 100, 200, count)
+            for n in (10, 20, 50, 100, 200, count)
         ]
         figures[f"full, {title}"] = lines
         text += [f"### Neck, the full workspace, random poses, {title}", "", *shown(lines), ""]

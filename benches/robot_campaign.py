@@ -147,6 +147,7 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--approach", choices=("initial", "previous"), default="initial")
     parser.add_argument("--rig", type=Path, default=ROOT / "examples" / "robot.toml")
+    parser.add_argument("--poses", type=int, default=0, help="only the first so many of each")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
@@ -157,6 +158,12 @@ def main() -> None:
         arm=replace(rig.arm, processes=options.processes),
     )
     plans = [read_table(path, need="predict") for path in options.plans]
+    # The plans say `initial` for every pose, which goes before the rig's own.
+    plans = [
+        replace(p, columns={k: v for k, v in p.columns.items() if k != "approach"}) for p in plans
+    ]
+    if options.poses:
+        plans = [plan.select(np.arange(len(plan)) < options.poses) for plan in plans]
     result: dict[str, Any] = {}
     if options.part == "loop":
         result["loop"] = loop(plans[0], rig)

@@ -12,6 +12,7 @@ from ecm.compare import Noise, compare, declared_noise, lack_of_fit, omnibus
 from ecm.compare.estimate import estimate_noise, repeat_cells
 from ecm.compare.folds import folds, informative, is_pose, row_groups
 from ecm.compare.gram import Gram
+from ecm.diagnose import diagnose
 from ecm.effects import Rows
 from ecm.errors import InputError
 from ecm.meta import Meta
@@ -225,3 +226,14 @@ def test_joint_fit_of_the_factor_is_generalised_least_squares() -> None:
     assert found.base.coefficients[0] == pytest.approx(top / bottom, rel=1e-9)
     assert np.sqrt(found.covariance[0, 0]) == pytest.approx(bottom**-0.5, rel=1e-9)
     assert Model(base=found.base).base.coefficients[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_table_without_the_mechanisms_length_is_compared_and_diagnosed() -> None:
+    """Effects that need the rest pose are not testable; nothing else stops."""
+    table = campaign("", 1.0, 1).measured().with_meta(Meta())
+    linear = fit_model(table, "linear")
+    assert compare(linear, table).whitened_rms > 1.0
+    found = diagnose(linear, table)
+    reasons = {item["id"]: item["reason"] for item in found.not_testable}
+    assert reasons["mullins_softening"] == "the mechanism's length is not known"
+    assert reasons["length_error"] == "the mechanism's length is not known"

@@ -143,19 +143,23 @@ def test_missing_system_libraries_of_gmsh_are_named(
         read_mesh(tmp_path / "a.step")
 
 
-def _cad(path: Path, *, axis: int = 0, solids: int = 1, ball: bool = False) -> Path:
+def _cad(
+    path: Path, *, axis: int = 0, solids: int = 1, ball: bool = False, scale: float = 1.0
+) -> Path:
     """A cylinder of 100 x 30 mm, as CAD programs write it: in millimetres, without names."""
     gmsh = pytest.importorskip("gmsh", reason="needs the extra `cad` (gmsh)")
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Verbosity", 0)
+        # It survives finalize, and is the unit of what is written, too.
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         along = [0.0, 0.0, 0.0]
-        along[axis] = 100.0
+        along[axis] = 100.0 * scale
         for i in range(solids):
             if ball:
                 gmsh.model.occ.addSphere(0.0, 0.0, 0.0, 30.0)
             else:
-                gmsh.model.occ.addCylinder(0.0, 200.0 * i, 0.0, *along, 30.0)
+                gmsh.model.occ.addCylinder(0.0, 200.0 * i, 0.0, *along, 30.0 * scale)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
     finally:
@@ -193,6 +197,9 @@ def test_cad_that_is_no_mechanism_is_refused(tmp_path: Path) -> None:
         read_mesh(_cad(tmp_path / "upright.step", axis=2))
     with pytest.raises(InputError, match="no face lies flat"):
         read_mesh(_cad(tmp_path / "ball.step", ball=True))
+    small = _cad(tmp_path / "metres.step", scale=1e-3)
+    with pytest.raises(InputError, match="shorter than a millimetre"):
+        Mechanism.from_dict({"mesh": small.name, **MATERIAL}, base=tmp_path)
     (tmp_path / "text.step").write_text("no CAD", encoding="utf-8")
     with pytest.raises(InputError, match=r"text\.step: gmsh cannot mesh"):
         read_mesh(tmp_path / "text.step")

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calibration_rigs import GRAVITY, coverage, frame, zero_left
 from ecm.errors import InputError
+from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
+from ecm.rig.calibration.before import calibrated
 from ecm.rig.compensation import zero_at
 from ecm.rig.frames import compose, rotation, seen_from
+from test_rig_instruments import instruments
+from test_rig_plan import plan_of
+from test_rig_stand_in import StandIn, some_poses
 
 F = NDArray[np.float64]
 NOISE = {"force_sd_N": 0.1, "torque_sd_Nm": 0.003}
@@ -67,6 +73,34 @@ def test_the_stated_region_holds_the_truth_as_often_as_it_says() -> None:
     """The 99 % band of 200 draws at 0.9 is .84 to .95; a covariance off by a fifth leaves it."""
     for name, share in coverage(200).items():
         assert 0.84 <= share <= 0.955, name
+
+
+def test_a_campaign_in_calibrated_frames_is_off_by_what_the_calibration_says() -> None:
+    plan = plan_of(some_poses(30))
+    settings = RigSettings.from_dict({"instrument": {"frames": "calibrated"}})
+    ratios = []
+    for seed in range(12):
+        plain = Campaign(plan, RigSettings(), StandIn(), seed=seed)
+        found = Campaign(plan, settings, StandIn(), seed=seed)
+        assert found.frames is not None
+        apart = found.run().poses - plain.run().poses
+        fits = found.frames.fits
+        expected = np.sqrt(sum(np.mean(fits[n].sd[:3] ** 2) for n in ("top target", "base target")))
+        ratios.append(float(np.sqrt(np.mean(apart[:, :3] ** 2))) / expected)
+        assert np.abs(fits["sensor"].error(_sensor_frame())).max() < 0.02
+    # The base frame's turn has the mechanism's length as lever: some more than the shifts alone.
+    assert 0.7 < np.median(ratios) < 3.0
+    quiet = {"camera_error_m": 0.0, "camera_jitter_m": 0.0, "force_noise_N": 0.0}
+    quiet |= {"camera_error_rad": 0.0, "camera_jitter_rad": 0.0, "torque_noise_Nm": 0.0}
+    exact = calibrated(instruments(**quiet, fts_resolution=[0.0] * 6), 0)
+    assert exact.tip == pytest.approx(np.zeros(6), abs=1e-9)
+    assert exact.base == pytest.approx(np.zeros(6), abs=1e-9)
+
+
+def _sensor_frame() -> F:
+    transform = instruments().top_from_sensor
+    vector = Rotation.from_quat(transform[3:], scalar_first=True).as_rotvec()
+    return np.concatenate([transform[:3], vector])
 
 
 def test_what_cannot_be_calibrated_says_why() -> None:

@@ -137,6 +137,20 @@ def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
         Hidden.parse(str(out))
 
 
+def test_what_the_base_can_move_does_not_count_as_strength() -> None:
+    """With a second free parameter of the base the same s needs a larger effect."""
+    plan, hide = both_sides(), [Hidden("length_error", 1.0)]
+
+    def stiffer_axis(poses: F) -> F:
+        columns = np.zeros((len(poses), 6, 1))
+        columns[:, 0, 0] = 1.0
+        return columns
+
+    plain = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2)
+    freer = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2, base_columns=stiffer_axis)
+    assert abs(freer.secrets[0].size) > 1.5 * abs(plain.secrets[0].size)
+
+
 def test_two_effects_can_be_hidden() -> None:
     hide = Hidden.parse("payload=1, hysteresis=0.5")
     campaign = Campaign(both_sides(), RigSettings(), StandIn(), hide=hide)

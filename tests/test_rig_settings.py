@@ -11,6 +11,7 @@ import pytest
 import ecm.rig
 from ecm.errors import InputError
 from ecm.rig import RigSettings
+from ecm.toml_file import read_toml
 
 
 def test_defaults_stand_where_nothing_is_said() -> None:
@@ -30,6 +31,12 @@ def test_defaults_stand_where_nothing_is_said() -> None:
         ({"rig": {"dwell_s": float("nan")}}, ["dwell_s", "nan"]),
         ({"rig": {"offset_every": 2.5}}, ["offset_every", "integer"]),
         ({"rig": {"mode": "by hand"}}, ["mode", "quasi_static, robot"]),
+        (
+            {"rig": {"mode": "robot", "impedence_N_m": 900.0}},
+            ["impedence_N_m", "Did you mean `impedance_N_m`"],
+        ),
+        ({"rig": {"mode": "robot", "dwel_s": 1.0}}, ["Did you mean `dwell_s`"]),
+        ({"rig": {"mode": "robot", "step_s": 1.0}}, ["step_s", "to 0.002"]),
         ({"rig": {"impedance_N_m": 900.0}}, ["impedance_N_m", 'mode = "robot"']),
         ({"rig": {"approach": "sideways"}}, ["approach", "initial, previous"]),
         ({"rig": 3}, ["rig.toml [rig]", "a table"]),
@@ -59,3 +66,12 @@ def test_the_rig_knows_nothing_of_models_and_effects() -> None:
             elif isinstance(node, ast.ImportFrom):
                 names = [f"{node.module}.{alias.name}" for alias in node.names]
             assert not any(n.startswith(forbidden) for n in names), file.name
+
+
+def test_the_example_shows_every_key_at_its_default() -> None:
+    path = Path(__file__).parent.parent / "examples" / "rig.toml"
+    tables = read_toml(path, "rig")
+    defaults = RigSettings().to_dict()
+    assert RigSettings.from_dict(tables, str(path)).to_dict() == defaults
+    for table, keys in tables.items():
+        assert set(keys) == set(defaults[table]), table

@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
-from ecm.rig import run_campaign
+from ecm.rig import Hidden, run_campaign
 from ecm.rig.observe import row_covariance
 from ecm.rig.strength import Whitener
 from ecm.robot.campaign import RobotCampaign
@@ -151,6 +151,31 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
     way = np.asarray(last.way)
     assert np.abs((way - poses[2])[:, :3]).sum(axis=1).min() < 2e-3
     assert campaign.finished().text("approach").tolist() == approach
+
+
+def test_every_action_of_a_plan_is_done(cache: Path) -> None:
+    poses = some_poses(8, seed=9)
+    action = [
+        "measure",
+        "home",
+        "measure",
+        "unload",
+        "warm_up:10",
+        "measure",
+        "remount:90",
+        "measure",
+    ]
+    table = run(cache, poses, columns={"action": action}, rig={"approach": "previous"})
+    kinds = table.text("kind").tolist()
+    assert kinds == ["pose", "home", "pose", "unloaded", "pose", "pose"]
+    times = table.column("time_s")
+    assert np.all(np.diff(times) > 0.0)
+    assert times[4] - times[3] > 600.0
+    warmer = table.column("temperature_degC")
+    assert warmer[4] > warmer[2] + 3.0
+    assert table.meta.runs[1]["mount_angle_rad"] == pytest.approx(np.pi / 2.0)
+    home = table.select(table.text("kind") == "home")
+    assert home.poses[0] == pytest.approx(REST, abs=5e-3)
 
 
 # --- strategies and time ----------------------------------------------------------
@@ -317,3 +342,33 @@ def test_what_is_hidden_acts_and_is_sealed(cache: Path, tmp_path: Path) -> None:
     assert np.abs(hidden.wrenches - plain.wrenches).max() > 0.5
     (effect,) = reveal(out).effects
     assert effect["id"] == "payload"
+
+
+@pytest.mark.parametrize("effect", ["payload", "hysteresis", "base_compliance"])
+def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> None:
+    poses = some_poses(8, seed=2)
+    ends = {}
+    for hide in ((), Hidden.parse(f"{effect}=3")):
+        campaign = RobotCampaign(
+            plan(poses),
+            settings(dwell_s=1.0),
+            StandIn(),
+            hide=hide,
+            folder=cache,
+            library_folder=cache,
+        )
+        ends[bool(hide)] = campaign.job.machine().sortie(campaign.tours[0].stops).outcomes[0]
+        if hide:
+            around = campaign.job.effects
+            assert around is not None
+            beside = around.around(campaign.settings, campaign.mechanism)
+            beside.leave(REST, 0.0)
+            beside.towards(campaign.tours[0].stops[0].visit)
+            at_rest = beside.wrench(REST, 0.0, 0.1, moving=False)
+            size = np.linalg.norm(at_rest)
+            assert (size > 0.1) == (effect == "payload")
+    assert ends[True].reason == ends[False].reason == ""
+    moved = np.linalg.norm(ends[True].after_impedance[:3] - ends[False].after_impedance[:3])
+    assert 1e-6 < moved < 5e-3
+    # The position phase ends where it is told, whatever pulls.
+    assert ends[True].reached == pytest.approx(ends[False].reached, abs=1e-5)

@@ -30,7 +30,8 @@ def library(removed: Sequence[str]) -> list[str]:
 
 def our_answer(asked: Set, data: Data, seed: int = 0) -> dict[str, Any]:
     """The report of `diagnose`, what a score needs of it."""
-    began = time.perf_counter()
+    # One thread: processor time is what an idle core takes, however busy the machine is.
+    began = time.process_time()
     report = diagnose(data.model, data.table, seed=seed, effects=library(asked.removed)).to_dict()
     keys = (
         "verdict", "answer", "effects", "held_out", "gate", "confusable", "not_testable",
@@ -38,7 +39,7 @@ def our_answer(asked: Set, data: Data, seed: int = 0) -> dict[str, Any]:
     )  # fmt: skip
     kept = {key: report[key] for key in keys}
     kept["first"] = [row["id"] for row in report["ranking"][:3]]
-    kept["seconds"] = time.perf_counter() - began
+    kept["seconds"] = time.process_time() - began
     kept["rows"] = len(data.table)
     return kept
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,10 @@ from blind_parts.strange import STRANGE, Law, smooth_misfit
 from blind_parts.strength import Strength
 from ecm.columns import WRENCH
 from ecm.compare.noise import declared_noise
+from ecm.diagnose.base import choose_base
 from ecm.effects import Rows
 from ecm.models import Model, PhysicsMap
+from ecm.models.maps import StiffnessMap
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source
 from ecm.stages import cache_directory
 from ecm.table import Table
@@ -36,6 +39,8 @@ class Data:
     table: Table
     quiet: Table
     model: Model
+    truth: dict[str, Any]
+    """What was hidden, so that another campaign can measure the same."""
 
 
 @lru_cache(maxsize=4)
@@ -58,29 +63,39 @@ def shared_model(source: str) -> Model:
     return model_of(source)
 
 
-def data_of(asked: Set, folder: Path, plan: Table | None = None) -> Data:
-    """Simulate a set; `plan` other than the shared one for a further experiment."""
+def data_of(
+    asked: Set, folder: Path, plan: Table | None = None, truth: dict[str, Any] | None = None
+) -> Data:
+    """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
     plan = shared_plan(asked.source, asked.protocol, folder) if plan is None else plan
     model = shared_model(asked.source)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
     if asked.source == "rod":
         base = model.base
         made = rod_table(
-            plan, asked.hidden, asked.seed, base_columns=base.columns, uneven_noise=uneven
+            plan,
+            asked.hidden,
+            asked.seed,
+            base_columns=base.columns,
+            uneven_noise=uneven,
+            sizes=truth,
+            visit=0 if truth is None else 1,
         )
-        table, quiet = made.table, made.quiet
+        table, quiet, truth = made.table, made.quiet, dict(made.sizes)
     else:
-        table, quiet = _rig(asked, plan, uneven)
+        table, quiet, truth = _rig(asked, plan, uneven, truth, choose_base(model, plan))
     if asked.strange:
         table, quiet = _with(STRANGE[asked.strange], asked.strength, (table, quiet), model, asked)
     if asked.variant == "base_error":
         before = table.wrenches
         table, quiet = _with(smooth_misfit, BASE_ERROR, (table, quiet), model, asked)
         model = _less_sure(model, table.wrenches - before)
-    return Data(table, quiet, model)
+    return Data(table, quiet, model, truth)
 
 
-def _rig(asked: Set, plan: Table, uneven: float) -> tuple[Table, Table]:
+def _rig(
+    asked: Set, plan: Table, uneven: float, truth: dict[str, Any] | None, base: StiffnessMap
+) -> tuple[Table, Table, dict[str, Any]]:
     settings = RigSettings()
     if asked.variant == "noise":
         settings = replace(
@@ -95,9 +110,10 @@ def _rig(asked: Set, plan: Table, uneven: float) -> tuple[Table, Table]:
         plan,
         settings,
         fem_source(plan),
-        hide=[Hidden(id, s) for id, s in asked.hidden],
-        seed=asked.seed,
+        hide=[Hidden(id, s, (truth or {}).get(id, ())) for id, s in asked.hidden],
+        seed=asked.seed + (0 if truth is None else 1_000_000),
         folder=cache_directory(),
+        base_columns=base.columns,
     )
     table = campaign.run()
     silent = dict.fromkeys(
@@ -106,7 +122,11 @@ def _rig(asked: Set, plan: Table, uneven: float) -> tuple[Table, Table]:
         0.0,
     )  # fmt: skip
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
-    return table, campaign.run()
+    found = {
+        secret.effect: tuple(sorted(getattr(campaign.physics, secret.name).parameters().items()))
+        for secret in campaign.secrets
+    }
+    return table, campaign.run(), found
 
 
 def _with(
@@ -118,7 +138,7 @@ def _with(
     rows = Rows(quiet, model.base)
     is_pose = np.asarray(quiet.text("kind") == "pose")
     covariance = declared_noise(table).covariance(Rows(table, model.base))
-    columns = np.asarray(model.base.columns(rows.poses))
+    columns = np.asarray(choose_base(model, table).columns(rows.poses))
     scale = Strength(covariance[is_pose], columns[is_pose])
     wrench = wrench * is_pose[:, None]
     size = strength / scale(wrench[is_pose])

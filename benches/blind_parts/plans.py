@@ -80,7 +80,7 @@ def rod_samples(count: int, seed: int) -> tuple[F, F]:
 
 def rod_base() -> PhysicsMap:
     """The library's rod as physics base."""
-    train, test = rod_samples(300, 1), rod_samples(80, 2)
+    train, test = rod_samples(1000, 1), rod_samples(80, 2)
     return surrogate_of(
         *train, Section().length_m, test_poses=test[0], test_wrenches=test[1],
         mechanism=rod_mechanism(),

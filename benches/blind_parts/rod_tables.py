@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,7 +65,8 @@ def rod_table(
     *,
     base_columns: Callable[[F], F],
     uneven_noise: float = 0.0,
-    outliers: bool = True,
+    sizes: Mapping[str, float] | None = None,
+    visit: int = 0,
 ) -> Made:
     """A campaign on the rod.
 
@@ -75,8 +76,12 @@ def rod_table(
         (id, s) pairs.
     base_columns
         (N, 6) poses to the (N, 6, k) change of the wrench per base parameter.
+    sizes
+        Of what is hidden, where it is that of an earlier campaign.
+    visit
+        Number of the campaign on the same rod: noise and weather are new.
     """
-    random = np.random.default_rng([seed, 77])
+    random = np.random.default_rng([seed, 77, visit])
     asked = asked_of(plan)
     rest = np.array([Section().length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     course = lay_out(asked, rest, random)
@@ -85,21 +90,23 @@ def rod_table(
     of_loaded = rows[world.loaded]
     strength = Strength(world.covariance()[of_loaded], base_columns(course.poses[rows]))
     plain = _excess(world, Physics())[rows]
-    physics, sizes = Physics(), {}
+    physics, found = Physics(), {}
     for id, s in hidden:
-        first, make = EFFECTS[id](random, world)
+        own = np.random.default_rng([seed, 79, sorted(EFFECTS).index(id)])
+        first, make = EFFECTS[id](own, world)
 
         def change(size: float, make: Callable[[float], Physics] = make) -> F:
             return np.asarray(_excess(world, make(size))[rows] - plain)
 
-        sizes[id] = strength.size(change, first, s)
-        physics = _joined(physics, make(sizes[id]))
-    noise = np.random.default_rng([seed, 78])
+        known = sizes is not None and id in sizes
+        found[id] = sizes[id] if sizes and known else strength.size(change, first, s)
+        physics = _joined(physics, make(found[id]))
+    noise = np.random.default_rng([seed, 78, visit])
     poses, wrenches = measured(world, physics, noise, uneven_noise=uneven_noise)
     meta = _meta(plan)
     quiet_poses, quiet_wrenches = world.readings(physics)
     build = _Build(plan, world, meta, seed)
-    return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), sizes)
+    return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found)
 
 
 def asked_of(plan: Table) -> Asked:

@@ -91,6 +91,11 @@ class Mechanism:
             raise InputError(f"length_m = {self.length_m}: expected a positive length in metres")
         if self.length_m > 10.0:
             raise InputError(f"length_m = {self.length_m}: looks like millimetres; give metres")
+        if self.length_m < 1e-3:
+            raise InputError(
+                f"length_m = {self.length_m:.4g}: shorter than a millimetre; expected metres, and "
+                "CAD and mesh files at the body's real size"
+            )
         if not 0.0 <= self.poisson_ratio <= 0.5:
             raise InputError(
                 f"poisson_ratio = {self.poisson_ratio}: expected at least 0 and at most 0.5 "

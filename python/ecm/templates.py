@@ -46,7 +46,7 @@ RIG = """\
 # Figures are per sample; the campaign writes those of the averaged row into the table.
 
 [rig]
-mode = "quasi_static"
+mode = "quasi_static"             # or "robot": the arm with its dynamics (docs/robot.md)
 approach = "initial"              # from home; or "previous", from the pose before
 dwell_s = 2.0                     # rest before the reading, where the plan says nothing
 window_s = 0.2                    # readings are averaged over this time

@@ -1,6 +1,7 @@
 //! The reference figures of the designs: efficiency, distance and time over 20 seeds.
 //!
-//! `cargo run --release -p ecm-doe --example benchmark [seeds]`
+//! `cargo run --release -p ecm-doe --example benchmark [seeds] [words]`: only the rows whose name
+//! begins with the words.
 //!
 //! 1700 candidates uniform in [-1, 1]^6 (numpy's default_rng(0)), 84 cubic terms, n = 200, two
 //! threads. Times depend on the machine and its load: read them beside each other. Processor
@@ -148,6 +149,10 @@ fn cubic(points: &[f64]) -> Vec<f64> {
 
 /// Least, median and largest figure, the bound and the median time of some seeds.
 fn row(name: &str, seeds: u64, figure: impl Fn(&Design) -> f64, run: impl Fn(u64) -> Design) {
+    let wanted = std::env::args().nth(2).unwrap_or_default();
+    if !name.starts_with(&wanted) {
+        return;
+    }
     let (mut values, mut times, mut work, mut bound) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
     for seed in 0..seeds {
         let (clock, before) = (Instant::now(), processor_seconds());

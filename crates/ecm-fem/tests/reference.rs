@@ -1,6 +1,9 @@
 //! The reference load case and closed forms.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+#[path = "../examples/extrapolate.rs"]
+mod extrapolate;
+
 use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Status};
 use std::f64::consts::PI;
 
@@ -42,6 +45,21 @@ fn reference_wrench_gives_the_reference_pose() {
         assert!(w_error < limit, "{quality:?}: rotation off by {w_error}");
         assert!(r.iterations <= 8, "{}", r.iterations);
     }
+}
+
+/// Richardson on meshes of 741, 2527 and 6025 nodes that cut the same cells: each limit has its
+/// own error bar, agrees with the independent answer within both, and none is wide.
+#[test]
+fn extrapolation_agrees_with_the_reference() {
+    let found = extrapolate::limits([2, 3, 4], |_| ()).unwrap();
+    for (k, limit) in found.iter().enumerate() {
+        assert!(limit.agrees, "{}", limit.line);
+        let widest = if k < 3 { 0.06 } else { 6e-4 };
+        assert!(limit.bar < widest, "{}", limit.line);
+    }
+    let t: Vec<f64> = found[..3].iter().map(|l| l.value).collect();
+    let far = norm(&[t[0] + 8.96, t[1] - 30.11, t[2] - 25.73]);
+    assert!(far < 0.03, "{far} mm");
 }
 
 /// Same source: K(0) diagonal 26445, 4000, 4000 N/m, 4.3528, 17.70, 17.70 N m/rad,

@@ -6,6 +6,11 @@ use ecm_se3::Real;
 pub trait Arithmetic<R>: Copy {
     /// a b + c.
     fn mul_add(a: R, b: R, c: R) -> R;
+
+    /// Between parts of a long sum: what follows is not loaded ahead where that pushes sums out of
+    /// registers. Nothing by default.
+    #[inline(always)]
+    fn part() {}
 }
 
 /// Two roundings: what every machine can.
@@ -37,6 +42,12 @@ impl Arithmetic<f32> for Fused {
     #[inline(always)]
     fn mul_add(a: f32, b: f32, c: f32) -> f32 {
         a.mul_add(b, c)
+    }
+
+    // All sums of a cubic and its slopes fit into registers, which in double precision they do not.
+    #[inline(always)]
+    fn part() {
+        core::sync::atomic::compiler_fence(core::sync::atomic::Ordering::SeqCst);
     }
 }
 

@@ -182,6 +182,7 @@ fn pair<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
     accumulate::<R, A>(&mut g[I], p[J], &q);
     accumulate::<R, A>(&mut g[J], p[I], &q);
     accumulate::<R, A>(h, product, &q);
+    A::part();
 }
 
 /// sum += factor lanes.

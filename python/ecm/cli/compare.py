@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import typer
 
 from ecm.cli.console import Console
@@ -22,6 +24,9 @@ from ecm.cli.options import (
     save_json,
 )
 from ecm.cli.text import columns
+
+if TYPE_CHECKING:
+    from ecm.compare.references import References
 
 
 def add_to(app: typer.Typer) -> None:
@@ -77,5 +82,20 @@ def compare(
         console.say(columns(rows))
         console.say()
         console.say(found.sentence())
+        if found.references is not None:
+            console.say(_side_by_side(found.references))
+        for warning in found.warnings:
+            console.warn(warning)
         for sentence in excitation_sentences(silent):
             console.say(sentence)
+
+
+def _side_by_side(found: References) -> str:
+    levels = (
+        ("physics base", found.physics),
+        ("symmetric energy", found.energy),
+        ("ceiling", found.ceiling),
+        ("noise", found.floor),
+    )
+    shown = ", ".join(f"{name} {value:.2f}" for name, value in levels if value is not None)
+    return f"Held-out error over noise: {shown}. {found.sentence()}"

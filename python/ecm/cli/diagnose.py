@@ -113,7 +113,14 @@ def _print(document: Mapping[str, Any], console: Console) -> None:
         ]
         console.say(columns(missing, header=False))
     for item in document["next_experiment"][:3]:
-        console.say(f"next: {item['action']} ({item['minutes']} min)")
+        sure = ""
+        if item.get("p_correct") is not None:
+            before, after = item["p_correct_before"], item["p_correct"]
+            sure = f", chance of the right name {before:.2f} -> {after:.2f}"
+        console.say(f"next: {item['action']} ({item['minutes']} min{sure})")
+    if document["unknown"] is not None and document["unknown"].get("skeleton"):
+        console.say("\nA first draft of an effect of your own:\n")
+        console.say(document["unknown"]["skeleton"])
 
 
 def _write_next(

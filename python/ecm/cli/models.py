@@ -293,6 +293,8 @@ def refit_summary(fitted: Model) -> dict[str, Any]:
             f"{rung.name}: error over noise {rung.train:.3f} on the fitted rows, "
             f"{rung.held_out:.3f} held out{ceiling}"
         )
+        if rung.test:
+            sentences.append(f"  {rung.test}")
     return {
         "schema": 1,
         "model": fitted.name,

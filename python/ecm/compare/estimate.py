@@ -13,6 +13,7 @@ from ecm.compare.folds import is_pose
 from ecm.compare.noise import Noise, declared_noise
 from ecm.effects import all_effects
 from ecm.effects.rows import Rows
+from ecm.errors import InputError
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -83,12 +84,19 @@ def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
 
 def nuisance_columns(rows: Rows) -> F:
     """(N, m, k) tangents of every testable effect that can vary between repeats of a pose."""
-    blocks = [
-        variant.jacobian(rows, np.zeros(len(variant.parameters)))
-        for effect in all_effects()
-        if effect.kind == "time" and effect.missing(rows.table) is None
-        for variant in effect.variants(rows.table)[:2]
-    ]
+    blocks: list[F] = []
+    for effect in all_effects():
+        if effect.kind != "time" or effect.missing(rows.table) is not None:
+            continue
+        try:
+            blocks += [
+                variant.jacobian(rows, np.zeros(len(variant.parameters)))
+                for variant in effect.variants(rows.table)[:2]
+            ]
+        except InputError:
+            # Without the mechanism's length there is no rest pose, and no such effect to name.
+            if rows.has_length:
+                raise
     if not blocks:
         return np.zeros((len(rows), len(rows.base.outputs), 0))
     return np.concatenate(blocks, axis=2)

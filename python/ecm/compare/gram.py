@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +56,14 @@ class Gram:
 
     def total(self, weights: F | None = None) -> tuple[F, F, float]:
         """G, c, s summed over groups, each with its weight."""
-        w = np.ones(len(self.squares)) if weights is None else weights
-        matrix = np.tensordot(w, self.matrices, axes=1)
-        return np.asarray(matrix), np.asarray(w @ self.vectors), float(w @ self.squares)
+        if weights is None:
+            return self._whole
+        matrix = np.tensordot(weights, self.matrices, axes=1)
+        return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
+
+    @cached_property
+    def _whole(self) -> tuple[F, F, float]:
+        return self.matrices.sum(axis=0), self.vectors.sum(axis=0), float(self.squares.sum())
 
     def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.

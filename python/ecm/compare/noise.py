@@ -34,6 +34,10 @@ class Noise:
     source: Source = "assumed"
     components: tuple[float, ...] | None = None
     """Direct figures per output instead, for tables of other columns; pose noise inside."""
+    growth_per_N: float = 0.0
+    """Heteroscedastic noise: sigma^2 (1 + (g h)^2) of the forces."""
+    growth_per_Nm: float = 0.0
+    """The same of the torques."""
 
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""
@@ -62,16 +66,27 @@ class Noise:
         parts = covariance_parts(rows)
         squares = self.parameters() ** 2
         covariance = np.einsum("q,qnij->nij", squares, parts)
+        if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
+            covariance += self._grown(rows)
         if base_error is not None:
             loaded = (~rows.unloaded).astype(np.float64)
             covariance += loaded[:, None, None] * np.diag(np.square(base_error))
         return np.asarray(covariance)
 
+    def _grown(self, rows: Rows) -> F:
+        """(N, m, m) diagonal (sigma g h)^2."""
+        force = np.array([name in WRENCH[:3] for name in rows.base.outputs])
+        sd = np.where(force, self.force_sd_N, self.torque_sd_Nm)
+        growth = np.where(force, self.growth_per_N, self.growth_per_Nm)
+        own = (sd * growth * rows.wrench) ** 2
+        return np.asarray(own[:, :, None] * np.eye(len(force)))
+
     def to_dict(self) -> dict[str, Any]:
         """For model files and reports."""
         if self.components is not None:
             return {"source": self.source, "components": list(self.components)}
-        return {
+        grown = {"growth_per_N": self.growth_per_N, "growth_per_Nm": self.growth_per_Nm}
+        return {name: value for name, value in grown.items() if value > 0.0} | {
             "source": self.source,
             "position_sd_m": self.position_sd_m,
             "rotation_sd_rad": self.rotation_sd_rad,

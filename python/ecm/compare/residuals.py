@@ -79,7 +79,7 @@ def covariates(rows: Rows) -> dict[str, F]:
     if "time_s" not in found and len(table) > 1:
         found["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
-        side = sides(table, rows.length_m)
+        side = sides(table, rows.length_m if rows.has_length else None)
         if float(np.ptp(side)) > 0.0:
             found["approach"] = side
     return found

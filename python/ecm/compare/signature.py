@@ -29,7 +29,7 @@ def signature_shares(
     scale
         Mean square that noise alone gives.
     """
-    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+    if rows.base.inputs != POSE or rows.base.outputs != WRENCH or not rows.has_length:
         return {}
     n, m = whitened.shape
     root = np.ones(n) if weights is None else np.sqrt(weights)

@@ -12,6 +12,7 @@ from ecm.compare.estimate import estimate_noise, repeat_cells
 from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
 from ecm.compare.noise import Noise
+from ecm.compare.references import References, references
 from ecm.compare.residuals import residuals
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.compare.where import Where, where
@@ -71,6 +72,8 @@ class Comparison:
     maps: Where
     """Where the residuals are."""
     warnings: tuple[str, ...] = ()
+    references: References | None = None
+    """Physics base, symmetric energy, ceiling and floor; None for tables of other columns."""
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -113,6 +116,7 @@ class Comparison:
             "outside_domain": self.outside_domain,
             "where": self.where().to_dict(),
             "warnings": list(self.warnings),
+            "references": None if self.references is None else self.references.to_dict(),
         }
 
 
@@ -170,6 +174,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         physical=physical,
         row=np.flatnonzero(scored),
         warnings=tuple(r.sentence() for r in unlike_runs(table, model.inputs, model.outputs)),
+        references=references(model, table, noise),
         maps=where(rows, found, scored, model.leverage(rows.poses[scored])),
     )
 

@@ -170,7 +170,7 @@ def _variables(rows: Rows) -> dict[str, F]:
             if np.isfinite(values).all():
                 found[name] = values
     if table.has("approach") and rows.base.inputs == POSE:
-        found["approach_side"] = sides(table, rows.length_m)
+        found["approach_side"] = sides(table, rows.length_m if rows.has_length else None)
     return found
 
 
@@ -200,7 +200,7 @@ def _follows(
 
 def _residual_stiffness(rows: Rows, found: Residuals, scored: B) -> tuple[F | None, F | None]:
     """Slope of the residual at the rest pose, beside a constant and, with enough rows, squares."""
-    deflection = (rows.poses - rows.rest_pose)[scored]
+    deflection = (rows.poses - rows.middle_pose)[scored]
     n = len(deflection)
     scale = np.maximum(np.abs(deflection).max(axis=0), 1e-12)
     unit = deflection / scale

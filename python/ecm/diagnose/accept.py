@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,8 @@ F = NDArray[np.float64]
 LEVEL = 0.01
 _BOOTSTRAPS = 60
 _CHOSEN = 0.8
+_CONTENDS = 0.3
+"""An effect that explains less than this share of what the first one does wins no resampling."""
 _INFLUENTIAL = 0.02
 _KEPT_WITHIN_BOUNDS = 0.8
 
@@ -71,7 +73,10 @@ def check(
     ranked = {found.candidate.id: found for found in rank(problem, others)}
     own = ranked[item.id]
     rivals = len(ranked)
-    winners = _bootstrap_winners(problem, others, seed)
+    contenders = {
+        found.candidate.id for found in ranked.values() if found.drop > _CONTENDS * own.drop
+    }
+    winners = _bootstrap_winners(problem, others, contenders, seed)
     return Check(
         id=item.id,
         p_holm=min(1.0, own.p * rivals),
@@ -85,15 +90,15 @@ def check(
 
 
 def _bootstrap_winners(
-    problem: Problem, others: Sequence[Candidate], seed: int
+    problem: Problem, others: Sequence[Candidate], contenders: Collection[str], seed: int
 ) -> dict[str, float]:
-    """How often each effect comes first when groups of rows are drawn with replacement."""
+    """How often each contender comes first when groups of rows are drawn with replacement."""
     rng = np.random.default_rng([seed, 5])
     count = len(problem.gram.squares)
     won: dict[str, float] = {}
     for _ in range(_BOOTSTRAPS):
         weights = rng.multinomial(count, np.full(count, 1.0 / count)).astype(np.float64)
-        ranked = rank(problem, others, weights)
+        ranked = rank(problem, others, weights, contenders)
         if ranked and ranked[0].delta_bic > 0.0:
             id = ranked[0].candidate.id
             won[id] = won.get(id, 0.0) + 1.0 / _BOOTSTRAPS

@@ -32,8 +32,13 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if full and body is not None and body.has_body:
         return fit_model(table, "physics").base
     if full and table.meta.length_m is not None:
-        return _by_degree(table, [f"energy{d}" for d in _ENERGY_DEGREES])
+        return symmetric_energy(table)
     return _by_degree(table, [f"poly:{d}" for d in _POLYNOMIAL_DEGREES])
+
+
+def symmetric_energy(table: Table) -> StiffnessMap:
+    """The symmetric energy model of the degree that the rows can carry."""
+    return _by_degree(table, [f"energy{d}" for d in _ENERGY_DEGREES])
 
 
 def _by_degree(table: Table, names: list[str]) -> StiffnessMap:

@@ -18,9 +18,10 @@ MOST_IN_CLASS = 3
 _FORM = 0.06
 """What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
 no more than this may be the truth."""
-_NEAR = 0.6
-"""Share of what an effect explains within which a rival may stand for it where the form is in
-doubt."""
+NEAR = 0.3
+NEAR_IN_DOUBT = 0.6
+"""Share of what an effect explains that a rival may lose and still stand for it: beside another
+effect, and where the form is in doubt."""
 
 
 def separability(
@@ -83,9 +84,13 @@ def answer_class(
 
 
 def widened(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    members: Sequence[str],
+    near: float,
 ) -> list[str]:
-    """The class of an effect whose form leaves a part of the structure: its nearest rivals too.
+    """The class of an effect with its nearest rivals: those that lose less than `near` of it.
 
     The truth may be an effect that no library holds; then the nearest names share its look.
     """
@@ -98,10 +103,9 @@ def widened(
         if rival.id not in present:
             loss = own - bic(equations, problem, (*others, rival))
             losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
-    near = sorted(
-        (id for id in losses if losses[id] < _NEAR * (own - rest)), key=losses.__getitem__
-    )
-    return [*members, *near[: max(0, MOST_IN_CLASS - len(members))]]
+    within = near * (own - rest)
+    nearest = sorted((id for id in losses if losses[id] < within), key=losses.__getitem__)
+    return [*members, *nearest[: max(0, MOST_IN_CLASS - len(members))]]
 
 
 def confusable(problem: Problem) -> list[list[str]]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from ecm.columns import TEXT
 from ecm.compare.gram import solve
 from ecm.compare.noise import whiteners
 from ecm.diagnose.problem import Candidate, Problem
@@ -211,6 +212,13 @@ def _new_rows(problem: Problem, action: str) -> Rows | None:
     if table.has("time_s"):
         later = float(table.column("time_s").max()) + _PAUSE_S
         predicted = predicted.with_columns({"time_s": predicted.column("time_s") + later})
+    # What a plan does not foretell (visible markers) stays as it was.
+    usual = {
+        name: np.full(len(predicted), float(np.nanmedian(table.column(name))))
+        for name in table.columns
+        if name not in predicted.columns and name not in TEXT
+    }
+    predicted = predicted.with_columns(usual)
     lacking = [name for name in predicted.columns if not table.has(name) and name != "run"]
     if different:
         own = dict.fromkeys(np.unique(predicted.column("run")).astype(int).tolist(), different)

@@ -19,11 +19,19 @@ from ecm.compare.noise import Noise
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.classes import MOST_IN_CLASS, answer_class, confusable, widened
+from ecm.diagnose.classes import (
+    MOST_IN_CLASS,
+    NEAR,
+    NEAR_IN_DOUBT,
+    answer_class,
+    confusable,
+    widened,
+)
 from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
+from ecm.diagnose.scatter import scatter_effects, with_growth
 from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
 from ecm.diagnose.signature import signature_shares
 from ecm.diagnose.unknown import describe, structure
@@ -88,6 +96,10 @@ def diagnose(
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
     problem = assemble(choose_base(model, table), _without(model, table), tested, noise)
+    scatter = scatter_effects(problem, tested)
+    grown = with_growth(problem.noise, scatter)
+    if grown is not problem.noise:
+        problem = assemble(problem.base, problem.table, tested, grown)
     smooth = omnibus_columns(problem)
     base_columns = problem.design[:, :, : problem.n_base]
     first = omnibus(problem.response, smooth, base_columns, problem.weights)
@@ -108,9 +120,12 @@ def diagnose(
         words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
         unknown = describe(problem, left, accepted, before) | {"words": words}
     elif accepted and not remains:
-        if over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P:
+        doubtful = over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P
+        # Two names that stand in for a third leave little: each needs its rivals far away.
+        if doubtful or len(accepted) > 1:
             pairs = zip(accepted, classes, strict=True)
-            classes = [widened(problem, accepted, item, members) for item, members in pairs]
+            near = NEAR_IN_DOUBT if doubtful else NEAR
+            classes = [widened(problem, accepted, item, m, near) for item, m in pairs]
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
     elif remains and (rejected or accepted):
         verdict = "unknown"
@@ -129,7 +144,7 @@ def diagnose(
         answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
         effects=final.effects,
         base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
-        noise=problem.noise.to_dict(),
+        noise=problem.noise.to_dict() | {"effects": [item.to_dict() for item in scatter]},
         gate=gate,
         ranking=tuple(_row(problem, item) for item in ranked),
         checks=tuple(checks),

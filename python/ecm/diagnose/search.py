@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,9 +49,20 @@ def fall(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) 
 
 
 def rank(
-    problem: Problem, chosen: Sequence[Candidate] = (), weights: F | None = None
+    problem: Problem,
+    chosen: Sequence[Candidate] = (),
+    weights: F | None = None,
+    only: Collection[str] | None = None,
 ) -> list[Ranked]:
-    """Each testable effect's best shape, by the fall of BIC when it joins the chosen."""
+    """Each testable effect's best shape, by the fall of BIC when it joins the chosen.
+
+    Parameters
+    ----------
+    weights
+        (g,) of the groups; default 1.
+    only
+        Ids to look at; default all.
+    """
     equations = normal_equations(problem, weights)
     present = {item.id for item in chosen}
     fixed = fall(equations, problem, chosen)
@@ -61,9 +73,9 @@ def rank(
     matrix, vector = equations
     slope = vector - matrix[:, inside] @ solve(matrix[np.ix_(inside, inside)], vector[inside])
     best: dict[str, Ranked] = {}
-    shapes = {id: sum(c.id == id for c in problem.candidates) for id in problem.ids}
+    shapes = Counter(c.id for c in problem.candidates)
     for candidate in problem.candidates:
-        if candidate.id in present:
+        if candidate.id in present or (only is not None and candidate.id not in only):
             continue
         drop = fall(equations, problem, (*chosen, candidate)) - fixed
         if len(candidate.columns) == 1:

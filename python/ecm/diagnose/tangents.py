@@ -11,6 +11,7 @@ from scipy import special
 
 from ecm.compare.lack_of_fit import orthonormal
 from ecm.effects import Effect, Missing, Rows
+from ecm.errors import InputError
 
 F = NDArray[np.float64]
 
@@ -47,7 +48,14 @@ def tangents_of(
             continue
         variants = effect.variants(rows.table) if lacking is None else (effect,)
         shadow = lacking is not None
-        found += [Tangent(v, tangent(rows, whitener, v), shadow) for v in variants]
+        try:
+            found += [Tangent(v, tangent(rows, whitener, v), shadow) for v in variants]
+        except InputError:
+            if rows.has_length:
+                raise
+            untestable[effect.id] = Missing(
+                "the mechanism's length is not known", "[mechanism] length_m"
+            )
     return found, untestable
 
 

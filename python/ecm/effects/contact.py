@@ -14,6 +14,7 @@ from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
 from ecm.effects.rows import Rows
+from ecm.effects.slip import base_twist_columns
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -21,42 +22,53 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 _SHARES = (0.5, 0.7, 0.85)
-"""Quantiles of the bend at which a stop is tried."""
+"""Quantiles of the tilt at which a stop is tried."""
 _AZIMUTHS = 8
 
 
 class ContactStop(LinearEffect):
-    """V = k max(0, bend - bend_c)^2 / 2, the bend in all directions or towards one azimuth."""
+    """Beyond the tilt c a stop holds the rim: moment k (tilt - c) and a push along the base's axis.
+
+    The tilt is that of the platform's axis, in all directions or its part towards one azimuth.
+    """
 
     id = "contact_stop"
-    physics = "Beyond some bend the mechanism touches a stop."
-    parameters = (Parameter("stiffness", "N m/rad", 0.5, 0.0, 1e4),)
-    signature = "a kink, one-sided, only at large poses; conservative"
+    physics = "Beyond some tilt the platform touches a stop."
+    parameters = (
+        Parameter("stiffness", "N m/rad", 0.5, 0.0, 1e4),
+        Parameter("push", "N/rad", 10.0, -1e5, 1e5),
+    )
+    signature = "a kink, one-sided, only at large poses"
 
-    def __init__(self, bend_rad: float = 0.3, azimuth_rad: float | None = None) -> None:
-        self._bend_rad = bend_rad
+    def __init__(self, tilt_rad: float = 0.3, azimuth_rad: float | None = None) -> None:
+        self._tilt_rad = tilt_rad
         self._azimuth_rad = azimuth_rad
 
     @property
     def shape(self) -> Shape:
         """Where it begins, and on which side if not on all."""
-        found: Shape = {"bend_rad": self._bend_rad}
+        found: Shape = {"tilt_rad": self._tilt_rad}
         return found if self._azimuth_rad is None else found | {"azimuth_rad": self._azimuth_rad}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three places of a stop all around, and two of a stop on each of eight sides."""
-        poses = table.measured().poses
-        bend = np.hypot(poses[:, 4], poses[:, 5])
-        around = [ContactStop(round(float(np.quantile(bend, s)), 4)) for s in _SHARES]
+        tilt, lean = _tilt(np.ascontiguousarray(table.measured().poses[:, 3:]))
+        around = [ContactStop(round(float(np.quantile(tilt, s)), 4)) for s in _SHARES]
         sides = []
         for i in range(_AZIMUTHS):
             azimuth = 2.0 * np.pi * i / _AZIMUTHS
-            towards = np.cos(azimuth) * poses[:, 4] + np.sin(azimuth) * poses[:, 5]
+            towards = tilt * (lean @ np.array([np.cos(azimuth), np.sin(azimuth)]))
             towards = towards[towards > 0.0]
             if len(towards) > 10:
                 places = (float(np.quantile(towards, s)) for s in _SHARES[1:])
                 sides += [ContactStop(round(c, 4), round(azimuth, 6)) for c in places]
         return (*around, *sides)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Tilts between this one and its neighbours."""
+        factor = 1.0 + 0.2 * 0.5**round_
+        tilts = (self._tilt_rad / factor, self._tilt_rad * factor)
+        return tuple(ContactStop(t, self._azimuth_rad) for t in tilts)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -64,42 +76,66 @@ class ContactStop(LinearEffect):
         return {"strain_stiffening": "fine sweep through the kink"}
 
     def columns(self, rows: Rows) -> F:
-        """Moment max(0, bend - bend_c) along the bend, in mid-frame coordinates."""
-        theta = rows.poses[:, 4:6]
-        if self._azimuth_rad is None:
-            bend = np.sqrt((theta**2).sum(axis=1))
-            towards = theta / np.where(bend > 1e-12, bend, 1.0)[:, None]
-        else:
-            direction = np.array([np.cos(self._azimuth_rad), np.sin(self._azimuth_rad)])
-            bend, towards = theta @ direction, np.broadcast_to(direction, theta.shape)
-        force = np.zeros((len(rows), 6))
-        force[:, 4:6] = np.maximum(0.0, bend - self._bend_rad)[:, None] * towards
-        wrench = wrench_of(rows.poses, force)
-        wrench[rows.unloaded] = 0.0
-        return wrench[:, :, None]
+        """Moment and push per unit of each."""
+        tilt, lean = _tilt(rows.rotation_vectors)
+        if self._azimuth_rad is not None:
+            side = np.array([np.cos(self._azimuth_rad), np.sin(self._azimuth_rad)])
+            tilt, lean = tilt * (lean @ side), np.broadcast_to(side, lean.shape)
+        depth = np.maximum(0.0, tilt - self._tilt_rad)
+        columns = np.zeros((len(rows), 6, 2))
+        # To lean towards (y, z) the platform turned about (-z, y).
+        columns[:, 4, 0], columns[:, 5, 0] = -depth * lean[:, 1], depth * lean[:, 0]
+        columns[:, 0, 1] = depth
+        columns[rows.unloaded] = 0.0
+        return columns
+
+
+def _tilt(rotation_vectors: F) -> tuple[F, F]:
+    """(N,) tilt of the platform's axis against the base's, and (N, 2) the way it leans, y and z."""
+    axis = _native.rotation_matrices(np.ascontiguousarray(rotation_vectors))[:, :, 0]
+    across = np.hypot(axis[:, 1], axis[:, 2])
+    lean = axis[:, 1:] / np.where(across > 1e-12, across, 1.0)[:, None]
+    return np.arctan2(across, axis[:, 0]), lean
 
 
 class Debonding(LinearEffect):
-    """Where the bond has opened the mechanism is softer: in tension only, or from t* on."""
+    """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
+
+    An open joint at the base is a hinge: it turns by c m q / (q + q0), m the moment at the base,
+    q = max(0, f_x + b |m| / (r / 2)) the pull at the rim.
+    """
 
     id = "debonding"
     physics = "The bond to the platform opens: softer in tension, or softer after it tore."
-    parameters = (Parameter("loss", "1", 0.03, 0.0, 1.0),)
+    parameters: tuple[Parameter, ...] = (Parameter("loss", "1", 0.03, 0.0, 1.0),)
     signature = "odd-even split in fx, or a step in order; proportional to h"
 
-    def __init__(self, opens: str = "tension", at_s: float = 0.0) -> None:
+    def __init__(
+        self, opens: str = "tension", at_s: float = 0.0, bending: float = 0.0, pull_N: float = 0.0
+    ) -> None:
         self._opens = opens
         self._at_s = at_s
-        self.kind: Kind = "pose" if opens in ("tension", "face") else "time"
+        self._bending, self._pull_N = bending, pull_N
+        self.kind: Kind = "time" if opens == "torn" else "pose"
+        if opens == "hinge":
+            self.parameters = (Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),)
 
     @property
     def shape(self) -> Shape:
-        """`tension` (of the centre line), `face` (of each point of it), or `torn` at a moment."""
-        return {"opens": self._opens} | ({"at_s": self._at_s} if self._opens == "torn" else {})
+        """`tension` (of the centre line), `face` (of its points), `hinge`, or `torn` at a time."""
+        found: Shape = {"opens": self._opens}
+        if self._opens == "torn":
+            found["at_s"] = self._at_s
+        if self._opens == "hinge":
+            found |= {"bending": self._bending, "pull_N": self._pull_N}
+        return found
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """In tension, at the edge of the face, and torn at a few moments where time is known."""
         found = [Debonding("tension"), Debonding("face")]
+        pull = float(np.abs(table.measured().column("fx_N")).std())
+        for bending in (0.0, 0.15, 0.5):
+            found += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
             found += [Debonding("torn", t) for t in step_times(table, 5)]
         return tuple(found)
@@ -132,6 +168,8 @@ class Debonding(LinearEffect):
         if self._opens == "torn":
             after = (rows.time_s() > self._at_s).astype(np.float64)
             return np.asarray(-(after[:, None] * rows.wrench)[:, :, None])
+        if self._opens == "hinge":
+            return self._hinge(rows)
         if self._opens == "face":
             strain = rod_strain(rows)
             pulled = -np.maximum(0.0, strain.axial) * (strain.along < 0.0)
@@ -143,6 +181,17 @@ class Debonding(LinearEffect):
         wrench = wrench_of(rows.poses, force)
         wrench[rows.unloaded] = 0.0
         return wrench[:, :, None]
+
+    def _hinge(self, rows: Rows) -> F:
+        """-K_s times the turn of the open joint, driven by the base map's own wrench."""
+        moment = rows.wrench[:, 3:] + np.cross(rows.poses[:, :3], rows.wrench[:, :3])
+        moment[:, 0] = 0.0
+        radius = max(rest_stiffness(rows).radius_m, 1e-6)
+        bent = self._bending * np.linalg.norm(moment, axis=1) / (0.5 * radius)
+        pull = np.maximum(0.0, rows.wrench[:, 0] + bent)
+        turn = moment * (pull / (pull + max(self._pull_N, 1e-9)))[:, None]
+        twist = np.concatenate([np.zeros_like(turn), turn], axis=1)
+        return np.asarray(base_twist_columns(rows) @ twist[:, :, None])
 
 
 EFFECTS: Sequence[Effect] = (ContactStop(), Debonding())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,14 +139,36 @@ def _turned_vector(vector: F, rotation: F) -> F:
 
 
 class LedOcclusion(LinearEffect):
-    """-K_s (d, w) times the share of markers that the camera does not see."""
+    """-K_s B (d, w) times the share of markers that the camera does not see, one bias per side.
+
+    Which markers are hidden depends on the way the platform leans; the bias is taken as constant
+    and as linear in the two leaning rotations.
+    """
 
     id = "led_occlusion"
     physics = "Where some of the markers are hidden the camera's pose is biased."
-    parameters = _twist("hidden")
+    parameters: tuple[Parameter, ...] = _twist("hidden")
     signature = "follows the number of visible markers, in clusters of orientation"
     side = "measurement"
     kind = "time"
+
+    def __init__(self, sides: str = "one") -> None:
+        self._sides = sides
+        if sides == "each":
+            self.parameters = tuple(
+                replace(p, name=f"{p.name}{suffix}")
+                for suffix in ("", "_y", "_z")
+                for p in _twist("hidden")
+            )
+
+    @property
+    def shape(self) -> Shape:
+        """One bias, or one that turns with the side to which the platform leans (`each`)."""
+        return {"sides": self._sides}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both."""
+        return (LedOcclusion("one"), LedOcclusion("each"))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -160,7 +183,12 @@ class LedOcclusion(LinearEffect):
         """-K_s times the hidden share."""
         seen = rows.table.column("leds_visible")
         hidden = 1.0 - seen / max(float(seen.max()), 1.0)
-        return np.asarray(-rows.screw_stiffness * hidden[:, None, None])
+        columns = -(rows.screw_stiffness @ rows.base_from_top) * hidden[:, None, None]
+        if self._sides == "one":
+            return np.asarray(columns)
+        lean = rows.rotation_vectors / max(float(np.abs(rows.rotation_vectors).max()), 1e-9)
+        sided = [columns, columns * lean[:, 1, None, None], columns * lean[:, 2, None, None]]
+        return np.concatenate(sided, axis=2)
 
 
 EFFECTS: Sequence[Effect] = (

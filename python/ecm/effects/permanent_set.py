@@ -27,7 +27,11 @@ F = NDArray[np.float64]
 
 
 class PermanentSet(LinearEffect):
-    """-K_s p_set; p_set follows the largest pose so far, or every pose a little (`summed`)."""
+    """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
+
+    `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
+    with rotations times the length.
+    """
 
     id = "permanent_set"
     physics = "After large poses the mechanism rests a little on the side to which it was bent."
@@ -35,17 +39,32 @@ class PermanentSet(LinearEffect):
     signature = "the wrench at home grows after large poses"
     kind = "time"
 
-    def __init__(self, memory: str = "largest") -> None:
+    def __init__(self, memory: str = "largest", yield_m: float = 0.0) -> None:
         self._memory = memory
+        self._yield_m = yield_m
 
     @property
     def shape(self) -> Shape:
-        """`largest`: the set of the largest pose; `summed`: that of all poses together."""
-        return {"memory": self._memory}
+        """`largest`: the set of the largest pose; `summed`: of all poses beyond the yield."""
+        found: Shape = {"memory": self._memory}
+        return found | ({"yield_m": self._yield_m} if self._yield_m > 0.0 else {})
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both memories."""
-        return (PermanentSet("largest"), PermanentSet("summed"))
+        """Both memories, the second with four yield lengths."""
+        length = table.meta.length_m
+        poses = table.measured().poses
+        rest = np.array([np.median(poses[:, 0]) if length is None else length, 0, 0, 0, 0, 0])
+        far = _far(poses - rest, float(rest[0]))
+        yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in (0.3, 0.55, 0.8))]
+        return (PermanentSet("largest"), *(PermanentSet("summed", y) for y in yields))
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Yield lengths between this one and its neighbours."""
+        if self._yield_m <= 0.0:
+            return ()
+        factor = 1.0 + 0.2 * 0.5**round_
+        yields = (self._yield_m / factor, self._yield_m * factor)
+        return tuple(PermanentSet("summed", y) for y in yields)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -68,6 +87,9 @@ class PermanentSet(LinearEffect):
         deflection = rows.poses - rows.rest_pose
         deflection = np.where(rows.unloaded[:, None], 0.0, deflection)
         if self._memory == "summed":
+            far = _far(deflection, rows.length_m)
+            excess = np.maximum(0.0, far - self._yield_m) / np.maximum(far, 1e-12)
+            deflection = deflection * excess[:, None]
             past = np.zeros_like(deflection)
             for order in order_of_visits(rows.table):
                 own = deflection[order]
@@ -77,6 +99,12 @@ class PermanentSet(LinearEffect):
             at = largest_so_far(rows.table, energy, index=True).astype(np.int64)
             past = deflection[at]
         return np.asarray(-(rows.stiffness @ past[:, :, None]))
+
+
+def _far(deflection: F, length_m: float) -> F:
+    """(N,) length of deflections, rotations times the length."""
+    metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
+    return np.asarray(np.sqrt(((deflection * metric) ** 2).sum(axis=1)))
 
 
 EFFECTS: Sequence[Effect] = (PermanentSet(),)

@@ -114,6 +114,11 @@ class Rows:
         return block
 
     @property
+    def has_length(self) -> bool:
+        """Whether the mechanism's length, and with it the rest pose, is known."""
+        return self.base.length_m is not None or self.table.meta.length_m is not None
+
+    @property
     def length_m(self) -> float:
         """Length of the mechanism."""
         length = self.base.length_m
@@ -125,6 +130,11 @@ class Rows:
                 "give [mechanism] length_m in the data's TOML"
             )
         return float(length)
+
+    @cached_property
+    def middle_pose(self) -> F:
+        """The rest pose, or where the length is not known the median pose: to look from."""
+        return self.rest_pose if self.has_length else np.asarray(np.median(self.poses, axis=0))
 
     @cached_property
     def rest_pose(self) -> F:

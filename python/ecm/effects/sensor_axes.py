@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import pose_before
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm import _native
+from ecm.effects.history import order_of_visits, pose_before
+from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
 
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
-_NEAR_RANGE = 0.97
+_KNEES = (0.3, 0.6, 0.85)
+"""Quantiles of an axis' readings at which a knee is tried."""
 
 
 def in_sensor(rows: Rows, wrench: F | None = None) -> tuple[F, F]:
@@ -123,55 +125,97 @@ class FtsFrame(LinearEffect):
 
 
 class FtsSaturation(LinearEffect):
-    """Readings stop near the end of the range: -(|h_j| - c_j) beyond 0.97 of the range c_j."""
+    """Beyond a knee c one raw axis reads less: -u (|h_j| - c); u = 1 is a hard ceiling."""
 
     id = "fts_saturation"
-    physics = "The sensor cannot read more than its range."
-    parameters = (Parameter("clipped", "1", 0.5, 0.0, 1.5),)
+    physics = "The sensor reads ever less near the end of an axis' range."
+    parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
     signature = "a ceiling on one raw axis"
     side = "measurement"
+
+    def __init__(self, axis: str = "fx", knee: float = 0.0) -> None:
+        self._axis = axis
+        self._knee = knee
+
+    @property
+    def shape(self) -> Shape:
+        """The axis, and where its reading begins to bend."""
+        return {"axis": self._axis, "knee": self._knee}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Each axis, with knees at three quantiles of its readings."""
+        own = np.abs(_readings(table))
+        return tuple(
+            FtsSaturation(axis, round(float(np.quantile(own[:, j], share)), 5))
+            for j, axis in enumerate(AXES)
+            for share in _KNEES
+        )
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Knees between this one and its neighbours."""
+        factor = 1.0 + 0.4 * 0.5**round_
+        knees = (self._knee / factor, self._knee * factor)
+        return tuple(FtsSaturation(self._axis, knee) for knee in knees)
 
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"contact_stop": "look at the raw counts"}
+        return {"contact_stop": "look at the raw counts", "fts_gain": "dead weights"}
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs the range, and readings near it."""
+        """Needs the range."""
         found = needs_full(table)
-        if found is not None:
-            return found
-        limits = table.meta.instrument.fts_range
-        if limits is None:
+        if found is None and table.meta.instrument.fts_range is None:
             return Missing("the sensor's range is not known", "[instrument] fts_range")
-        from ecm import _native
-
-        turn = _native.rotation_matrices(np.ascontiguousarray(table.poses[:, 3:]))
-        inverse = np.linalg.inv(adjoint(table.meta.instrument.top_from_sensor))
-        force = np.einsum("nji,nj->ni", turn, table.wrenches[:, :3])
-        torque = np.einsum("nji,nj->ni", turn, table.wrenches[:, 3:])
-        own = np.concatenate([force, torque], axis=1) @ inverse.T
-        if not (np.abs(own) > _NEAR_RANGE * np.asarray(limits)).any():
-            return Missing("no reading is near the sensor's range", "larger poses, or raw counts")
-        return None
+        return found
 
     def columns(self, rows: Rows) -> F:
-        """What lies beyond the ceiling, taken away."""
+        """What lies beyond the knee, taken away."""
         base_from_sensor, own = in_sensor(rows)
-        ceiling = _NEAR_RANGE * np.asarray(rows.table.meta.instrument.fts_range)
-        beyond = np.sign(own) * np.maximum(0.0, np.abs(own) - ceiling)
-        return np.asarray(-np.einsum("nij,nj->ni", base_from_sensor, beyond)[:, :, None])
+        j = AXES.index(self._axis)
+        beyond = np.sign(own[:, j]) * np.maximum(0.0, np.abs(own[:, j]) - self._knee)
+        return np.asarray(-(base_from_sensor[:, :, j] * beyond[:, None])[:, :, None])
+
+
+def _readings(table: Table) -> F:
+    """(N, 6) measured wrenches of the poses, in the sensor's frame."""
+    measured = table.measured()
+    turn = _native.rotation_matrices(np.ascontiguousarray(measured.poses[:, 3:]))
+    force = np.einsum("nji,nj->ni", turn, measured.wrenches[:, :3])
+    torque = np.einsum("nji,nj->ni", turn, measured.wrenches[:, 3:])
+    inverse = np.linalg.inv(adjoint(table.meta.instrument.top_from_sensor))
+    return np.asarray(np.concatenate([force, torque], axis=1) @ inverse.T)
 
 
 class FtsHysteresis(LinearEffect):
-    """c s_j sign(h_j - h_j,before) in sensor axes, s_j the spread of the loads on axis j."""
+    """c_j times the lag of a play operator of width w s_j behind each axis' load, s_j its spread.
+
+    The operator follows the load at a distance of its width at most, from reading to reading and
+    over the load of the pose that each one was approached from.
+    """
 
     id = "fts_hysteresis"
     physics = "The sensor itself reads differently when its load rises than when it falls."
-    parameters = (Parameter("width", "1", 5e-3, -0.2, 0.2),)
+    parameters: tuple[Parameter, ...] = (Parameter("lag", "1", 0.02, -1.0, 1.0),)
     signature = "odd in the side of approach, body axes, also without the mechanism"
     side = "measurement"
     kind = "time"
+
+    def __init__(self, width: float = 0.3, axes: str = "alike") -> None:
+        self._width = width
+        self._axes = axes
+        if axes == "each":
+            self.parameters = tuple(Parameter(f"{a}_lag", "1", 0.02, -1.0, 1.0) for a in AXES)
+
+    @property
+    def shape(self) -> Shape:
+        """Change of load over which the sensor turns over; axes `alike` or `each` on its own."""
+        return {"width": self._width, "axes": self._axes}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Three widths, axes alike or not."""
+        widths = (0.15, 0.5, 1.2)
+        return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in widths)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -188,16 +232,22 @@ class FtsHysteresis(LinearEffect):
         return Hysteresis().missing(table)
 
     def columns(self, rows: Rows) -> F:
-        """Smoothed sign of the change of load since the pose before."""
+        """Lag of each axis, turned to base axes."""
         before = pose_before(rows.table, rows.rest_pose)
         known = np.isfinite(before).all(axis=1) & ~rows.unloaded
         before = np.ascontiguousarray(np.where(known[:, None], before, rows.poses))
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(before))
-        spread = own.std(axis=0)
-        change = (own - own_before) / np.where(spread > 0.0, spread, 1.0)
-        path = spread * np.tanh(10.0 * change) * known[:, None]
-        return np.asarray(np.einsum("nij,nj->ni", base_from_sensor, path)[:, :, None])
+        width = self._width * own[~rows.unloaded].std(axis=0)
+        lag = np.zeros_like(own)
+        state = np.zeros(6)
+        for order in order_of_visits(rows.table):
+            for i in order:
+                for load in (own_before[i], own[i]):
+                    state = np.clip(state, load - width, load + width)
+                lag[i] = state - own[i]
+        columns = base_from_sensor * lag[:, None, :]
+        return np.asarray(columns if self._axes == "each" else columns.sum(axis=2, keepdims=True))
 
 
 def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:

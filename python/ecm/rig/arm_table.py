@@ -50,4 +50,4 @@ class ArmTable:
     fault: str = setting("")
     """Rehearsed faults, `sensor_nan@5, led_loss@9+`: at a visit, or from it on (see docs)."""
     processes: int = setting(0, low=0, high=1024)
-    """Simulated side by side; 0: as many as cores, at most 2."""
+    """Simulated side by side; 0: as many as cores, at most 8."""

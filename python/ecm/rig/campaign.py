@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.rig import truth
+from ecm.rig.calibration.before import Believed, calibrated
 from ecm.rig.climate import Climate
 from ecm.rig.conceal import Secret, World, conceal
 from ecm.rig.draws import GRADES
@@ -60,6 +62,7 @@ class Campaign:
         seed: int = 0,
         folder: Path | None = None,
         progress: Progress = None,
+        base_columns: Callable[[F], F] | None = None,
     ) -> None:
         self.plan = plan
         self.settings = settings
@@ -103,10 +106,17 @@ class Campaign:
         for wanted in self._hide:
             if wanted.effect == NOTHING:
                 continue
-            world = World(self.plant, self.course, self.physics, self._offset, settings)
+            world = World(
+                self.plant, self.course, self.physics, self._offset, settings, base_columns
+            )
             self.physics, secret = conceal(wanted, world, self.timeline.end_s, seed)
             self.secrets.append(secret)
         self._stand = Stand(settings.instrument)
+        self.frames: Believed | None = None
+        """What the calibration found, where the frames are not known."""
+        if settings.instrument.frames == "calibrated":
+            self.frames = calibrated(settings.instrument, seed)
+            self.plant.believed = self.frames.top_from_sensor
         self._truth = self.plant.truth(self.course, self.physics, self._offset)
 
     def __len__(self) -> int:
@@ -137,6 +147,8 @@ class Campaign:
             stream(self.seed, "base target", *serial),
         )
         seen = Camera(instrument).read(shown, visit.window_s, stream(self.seed, "camera", *serial))
+        if self.frames is not None:
+            seen = replace(seen, mean=self.frames.measured(seen.mean[None])[0])
         air = self._air
         noise = stream(self.seed, "thermometer", *serial).standard_normal(2)
         read = instrument.thermometer_noise_degC * noise

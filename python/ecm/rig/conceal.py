@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,8 @@ class World:
     offset: F
     """Constant zero of the sensor, (6,) in sensor axes."""
     settings: RigSettings
+    base_columns: Callable[[F], F] | None = None
+    """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
 
     def residual(self, physics: Physics) -> F:
         """What a measurement without noise has beyond the elastic map, (N, 6)."""
@@ -75,7 +78,10 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     if hide.shape:
         known = first.with_parameters(dict(hide.shape))
         return put(world.physics, name, known), Secret(hide.effect, hide.strength, name, known.size)
-    whitener = Whitener(row_covariance(plant, course, world.settings), h[:, :, None])
+    free = h[:, :, None]
+    if world.base_columns is not None:
+        free = np.concatenate([free, world.base_columns(course.reached[rows])], axis=2)
+    whitener = Whitener(row_covariance(plant, course, world.settings), free)
     plain = world.residual(world.physics)
 
     def effect(size: float) -> F:

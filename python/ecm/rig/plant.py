@@ -82,6 +82,8 @@ class Plant:
         self._gradings = dict(gradings or {})
         self.top_from_sensor = top_from_sensor_wrench(settings.instrument.top_from_sensor)
         self._sensor_from_top = np.linalg.inv(self.top_from_sensor)
+        self.believed = self.top_from_sensor
+        """The adjoint with which readings are moved to the top."""
         self._gravity = np.asarray(settings.plant.gravity_m_s2)
         self._rest = rest_pose(length_m)
         self._history: dict[Hysteresis, F] = {}
@@ -294,7 +296,7 @@ class Plant:
 
     def zeroed(self, readings: F) -> F:
         """(N, 6) sensor readings without zero, as wrenches at the top in top axes."""
-        wrenches: F = readings @ self.top_from_sensor.T
+        wrenches: F = readings @ self.believed.T
         return wrenches
 
 

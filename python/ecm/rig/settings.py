@@ -6,6 +6,7 @@ campaign writes those of the averaged row into the measurement table.
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -80,6 +81,9 @@ class Instruments:
         (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0), low=-10.0, high=10.0
     )
     """Sensor frame in the top frame: position in m, unit quaternion w x y z."""
+    frames: str = setting("known", choices=("known", "calibrated"))
+    """`calibrated`: both targets and the sensor sit where a calibration with these instruments
+    finds them, a little off; `known`: where they are."""
     zeroed_with_payload: bool = setting(False)
     """The sensor was zeroed with the payload hanging on it, at the rest pose."""
     camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5)
@@ -96,8 +100,9 @@ class Instruments:
     """From one lens to the next."""
     led_radius_m: float = setting(0.05, low=1e-3, high=1.0)
     """Of the dome that carries the nine LEDs."""
-    led_angle_rad: float = setting(0.75, low=0.05, high=3.1)
-    """An LED is seen within this angle of its direction."""
+    led_angle_rad: float = setting(0.9, low=0.05, high=3.1)
+    """An LED is seen within this angle of its direction; at 0.9 four or more are, up to a tilt of
+    0.8 rad."""
     camera_drift_m: float = setting(0.0, low=0.0, high=0.1)
     camera_drift_rad: float = setting(0.0, low=0.0, high=0.5)
     """Slow motion of the camera on its stand (Ornstein-Uhlenbeck, 1 h), per axis."""
@@ -240,6 +245,12 @@ def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dic
         A key of the arm where the mode is another.
     """
     arm_keys = {f.name for f in fields(ArmTable)}
+    own_keys = {f.name for f in fields(Procedure)}
+    if table.get("mode") == "robot":
+        # A misspelt key goes where the likely name is known, which tells it.
+        for key in set(table) - arm_keys - own_keys:
+            close = difflib.get_close_matches(key, [*own_keys, *arm_keys], n=1, cutoff=0.5)
+            arm_keys |= {key} if close and close[0] in arm_keys else set()
     arm = {key: value for key, value in table.items() if key in arm_keys}
     if arm and table.get("mode") != "robot":
         raise InputError(

@@ -19,6 +19,7 @@ from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import Hidden
+from ecm.rig.optics import Optics
 from ecm.rig.physics import Physics
 from ecm.rig.plan import HOME, Skipped, rest_pose
 from ecm.rig.plant import course_of, nominal_physics
@@ -77,6 +78,7 @@ class RobotCampaign(Campaign):
         self.tours: list[Tour] = tours(self.planned.visits, self.goals, settings.rig, length)
         self.home_rad = scene(settings, length).home_rad
         self.taken: list[Line] = []
+        self._optics = Optics(settings.instrument)
         self._rest = rest_pose(length)
         self._key = self._key_of(source)
         self._readings: list[Reading] = []
@@ -188,7 +190,8 @@ class RobotCampaign(Campaign):
                 planned, time_s=time_s, travel_s=outcome.travel_s, dwell_s=outcome.rest_s,
                 approach=approach, way=np.asarray(way),
             )  # fmt: skip
-            taken = faults.Taken(self._try(visit, outcome.reached, i))
+            leds = int(self._optics.visible(outcome.reached[None]).sum())
+            taken = faults.Taken(self._try(visit, outcome.reached, i), leds=leds)
             number = self._pose_number[id(planned)]
             for rehearsed in self._faults:
                 if rehearsed.at(number):
@@ -281,13 +284,15 @@ class RobotCampaign(Campaign):
         own = self.settings
         try:
             self.settings = replace(own, arm=replace(own.arm, fault="", processes=0))
-            return super().key(source)
+            # The controller's model is named by the hash of its code.
+            return f"{super().key(source)}-{self.job.library.stem}"
         finally:
             self.settings = own
 
 
 def _thinned(trace: F) -> list[list[float]]:
-    """At most some points of a way, the last one among them."""
+    """At most some points of a way, the last one among them; none where it diverged."""
+    trace = trace[np.isfinite(trace).all(axis=1)]
     if len(trace) == 0:
         return []
     index = np.unique(np.linspace(0, len(trace) - 1, _WAY_POINTS).round().astype(int))

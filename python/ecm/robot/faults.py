@@ -14,13 +14,13 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.rig.fields import nearest
+from ecm.rig.optics import LEDS, LEDS_NEEDED
 from ecm.rig.record import Reading
 from ecm.rig.settings import Instruments
 
 NAMES = ("sensor_dropout", "sensor_nan", "saturation", "led_loss")
 IN_A_ROW = 3
 """So many useless readings one after the other end the campaign."""
-_LEDS, _LEDS_NEEDED = 9, 4
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Taken:
 
     reading: Reading
     samples: int = 1
-    leds: int = _LEDS
+    leds: int = LEDS
 
 
 def with_fault(taken: Taken, fault: Fault, instrument: Instruments) -> Taken:
@@ -77,7 +77,7 @@ def with_fault(taken: Taken, fault: Fault, instrument: Instruments) -> Taken:
     if fault.name == "sensor_dropout":
         return replace(taken, samples=0)
     if fault.name == "led_loss":
-        return replace(taken, leds=_LEDS_NEEDED - 1)
+        return replace(taken, leds=LEDS_NEEDED - 1)
     sensor[0] = np.nan if fault.name == "sensor_nan" else instrument.fts_range[0]
     return replace(taken, reading=replace(taken.reading, sensor=sensor))
 
@@ -86,8 +86,8 @@ def useless(taken: Taken, instrument: Instruments) -> str:
     """Why a reading cannot be used; empty where it can."""
     if taken.samples == 0:
         return "the force-torque sensor gave no samples in the window"
-    if taken.leds < _LEDS_NEEDED:
-        return f"{taken.leds} of {_LEDS} LEDs were visible, {_LEDS_NEEDED} are needed"
+    if taken.leds < LEDS_NEEDED:
+        return f"{taken.leds} of {LEDS} LEDs were visible, {LEDS_NEEDED} are needed"
     reading = taken.reading
     for name, values in (("force-torque sensor", reading.sensor), ("camera", reading.pose)):
         if not np.isfinite(values).all():

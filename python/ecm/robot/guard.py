@@ -39,8 +39,6 @@ class Guard:
         """The first limit that is broken, in words; empty where none is."""
         arm, simulation = self._arm, self._simulation
         joints, speeds = simulation.joints_rad, simulation.speeds_rad_s
-        if not np.isfinite(joints).all():
-            return "the simulation diverged; choose a smaller [rig] step_s"
         wrench, pose = simulation.wrench, simulation.pose
         force = _norm(wrench[:3])
         if force > arm.force_limit_N:

@@ -31,7 +31,7 @@ class Impedance:
         self._model = model
         self._arm = arm
         self.stiffness: F = np.repeat([arm.impedance_N_m, arm.impedance_Nm_rad], 3)
-        self._damping: F = np.zeros((6, 6))
+        self.damping: F = np.zeros((6, 6))
         self._free: F = np.zeros(7)
         self._push: F = np.zeros(7)
         self._inertia = 1.0
@@ -51,7 +51,7 @@ class Impedance:
         squares, modes = np.linalg.eigh(factor.T @ elastic @ factor)
         half = np.linalg.solve(factor.T, modes)
         rates = np.sqrt(np.maximum(squares, 0.0))
-        self._damping = 2.0 * self._arm.damping_ratio * (half * rates) @ half.T
+        self.damping = 2.0 * self._arm.damping_ratio * (half * rates) @ half.T
         self._free = null_direction(simulation.jacobian)
         self._push = simulation.times_inertia(self._free)
         self._inertia = float(self._free @ self._push)
@@ -65,7 +65,7 @@ class Impedance:
         library.mju_mulQuat(self._rest, quaternion, self._back)
         library.mju_quat2Vel(self._turn, self._rest, 1.0)
         velocity = simulation.jacobian.dot(simulation.speeds_rad_s)
-        wrench = self.stiffness * self._error - self._damping.dot(velocity)
+        wrench = self.stiffness * self._error - self.damping.dot(velocity)
         arm, free = self._arm, self._free
         away = float(free.dot(simulation.home_rad - simulation.joints_rad))
         rate = float(free.dot(simulation.speeds_rad_s))

@@ -25,7 +25,7 @@ from ecm.robot.impedance import Impedance
 from ecm.robot.inverse import solve, swivel
 from ecm.robot.scene import scene
 from ecm.robot.servo import Servo
-from ecm.robot.simulation import Simulation
+from ecm.robot.simulation import Diverged, Simulation
 from ecm.robot.surroundings import EVERY, Surroundings
 from ecm.robot.timing import duration_s, progress
 
@@ -119,6 +119,7 @@ class Machine:
         self._servo = Servo(arm, self.simulation, model)
         self._guard = Guard(settings, self.simulation, model, length_m)
         self._frame = frame
+        self._elbow = swivel(self._scene.home_rad)
         self._around = around
         self._rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._stack: list[F] = []
@@ -155,10 +156,23 @@ class Machine:
                 self._outcome.reason = str(halt)
                 self._retrace()
                 from_home = True
+            except (Diverged, np.linalg.LinAlgError):
+                self._outcome.reason = "the simulation diverged; choose a smaller [rig] step_s"
+                self._put_home()
+                from_home = True
         home = self._outcome = Outcome(-1)
         if not from_home:
             self._retrace()
         return Sortie(tuple(outcomes), self.simulation.time_s, home)
+
+    def _put_home(self) -> None:
+        """Where no motion is left to come home by; the clock goes on."""
+        steps = self.simulation.steps
+        self._servo.release()
+        self.simulation.reset()
+        self.simulation.steps = steps
+        self._stack = [self.simulation.joints_rad.copy()]
+        self._log("return", self.simulation.time_s)
 
     # --- phases ---------------------------------------------------------------
 
@@ -218,7 +232,7 @@ class Machine:
         simulation = self.simulation
         now = simulation.joints_rad.copy()
         flange_m, flange_axes = self._scene.flange_goal(goal[:3], axes)
-        found = solve(flange_m, flange_axes, swivel(now), now, self._arm.joint_margin_rad)
+        found = solve(flange_m, flange_axes, self._elbow, now, self._arm.joint_margin_rad)
         if found.reason:
             raise Halt(f"inverse kinematics: {found.reason}")
         procedure = self._settings.rig

@@ -23,7 +23,7 @@ from ecm.stages import write_json
 if TYPE_CHECKING:
     from ecm.table import Table
 
-MOST_PROCESSES = 2
+MOST_PROCESSES = 8
 
 
 def robot_path(data: Path) -> Path:

@@ -73,7 +73,9 @@ def scene(settings: RigSettings, length_m: float) -> Scene:
         )
     text = f"""<mujoco model="rig">
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="{arm.step_s:.17g}" gravity="{gravity}" integrator="Euler"/>
+  <option timestep="{arm.step_s:.17g}" gravity="{gravity}" integrator="Euler">
+    <flag autoreset="disable"/>
+  </option>
   <visual><global offwidth="960" offheight="720"/><quality shadowsize="2048"/></visual>
   <default>
     <default class="shape"><geom contype="0" conaffinity="0" mass="0"/></default>

@@ -10,6 +10,7 @@ fastest mode is. The joint servo, which is stiff, is implicit (`servo.py`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,13 @@ from numpy.typing import NDArray
 from ecm.robot.scene import Scene, mujoco
 
 F = NDArray[np.float64]
+
+
+_ONES: F = np.ones(7)
+
+
+class Diverged(Exception):
+    """A force is no number; MuJoCo would go on from nowhere and write a log."""
 
 
 class Simulation:
@@ -82,6 +90,8 @@ class Simulation:
     def advance(self, torque_Nm: F) -> None:
         """One step under joint torques that hold the mechanism as well: applied - J'h."""
         np.subtract(torque_Nm, self.jacobian_T.dot(self.wrench), out=self.applied_Nm)
+        if not isfinite(self.applied_Nm.dot(_ONES)):
+            raise Diverged
         self.library.mj_step2(self.model, self.data)
         self.steps += 1
         if self._drift is not None:

@@ -1,7 +1,8 @@
 """Where the force-torque sensor sits: from wrenches that are known at the top (dead weights).
 
-The sensor reads r = Ad w with Ad the adjoint of the frame (R, t) of the sensor in the top frame:
-the wrench is moved to the top by f = R f_s, tau = R tau_s + t x R f_s. Gauss-Newton on (t, R).
+With the sensor's frame (R, t) in the top frame a wrench (f, tau) at the top reads f_s = R' f,
+tau_s = R' (tau - t x f), the inverse of the adjoint that moves readings to the top. Gauss-Newton on
+(t, R).
 """
 
 from __future__ import annotations
@@ -40,16 +41,15 @@ def sensor_frame(
     weight = np.tile(np.repeat([1.0 / force_sd_N, 1.0 / torque_sd_Nm], 3), n)
     covariance, dof = np.eye(6), 1
     for _ in range(_ROUNDS):
-        force = readings[:, :3] @ turn.T
-        moment = readings[:, 3:] @ turn.T
-        at_top = np.concatenate([force, moment + np.cross(place, force)], axis=1)
+        # In sensor axes the noise is what it is; at the top the lever would mix force into torque.
+        force, moment = forces, wrenches_at_top[:, 3:] - np.cross(place, forces)
+        expected = np.concatenate([force @ turn, moment @ turn], axis=1)
         design = np.zeros((n, 6, 6))
-        design[:, :3, 3:] = -skew(force)
-        design[:, 3:, :3] = -skew(force)
-        # The turn moves force and moment about the sensor's own origin.
-        design[:, 3:, 3:] = -skew(moment) - skew(place[None]) @ skew(force)
+        design[:, :3, 3:] = turn.T @ skew(force)
+        design[:, 3:, :3] = turn.T @ skew(force)
+        design[:, 3:, 3:] = turn.T @ skew(moment)
         step, covariance, dof = solve_scaled(
-            weight[:, None] * design.reshape(-1, 6), weight * (wrenches_at_top - at_top).ravel()
+            weight[:, None] * design.reshape(-1, 6), weight * (readings - expected).ravel()
         )
         place = place + step[:3]
         turn = rotation(step[None, 3:])[0] @ turn

@@ -1,0 +1,123 @@
+"""Four references side by side, and the family of the missing effect that they point to.
+
+Each is the held-out error in units of the noise: of the physics base, of the symmetric energy
+model, of the ceiling (base and a free cubic of the pose), and of the noise itself, 1. What the
+energy can fit and the physics cannot is symmetric: elasticity or geometry. What the ceiling can fit
+and the energy cannot is asymmetric or not conservative. What the ceiling cannot fit is no function
+of the pose: history, time or noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ecm.columns import POSE, WRENCH
+from ecm.compare.folds import folds, held_out_by, informative, is_pose, row_groups
+from ecm.compare.noise import Noise
+
+if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
+    from ecm.models.model import Model
+    from ecm.refit import JointFit
+    from ecm.table import Table
+
+_FAMILIES = {
+    "symmetric": "elasticity or geometry that keeps the symmetry",
+    "asymmetric": "something asymmetric or not conservative",
+    "other": "history, time or noise",
+}
+_NOTHING = 0.03
+"""Excess in squares below which nothing is said about a family."""
+
+
+@dataclass(frozen=True)
+class References:
+    """Held-out whitened rms of each reference; None where the data do not allow it."""
+
+    physics: float | None
+    energy: float | None
+    ceiling: float | None
+    floor: float = 1.0
+
+    def shares(self) -> dict[str, float]:
+        """Share of the excess, in squares, of each family that can be told."""
+        levels = [self.physics, self.energy, self.ceiling, self.floor]
+        names = ["symmetric", "asymmetric", "other"]
+        falls: dict[str, float] = {}
+        above: float | None = None
+        for level, name in zip(levels, [None, *names], strict=True):
+            if level is None:
+                continue
+            if above is not None and name is not None:
+                falls[name] = max(above**2 - level**2, 0.0)
+            above = level if above is None else min(above, level)
+        total = sum(falls.values())
+        return {name: fall / total for name, fall in falls.items()} if total > _NOTHING else {}
+
+    def sentence(self) -> str:
+        """One plain sentence."""
+        shares = self.shares()
+        if not shares:
+            return "What is left is noise: no family of effects stands out."
+        best = max(shares, key=shares.__getitem__)
+        said = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
+        rest = [f"{v:.0%} to {_FAMILIES[k]}" for k, v in shares.items() if k != best and v > 0.15]
+        return said + (f", {' and '.join(rest)}." if rest else ".")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "physics": self.physics,
+            "energy": self.energy,
+            "ceiling": self.ceiling,
+            "floor": self.floor,
+            "shares": self.shares(),
+            "sentence": self.sentence(),
+        }
+
+
+def references(model: Model, table: Table, noise: Noise) -> References | None:
+    """References of a table with all six pose and wrench columns and repeats or many rows.
+
+    The physics base is that of the model, where it is one: comparing builds no FEM.
+    """
+    # Late: models and diagnosis stand on the comparison.
+    from ecm.diagnose.base import symmetric_energy
+    from ecm.models.ladder import ceiling_rms
+    from ecm.models.physics import FREE, PhysicsMap
+    from ecm.refit import joint_fit
+
+    if not table.has(*POSE, *WRENCH) or noise.components is not None:
+        return None
+    kept = informative(table)
+    own = model.base
+    physics: StiffnessMap | None = None
+    if isinstance(own, PhysicsMap):
+        physics = own if own.family is None else own.with_free(*FREE)
+    energy = symmetric_energy(kept) if kept.meta.length_m is not None else None
+    fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, energy)]
+    found = [fit for fit in fits if fit is not None]
+    if not found:
+        return None
+    ceilings = [ceiling_rms(f, kept, replace(model, base=f.base, noise=noise)) for f in found]
+    known = [value for value in ceilings if value is not None]
+    return References(
+        physics=_held_out(fits[0], kept),
+        energy=_held_out(fits[1], kept),
+        ceiling=min(known) if known else None,
+    )
+
+
+def _held_out(fit: JointFit | None, table: Table) -> float | None:
+    from ecm.models.ladder import held_out_rms
+
+    if fit is None:
+        return None
+    groups = row_groups(table)
+    parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
+    if len(np.unique(parts)) < 2:
+        return None
+    return held_out_rms(fit.design, fit.whitened, groups, parts, is_pose(table))

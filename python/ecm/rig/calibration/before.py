@@ -1,0 +1,96 @@
+"""The frames that a rig believes in: those of a calibration before the campaign, not the true ones.
+
+Both targets are probed at a plate's bores, the sensor hung with dead weights; what is found is off
+by what the instruments' noise makes of it, and the campaign is measured with that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.rig.calibration.frame_fit import FrameFit
+from ecm.rig.calibration.sensor_frame import sensor_frame
+from ecm.rig.calibration.target_frame import target_frame
+from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
+from ecm.rig.instruments import Camera, ForceTorqueSensor
+from ecm.rig.settings import Instruments
+from ecm.rig.streams import stream
+
+F = NDArray[np.float64]
+
+BORES = 12
+WEIGHTS = 12
+WEIGHT_KG = 5.0
+WINDOW_S = 1.0
+_REACH_M = 0.05
+
+
+@dataclass(frozen=True)
+class Believed:
+    """What is off in every reading, and how sure the calibration was of it."""
+
+    tip: F
+    """(6,): the top frame that is believed, in the true one."""
+    base: F
+    """(6,): the true base frame, in the one that is believed."""
+    top_from_sensor: F
+    """(6, 6) adjoint of the sensor's frame as it was found."""
+    fits: dict[str, FrameFit]
+    """By name: top target, base target, sensor."""
+
+    def measured(self, poses: F) -> F:
+        """(N, 6) poses in the believed frames."""
+        return compose(np.tile(self.base, (len(poses), 1)), compose(poses, self.tip))
+
+
+def calibrated(instruments: Instruments, seed: int) -> Believed:
+    """One calibration with these instruments."""
+    random = stream(seed, "calibration")
+    true, fits = {}, {}
+    for name in ("top target", "base target"):
+        frame = np.concatenate([random.uniform(-_REACH_M, _REACH_M, 3), random.uniform(-1, 1, 3)])
+        bores = random.uniform(-_REACH_M, _REACH_M, (BORES, 3))
+        places = bores @ rotation(frame[None, 3:])[0].T + frame[:3]
+        camera = Camera(instruments)
+        seen = [
+            camera.read(np.concatenate([place, np.zeros(3)]), WINDOW_S, random).mean[:3]
+            for place in places
+        ]
+        true[name], fits[name] = frame, target_frame(bores, np.stack(seen))
+    fits["sensor"] = _sensor(instruments, random)
+    found = fits["sensor"].frame
+    quaternion = _quaternion(found[3:])
+    return Believed(
+        tip=seen_from(true["top target"][None], fits["top target"].frame[None])[0],
+        base=seen_from(fits["base target"].frame[None], true["base target"][None])[0],
+        top_from_sensor=top_from_sensor_wrench((*found[:3].tolist(), *quaternion)),
+        fits=fits,
+    )
+
+
+def _sensor(instruments: Instruments, random: np.random.Generator) -> FrameFit:
+    """Dead weights at known points of the top, in several orientations, after a zero."""
+    turns = rotation(random.uniform(-1.2, 1.2, (WEIGHTS, 3)))
+    force = np.einsum("nji,j->ni", turns, np.array([-9.81 * WEIGHT_KG, 0.0, 0.0]))
+    arms = random.uniform(-_REACH_M, _REACH_M, (WEIGHTS, 3))
+    at_top = np.concatenate([force, np.cross(arms, force)], axis=1)
+    true = at_top @ np.linalg.inv(top_from_sensor_wrench(instruments.top_from_sensor)).T
+    sensor = ForceTorqueSensor(instruments)
+    read = np.stack([sensor.read(row, WINDOW_S, random).mean(axis=0) for row in true])
+    variance = np.diag(sensor.row_covariance(WINDOW_S, np.eye(6)))
+    return sensor_frame(
+        read,
+        at_top,
+        force_sd_N=float(np.sqrt(variance[:3].mean())) or 1.0,
+        torque_sd_Nm=float(np.sqrt(variance[3:].mean())) or 0.03,
+    )
+
+
+def _quaternion(vector: F) -> tuple[float, float, float, float]:
+    angle = float(np.linalg.norm(vector))
+    axis = vector / angle if angle > 0.0 else vector
+    x, y, z = (np.sin(0.5 * angle) * axis).tolist()
+    return float(np.cos(0.5 * angle)), x, y, z

@@ -1,0 +1,75 @@
+"""The proposed experiment: chance of the right name before and after, and what it is worth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ecm.columns import WRENCH
+from ecm.design import Design, diagnosable_plan, paper_plan
+from ecm.diagnose import diagnose
+from ecm.effects import Rows, get_effect
+from ecm.meta import Meta
+from ecm.rig import RigSettings, run_campaign
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics, plan, workspace_poses
+from test_rig_stand_in import L, StandIn
+
+
+def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
+    """Both grow with time; after the proposed warm-up one of them is sure."""
+    table = campaign("", 1.0, 4)
+    time = table.column("time_s")
+    warm = 22.0 + 4.0 * (time - time.min()) / np.ptp(time)
+    warm += 0.05 * np.random.default_rng(0).standard_normal(len(warm))
+    table = table.with_columns({"temperature_degC": warm})
+    change = get_effect("temperature_modulus").correction(Rows(table, physics()), np.array([6e-3]))
+    hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    found = diagnose(model(), table.with_columns(hidden))
+    assert found.verdict == "ambiguous"
+    warm_up = next(item for item in found.next_experiment if "warm and cold" in item["action"])
+    assert warm_up["minutes"] == 60
+    assert 0.4 < warm_up["p_correct_before"] < 0.95
+    assert warm_up["p_correct"] > 0.95
+    assert warm_up["p_correct"] > warm_up["p_correct_before"]
+    falls = [
+        (item["p_correct"] - item["p_correct_before"]) / item["minutes"]
+        for item in found.next_experiment
+        if item["p_correct"] is not None
+    ]
+    assert falls == sorted(falls, reverse=True)
+
+
+def test_nothing_to_separate_proposes_nothing() -> None:
+    assert diagnose(model(), campaign("temperature_modulus", 1.0, 4)).next_experiment == ()
+
+
+def candidates() -> tuple[Table, Design]:
+    poses = workspace_poses(100, 3)
+    columns = {
+        name: poses[:, j]
+        for j, name in enumerate(("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"))
+    }
+    table = Table(columns, Meta(mechanism={"length_m": L}), "candidates")
+    return table, Design(np.arange(100), "maximin", 0.0, 0.0, 1.0, "converged")
+
+
+def test_the_papers_protocol_cannot_test_what_the_diagnosable_one_can() -> None:
+    """One approach, one dwell, no repeats: said so; the preset makes all three testable."""
+    three = {"hysteresis", "stress_relaxation", "ageing"}
+    table = run_campaign(
+        paper_plan(*candidates(), seed=0), RigSettings(), None,
+        hide="hysteresis=1.0", seed=5, source=StandIn(),
+    )  # fmt: skip
+    found = diagnose(model(), table)
+    listed = {item["id"]: item["record"] for item in found.not_testable}
+    assert three <= set(listed), found.sentence()
+    assert all(listed[id] for id in three)
+    # A clean name would be wrong: the truth is among what was left out.
+    assert found.verdict != "named", found.sentence()
+    assert diagnosable_plan(*candidates(), 290, seed=0).text("approach").tolist() == (
+        plan().text("approach").tolist()
+    )
+    for hidden in three:
+        found = diagnose(model(), campaign(hidden, 1.0, 4))
+        assert not three & {item["id"] for item in found.not_testable}
+        assert found.answer == ((hidden,),), found.sentence()
