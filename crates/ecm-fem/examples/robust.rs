@@ -1,9 +1,11 @@
 //! Random wrenches of the paper's Table I box, each alone from rest: how they end and why.
 //!
-//! cargo run --release -p ecm-fem --example robust [draws] [E, MPa] [rings layers around layer_grading ring_grading (per mille)]
+//! cargo run --release -p ecm-fem --example robust [draws] [E, MPa] [P2/P1 | P2/P0 | P2] [rings layers around layer_grading ring_grading (per mille)]
 #![allow(clippy::print_stdout)]
 
-use ecm_fem::{CREASE, Fem, FemError, Load, Mesh, NeoHookean, Quality, Status};
+use ecm_fem::{
+    CREASE, Fem, FemError, Formulation, Load, Mesh, NeoHookean, Quality, Settings, Status,
+};
 
 /// A linear congruential generator (Knuth, MMIX): enough to draw loads.
 struct Draw(u64);
@@ -35,9 +37,19 @@ fn main() -> Result<(), FemError> {
         },
         _ => Quality::Standard,
     };
+    let formulation = match std::env::args().find(|a| a.starts_with('P')).as_deref() {
+        Some("P2") => Formulation::Displacement,
+        Some("P2/P0") => Formulation::ConstantPressure,
+        _ => Formulation::TaylorHood,
+    };
+    let settings = Settings {
+        formulation,
+        ..Settings::default()
+    };
     let mesh = Mesh::cylinder(0.1034, 0.033, quality)?;
     println!("{} nodes", mesh.nodes_m().len());
-    let fem = Fem::new(mesh, Box::new(NeoHookean::new(young, 0.49)?), None)?;
+    let material = Box::new(NeoHookean::new(young, 0.49)?);
+    let fem = Fem::with_settings(mesh, material, None, settings)?;
     let mut draw = Draw(1);
     let mut counts = std::collections::BTreeMap::<String, usize>::new();
     let mut newton = 0;

@@ -187,11 +187,18 @@ impl Body {
                     Formulation::Displacement => field.pressure[e * kept + q],
                 };
                 let pressure = self.pressure_unit_Pa * scaled;
-                let stress = self.material.respond(f, jacobian).stress;
+                let mut stress = self.material.respond(f, jacobian).stress;
+                let at_point = self.at_point(e, f, jacobian, pressure);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        stress[i][j] *= self.modulus_scale[e];
+                        stress[i][j] += at_point.as_ref().map_or(0.0, |x| x.stress[i][j]);
+                    }
+                }
                 let mut sigma = crate::tensor::product(&stress, &crate::tensor::transpose(f))
-                    .map(|row| row.map(|v| v * self.modulus_scale[e] / jacobian));
+                    .map(|row| row.map(|v| v / jacobian));
                 for k in 0..3 {
-                    sigma[k][k] += pressure;
+                    sigma[k][k] += pressure + at_point.as_ref().map_or(0.0, |x| x.pressure);
                 }
                 sigma
             })

@@ -116,11 +116,18 @@ impl Element {
                 }
                 Formulation::ConstantPressure => {}
             }
+            let at_point = body.at_point(e, &f, jacobian, p);
+            let more = at_point.as_ref().map_or(0.0, |x| x.pressure);
+            let (turning, p) = (turning + more, p + more);
+            self.energy += at_point.as_ref().map_or(0.0, |x| weight * x.energy);
             // Weighted stress and tangent with the pressure's part.
             let wp = weight * p;
             for i in 0..3 {
                 for j in 0..3 {
-                    let stress = distortion * response.stress[i][j] + wp * cof[i][j];
+                    let mut stress = distortion * response.stress[i][j] + wp * cof[i][j];
+                    if let Some(x) = &at_point {
+                        stress += weight * x.stress[i][j];
+                    }
                     for a in 0..PAD {
                         self.force[i][a] += stress * point.gradients[j][a];
                     }
@@ -140,12 +147,23 @@ impl Element {
                     }
                 }
             }
+            let (mut mixing, mut by_kappa, mut compliance) = (cof, by_kappa, compliance);
+            if let Some(x) = &at_point {
+                x.add_tangent(&mut response.tangent, &cof, weight);
+                by_kappa = unit * x.by_kappa;
+                compliance = compliance.max(by_kappa);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        mixing[i][j] -= x.mixing[i][j];
+                    }
+                }
+            }
             self.add_stiffness(&response.tangent, &point.gradients);
             let mut spread = [[0.0; PAD]; 3];
             for i in 0..3 {
                 for j in 0..3 {
                     for a in 0..PAD {
-                        spread[i][a] += cof[i][j] * point.gradients[j][a];
+                        spread[i][a] += mixing[i][j] * point.gradients[j][a];
                     }
                 }
             }

@@ -45,6 +45,7 @@
 #![allow(non_snake_case)]
 
 pub mod assembly;
+mod at_points;
 pub mod element;
 mod error;
 mod factor;

@@ -20,6 +20,7 @@ pub use gent::Gent;
 pub use isotropic::{Derivatives, Invariants};
 pub use mooney_rivlin::MooneyRivlin;
 pub use neo_hookean::NeoHookean;
+pub(crate) use neo_hookean::distortion;
 pub use ogden::Ogden;
 pub use yeoh::Yeoh;
 

@@ -38,38 +38,43 @@ impl NeoHookean {
     }
 }
 
+/// μ/2 (Ī₁ − 3). With G = F^-T and c = μ J^(−2/3): P = c (F − I₁/3 G),
+/// ∂P/∂F = c (δδ − 2/3 (F⊗G + G⊗F) + 2/9 I₁ G⊗G + I₁/3 G_iL G_kJ).
+#[inline(always)]
+pub(crate) fn distortion(mu: f64, f: &Mat3, jacobian: f64) -> Response {
+    let c = mu * jacobian.cbrt().powi(-2);
+    let g = cofactor(f).map(|row| row.map(|v| v / jacobian));
+    let i1: f64 = f.iter().flatten().map(|v| v * v).sum();
+    let mut stress = [[0.0; 3]; 3];
+    let mut tangent = [[0.0; 9]; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            stress[i][j] = c * (f[i][j] - i1 / 3.0 * g[i][j]);
+            // c (−2/3 F + 2/9 I₁ G) ⊗ G − 2/3 c G ⊗ F
+            let by_g = c * (-2.0 / 3.0 * f[i][j] + 2.0 / 9.0 * i1 * g[i][j]);
+            let by_f = -2.0 / 3.0 * c * g[i][j];
+            let row = &mut tangent[3 * i + j];
+            for k in 0..3 {
+                for l in 0..3 {
+                    row[3 * k + l] =
+                        by_g * g[k][l] + by_f * f[k][l] + c * i1 / 3.0 * g[i][l] * g[k][j];
+                }
+            }
+            row[3 * i + j] += c;
+        }
+    }
+    let energy = 0.5 * (c * i1 - 3.0 * mu);
+    Response {
+        energy,
+        stress,
+        tangent,
+    }
+}
+
 impl Material for NeoHookean {
-    /// With G = F^-T and c = μ J^(−2/3): P = c (F − I₁/3 G),
-    /// ∂P/∂F = c (δδ − 2/3 (F⊗G + G⊗F) + 2/9 I₁ G⊗G + I₁/3 G_iL G_kJ).
     #[inline(always)]
     fn respond(&self, f: &Mat3, jacobian: f64) -> Response {
-        let c = self.shear_modulus_Pa * jacobian.cbrt().powi(-2);
-        let g = cofactor(f).map(|row| row.map(|v| v / jacobian));
-        let i1: f64 = f.iter().flatten().map(|v| v * v).sum();
-        let mut stress = [[0.0; 3]; 3];
-        let mut tangent = [[0.0; 9]; 9];
-        for i in 0..3 {
-            for j in 0..3 {
-                stress[i][j] = c * (f[i][j] - i1 / 3.0 * g[i][j]);
-                // c (−2/3 F + 2/9 I₁ G) ⊗ G − 2/3 c G ⊗ F
-                let by_g = c * (-2.0 / 3.0 * f[i][j] + 2.0 / 9.0 * i1 * g[i][j]);
-                let by_f = -2.0 / 3.0 * c * g[i][j];
-                let row = &mut tangent[3 * i + j];
-                for k in 0..3 {
-                    for l in 0..3 {
-                        row[3 * k + l] =
-                            by_g * g[k][l] + by_f * f[k][l] + c * i1 / 3.0 * g[i][l] * g[k][j];
-                    }
-                }
-                row[3 * i + j] += c;
-            }
-        }
-        let energy = 0.5 * (c * i1 - 3.0 * self.shear_modulus_Pa);
-        Response {
-            energy,
-            stress,
-            tangent,
-        }
+        distortion(self.shear_modulus_Pa, f, jacobian)
     }
 
     fn shear_modulus_Pa(&self) -> f64 {
