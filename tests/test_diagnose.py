@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from ecm.diagnose import Diagnosis, diagnose
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError
 from ecm.models import fit_model
+from ecm.rig import RigSettings, run_campaign
 from ecm.table import Table
-from stand_in_campaign import campaign, model, physics
-from test_rig_stand_in import L
+from stand_in_campaign import campaign, model, physics, plan
+from test_rig_stand_in import L, StandIn
 
 EIGHT = (
     "fts_offset",
@@ -297,3 +299,27 @@ def test_a_table_of_other_columns_is_diagnosed_as_far_as_it_goes() -> None:
     beta = diagnosis.effects[0].values[0]
     assert beta == pytest.approx(0.01, rel=0.05)
     assert "payload" in {item["id"] for item in diagnosis.not_testable}
+
+
+def test_trap_a_sensor_zeroed_with_the_payload_on() -> None:
+    """What is left turns with the platform: (R R_z' - I) m g, found with its mass."""
+    settings = RigSettings()
+    settings = replace(
+        settings,
+        instrument=replace(settings.instrument, zeroed_with_payload=True),
+        plant=replace(settings.plant, payload_mass_kg=0.8),
+    )
+    table = run_campaign(plan(), settings, None, hide="", seed=7, source=StandIn())
+    assert table.meta.instrument.zeroed_with_payload
+    diagnosis = diagnose(model(), table)
+    assert diagnosis.answer == (("payload",),), diagnosis.sentence()
+    assert diagnosis.effects[0].values[0] == pytest.approx(0.8, abs=0.05)
+
+
+def test_an_error_far_beyond_the_noise_is_no_name() -> None:
+    """A residual that nothing explains, fifteen times the noise, leaves every name in doubt."""
+    table = campaign("", 1.0, 4)
+    diagnosis = diagnose(model(), table.with_columns({"fz_N": -table.column("fz_N")}))
+    assert diagnosis.verdict == "unknown"
+    assert diagnosis.unknown is not None
+    assert "times the noise" in diagnosis.unknown["words"]

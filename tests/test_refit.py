@@ -117,3 +117,40 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         model().remove("payload")
     with pytest.raises(InputError, match="no effect payload"):
         model().freeze("payload")
+
+
+def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
+    table = campaign("payload", 1.0, 0)
+    first = model().add("payload").fit(table)
+    second = first.add("fts_gain").fit(table)
+    gained, useless = (rung.test for rung in second.history[1:])
+    assert "4 parameters more" in gained
+    fall = float(gained.split("chi2 falls by ")[1].split()[0])
+    before, after = second.history[:2]
+    assert fall == pytest.approx(before.chi2 - after.chi2, abs=0.06)
+    assert "6 parameters more" in useless
+    assert "BIC falls by -" in useless
+    assert repr(second) == second.fit_report()
+    assert gained in repr(second)
+    assert second.undo() is first
+    assert second.undo("physics").effects == ()
+    with pytest.raises(InputError, match="nothing to undo: cubic"):
+        second.undo("cubic")
+
+
+def test_several_at_once_and_the_report_keeps_physics_and_instruments_apart() -> None:
+    table = campaign("payload", 1.0, 0)
+    fitted = model().add("payload", "base_compliance").fit(table)
+    text = fitted.fit_report()
+    assert text.index("base_compliance (physics") < text.index("payload (instruments")
+    assert "mass = " in text
+    assert " kg" in text
+    pairs = {frozenset(pair[:2]) for pair in fitted.correlations}
+    assert any("base.1" in pair for pair in pairs), pairs
+    assert all(abs(pair[2]) <= 1.0 + 1e-9 for pair in fitted.correlations)
+
+
+def test_a_clamp_that_would_push_is_no_shape_to_choose() -> None:
+    """A stop holds; where the data ask for one that pulls, its stiffness stays at zero."""
+    assert not get_effect("debonding").parameters[0].allows(-1.0)
+    assert get_effect("length_error").parameters[0].allows(-1.0)
