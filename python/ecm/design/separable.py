@@ -52,7 +52,8 @@ class Separable:
         """One line for people."""
         if self.reason:
             return f"{self.id}: not visible, {self.reason} (record: {self.record})"
-        size = f"from {self.size:.2g} {self.unit} of {self.parameter}"
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        size = f"from {self.size:.2g}{unit} of {self.parameter}"
         if self.rivals:
             return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
         return f"{self.id}: named {size}"
