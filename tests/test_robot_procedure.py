@@ -240,3 +240,19 @@ def test_the_chosen_elbow_is_held_through_the_procedure() -> None:
         assert outcome.reason == ""
         assert swivel(outcome.joints_rad) == pytest.approx(elbow, abs=1e-4)
         assert outcome.reached == pytest.approx(GOAL, abs=1e-6)
+
+
+def test_an_elbow_with_far_to_go_does_not_swing_the_top_aside() -> None:
+    control = machine(elbow_rad=0.0)
+    control._elbow = 0.6  # as where the chosen one leaves a joint no room
+    outcome = only(control.sortie([Stop(0, GOAL, (), 0.5, 0.2)]))
+    assert outcome.reason == ""
+    assert swivel(outcome.joints_rad) == pytest.approx(0.6, abs=1e-4)
+    begin, end = outcome.phases[2][1:]
+    during = outcome.trace[(outcome.trace_s > begin) & (outcome.trace_s <= end)]
+    start = outcome.after_impedance
+    way = (GOAL - start)[:3] / np.linalg.norm((GOAL - start)[:3])
+    aside = (during - start)[:, :3]
+    aside = aside - (aside @ way)[:, None] * way
+    assert end - begin > 1.0
+    assert np.linalg.norm(aside, axis=1).max() < 2e-4

@@ -16,13 +16,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from ecm.rig.settings import RigSettings
 from ecm.robot.feed_forward import compiled
 from ecm.robot.guard import Guard
 from ecm.robot.impedance import Impedance
-from ecm.robot.inverse import solve, swivel
+from ecm.robot.inverse import joints_at, solve, swivel
 from ecm.robot.scene import scene
 from ecm.robot.servo import Servo
 from ecm.robot.simulation import Diverged, Simulation
@@ -39,6 +40,8 @@ _AT_REST_TICKS = 5
 _SLOW_RAD_S = 0.3
 """Peak joint speed in the position phase and on the way home after a fault."""
 _MOVED_RAD = 1e-6
+_WAY_POINTS = 24
+"""Of the position phase, solved by inverse kinematics; a spline joins them."""
 _HOME_S = 0.4
 """At home the arm comes to rest before its brakes close."""
 
@@ -235,6 +238,7 @@ class Machine:
         found = solve(flange_m, flange_axes, self._elbow, now, self._arm.joint_margin_rad)
         if found.reason:
             raise Halt(f"inverse kinematics: {found.reason}")
+        points = self._between(now, found.joints_rad, goal, axes)
         procedure = self._settings.rig
         here = Rotation.from_rotvec(simulation.pose[3:])
         duration = max(
@@ -242,14 +246,37 @@ class Machine:
             duration_s(
                 (Rotation.from_matrix(axes) * here.inv()).magnitude(), procedure.speed_rad_s
             ),
-            duration_s(float(np.abs(found.joints_rad - now).max()), _SLOW_RAD_S),
+            duration_s(float(np.abs(np.diff(points, axis=0)).sum(axis=0).max()), _SLOW_RAD_S),
         )
         share, rate = progress(duration, simulation.step_s)
-        way = found.joints_rad - now
+        curve = CubicSpline(np.linspace(0.0, 1.0, len(points)), points)
         self._servo.engage()
-        self._follow("position", now + share[:, None] * way, rate[:, None] * way)
+        self._follow("position", curve(share), rate[:, None] * curve(share, 1))
         self._target = found.joints_rad
-        self._outcome.directions = np.where(np.abs(way) > _MOVED_RAD, np.sign(way), 0.0)
+        last = points[-1] - points[-2]
+        self._outcome.directions = np.where(np.abs(last) > _MOVED_RAD, np.sign(last), 0.0)
+
+    def _between(self, now: F, end: F, goal: F, axes: F) -> F:
+        """Joints on the straight line of poses and elbows from here to the goal, (n, 7).
+
+        Straight joints would swing the top aside where the elbow has far to go.
+        """
+        pose = self.simulation.pose
+        here = Rotation.from_rotvec(pose[3:])
+        turn = (Rotation.from_matrix(axes) * here.inv()).as_rotvec()
+        first = swivel(now)
+        way = swivel(end) - first
+        points = [now]
+        for share in np.linspace(0.0, 1.0, _WAY_POINTS + 1)[1:-1]:
+            flange_m, flange_axes = self._scene.flange_goal(
+                pose[:3] + share * (goal[:3] - pose[:3]),
+                (Rotation.from_rotvec(share * turn) * here).as_matrix(),
+            )
+            found = joints_at(flange_m, flange_axes, first + share * way, points[-1])
+            if found.reason:
+                raise Halt(f"inverse kinematics on the way: {found.reason}")
+            points.append(found.joints_rad)
+        return np.stack([*points, end])
 
     def _read(self, stop: Stop) -> None:
         simulation, arm = self.simulation, self._arm
