@@ -29,7 +29,7 @@ from blind_parts.analysis import oracle, our_answer, parameters, problem_of, sam
 from blind_parts.data import data_of
 from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
-from blind_parts.sets import TIER_SETS, Set, sets_of
+from blind_parts.sets import TIER_SETS, Set, each_of, sets_of
 from blind_parts.simple import simple_answers
 from ecm.stages import write_atomically
 
@@ -87,6 +87,12 @@ def main() -> int:
     parser.add_argument("--sets", type=int, help="at most so many of each tier")
     parser.add_argument("--tiers", type=int, nargs="*", default=list(TIER_SETS))
     parser.add_argument("--source", choices=("rig", "rod"))
+    parser.add_argument(
+        "--each",
+        type=float,
+        metavar="S",
+        help="instead: each effect of --source once at strength S",
+    )
     parser.add_argument("--no-simple", action="store_true", help="ours alone")
     parser.add_argument("--table", action="store_true", help="only print what is there")
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no set after that")
@@ -97,6 +103,8 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     simple = not given.no_simple
     asked = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
+    if given.each is not None:
+        asked = each_of(given.source or "rod", given.each)
     asked = [one for one in asked if given.source in (None, one.source)]
     results, broken, began = [], 0, time.perf_counter()
     for number, one in enumerate(asked):

@@ -73,6 +73,12 @@ def hideable(source: str) -> list[str]:
     return sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED)
 
 
+def each_of(source: str, strength: float) -> list[Set]:
+    """Every effect of a source once, beside the sets of the table."""
+    ids = hideable(source)
+    return [Set(1, 2000 + k, source, hidden=((id, strength),)) for k, id in enumerate(ids)]
+
+
 def _source(index: int) -> str:
     return ("rig", "rod")[index % 2]
 
