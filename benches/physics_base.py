@@ -30,6 +30,7 @@ from ecm.mechanism import Mechanism
 from ecm.meta import Meta
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.physics_build import diameter
+from ecm.models.physics_family import PARAMETERS
 from ecm.models.physics_fit import noise_whiteners
 from ecm.models.physics_poses import NOISE, workspace_poses
 from ecm.models.physics_refit import refit_physics
@@ -214,6 +215,8 @@ def refits(base: PhysicsMap, body: Mechanism, draws: int) -> None:
         f"spread {spread[0]:.2g}, own sd {sd[0]:.2g}; nu {bias[1]:+.2g}, {spread[1]:.2g}, "
         f"{sd[1]:.2g}; correlation {found.correlation[0, 1]:+.2f}"
     )
+    four = refit_physics(base, Table(columns, meta, "pairs"), noise, free=PARAMETERS)
+    print("  L and D free too: " + "; ".join(four.sentences()))
 
 
 def calls(base: PhysicsMap) -> None:

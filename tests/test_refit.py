@@ -111,6 +111,8 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     table = campaign(seed=3).drop("time_s")
     with pytest.raises(InputError, match="fts_drift cannot be fitted, no column time_s"):
         model().add("fts_drift").fit(table)
+    with pytest.raises(InputError, match="outliers acts on the noise"):
+        model().add("outliers")
     with pytest.raises(InputError, match="in the model already"):
         model().add("payload").add("payload")
     with pytest.raises(InputError, match="no effect payload"):

@@ -121,6 +121,65 @@ impl Model {
     }
 }
 
+/// Rows over which I-optimality averages: h and K over the workspace.
+///
+/// Of at most [`REGION_POSES`] evenly chosen `points`: the rows of h, and those of its change over
+/// half the range of each of the d coordinates, each weighing 1/d. Their mean variance is that of h
+/// plus that of K times half the range.
+///
+/// # Arguments
+/// - `points`: N x columns; `lower`, `upper`: their ranges
+/// - `rows_of`: regressor of any points
+///
+/// # Errors
+/// Those of `rows_of`.
+pub fn prediction_region<E>(
+    points: &[f64],
+    lower: &[f64],
+    upper: &[f64],
+    rows_of: impl Fn(&[f64]) -> Result<Regressor, E>,
+) -> Result<Vec<f64>, E> {
+    let columns = lower.len().max(1);
+    let stride = (points.len() / columns).div_ceil(REGION_POSES).max(1);
+    let sample: Vec<f64> = points
+        .chunks_exact(columns)
+        .step_by(stride)
+        .flatten()
+        .copied()
+        .collect();
+    let moving: Vec<usize> = (0..columns).filter(|&c| upper[c] > lower[c]).collect();
+    let count = moving.len() as f64;
+    // The mean is over all rows here: what is wanted is over the poses of the sample.
+    let whole = (1.0 + count).sqrt();
+    let mut region: Vec<f64> = rows_of(&sample)?.rows;
+    region.iter_mut().for_each(|v| *v *= whole);
+    for c in moving {
+        let step = REGION_STEP * (upper[c] - lower[c]);
+        let mut shifted = sample.clone();
+        shifted
+            .iter_mut()
+            .skip(c)
+            .step_by(columns)
+            .for_each(|v| *v += step);
+        let above = rows_of(&shifted)?.rows;
+        shifted.copy_from_slice(&sample);
+        shifted
+            .iter_mut()
+            .skip(c)
+            .step_by(columns)
+            .for_each(|v| *v -= step);
+        let below = rows_of(&shifted)?.rows;
+        let scale = whole / (4.0 * REGION_STEP * count.sqrt());
+        region.extend(above.iter().zip(&below).map(|(a, b)| scale * (a - b)));
+    }
+    Ok(region)
+}
+
+/// Poses of a [`prediction_region`] at most.
+pub const REGION_POSES: usize = 1000;
+/// Step of its differences, as a share of a coordinate's range.
+const REGION_STEP: f64 = 1e-4;
+
 /// One reading's noise of the six components, N and N m: an instrument of the paper's kind, whose
 /// fx carries the pose noise of the stiff axis.
 pub const COMPONENT_SD: [f64; 6] = [0.9, 0.3, 0.3, 0.010, 0.012, 0.012];

@@ -4,7 +4,7 @@
 
 mod common;
 
-use ecm_doe::regressor::Model;
+use ecm_doe::regressor::{Model, prediction_region};
 use ecm_doe::{Control, DSettings, InformationMatrix, Method, a_optimal, d_optimal, i_optimal};
 
 fn quadratic(seed: u32, count: usize) -> Vec<f64> {
@@ -171,4 +171,36 @@ fn the_bound_converges_on_the_reference_candidates() {
         d.value,
         d.efficiency
     );
+}
+
+/// h and K of a quadratic over [-1, 1]: rows (1, u, u^2) and, over half the range, (0, 1, 2u).
+#[test]
+fn the_region_holds_h_and_k_over_half_the_range() {
+    let points: Vec<f64> = (0..9).map(|i| 3.0 + f64::from(i)).collect();
+    let rows_of = |p: &[f64]| Model::polynomial(p, 2, &[3.0], &[11.0]);
+    let region = prediction_region(&points, &[3.0], &[11.0], rows_of).unwrap();
+    assert_eq!(region.len(), 2 * 9 * 3);
+    let rows = rows_of(&points).unwrap().rows;
+    let settings = DSettings {
+        n: 5,
+        starts: 3,
+        iterations: 20,
+        ..DSettings::default()
+    };
+    let design = i_optimal(&rows, 1, 3, Some(&region), &settings, &Control::new()).unwrap();
+    let m = information(&rows, 1, 3, &design.indices);
+    let variance = |x: [f64; 3]| m.solve(&x).iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+    let both = |p: &f64| {
+        let u = (p - 7.0) / 4.0;
+        variance([1.0, u, u * u]) + variance([0.0, 1.0, 2.0 * u])
+    };
+    let direct = points.iter().map(both).sum::<f64>() / 9.0;
+    assert!(
+        (design.value / direct - 1.0).abs() < 1e-6,
+        "{} {direct}",
+        design.value
+    );
+    // K is known from the ends: more of the poses go there than for h alone.
+    let h = i_optimal(&rows, 1, 3, None, &settings, &Control::new()).unwrap();
+    assert!(h.value < design.value);
 }

@@ -227,7 +227,7 @@ fn threads_do_not_change_the_design() {
         [
             i_optimal(&six, 6, 22, None, &linear, &control).unwrap(),
             g_optimal(&six, 6, 22, &linear, &control).unwrap(),
-            compound_optimal(&six, 6, 22, 0.5, &linear, &control).unwrap(),
+            compound_optimal(&six, 6, 22, 0.5, None, &linear, &control).unwrap(),
             d(&rows, 1, 84, 120, Method::Search),
             d(&rows, 1, 84, 120, Method::Fedorov),
             d(&six, 6, 22, 10, Method::Search),

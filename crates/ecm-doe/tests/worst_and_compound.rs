@@ -155,7 +155,7 @@ fn shares_lead_from_i_to_d() {
             share * d - (1.0 - share) * mean(&variances(&rows, block, k, design)).ln()
         };
         let run = |share| {
-            compound_optimal(&rows, block, k, share, &settings(n), &Control::new()).unwrap()
+            compound_optimal(&rows, block, k, share, None, &settings(n), &Control::new()).unwrap()
         };
         let found: Vec<_> = [0.0, 0.5, 1.0].map(|share| (share, run(share))).to_vec();
         for (share, design) in &found {
@@ -180,6 +180,7 @@ fn shares_lead_from_i_to_d() {
         1,
         10,
         1.5,
+        None,
         &settings(16),
         &Control::new(),
     );
@@ -196,7 +197,7 @@ fn no_subset_beats_the_bound_of_both_criteria_and_it_is_near() {
     let rows = Model::polynomial(&points, 1, &[-1.0; 2], &[1.0; 2])
         .unwrap()
         .rows;
-    let design = compound_optimal(&rows, 1, k, share, &settings(n), &Control::new()).unwrap();
+    let design = compound_optimal(&rows, 1, k, share, None, &settings(n), &Control::new()).unwrap();
     let mut best = f64::NEG_INFINITY;
     for mask in 0u32..1 << count {
         if mask.count_ones() as usize == n {
@@ -215,7 +216,7 @@ fn no_subset_beats_the_bound_of_both_criteria_and_it_is_near() {
     assert!(design.bound >= best - 1e-9);
     // Of many poses whole numbers cost little: the bound is that of both together.
     let rows = quadratic(4, 300);
-    let many = compound_optimal(&rows, 1, 10, 0.5, &settings(80), &Control::new()).unwrap();
+    let many = compound_optimal(&rows, 1, 10, 0.5, None, &settings(80), &Control::new()).unwrap();
     assert!(many.efficiency > 0.997, "{}", many.efficiency);
     assert!(many.gap < 1e-6);
 }

@@ -136,12 +136,14 @@ where
 
 /// The subset with the largest log det(X'X), or for `i`, `a` and `g` the smallest average variance of
 /// the prediction, summed variance of the coefficients or largest variance of the prediction; `di`
-/// is D in `share` and I in the rest; regressor (N * rows_per_pose, k).
+/// is D in `share` and I in the rest; regressor (N * rows_per_pose, k). `region` holds the rows of
+/// which `i` and `di` take the average, the candidates' own by default.
 #[pyfunction]
 #[pyo3(signature = (
     regressor, n, *, rows_per_pose = 1, starts = 10, iterations = 0, seed = 0, threads = 0,
     time_limit_s = 0.0, include = None, replicates = false, progress = None, method = "search",
-    exclude = None, measured = None, criterion = "d", prior = None, share = 0.5
+    exclude = None, measured = None, criterion = "d", prior = None, share = 0.5,
+    region = None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub fn d_optimal(
@@ -163,6 +165,7 @@ pub fn d_optimal(
     criterion: &str,
     prior: Option<PyReadonlyArray2<'_, f64>>,
     share: f64,
+    region: Option<PyReadonlyArray2<'_, f64>>,
 ) -> PyResult<DesignResult> {
     let method = match method {
         "search" => Method::Search,
@@ -180,6 +183,11 @@ pub fn d_optimal(
         )));
     }
     let (rows, _, terms) = matrix(&regressor);
+    let region = match region {
+        Some(region) => Some(measured_rows(Some(region), terms)?),
+        None => None,
+    };
+    let region = region.as_deref();
     let settings = DSettings {
         n,
         starts,
@@ -199,10 +207,10 @@ pub fn d_optimal(
         time_limit_s,
         progress,
         |control| match criterion {
-            "i" => i_optimal(&rows, rows_per_pose, terms, None, &settings, control),
+            "i" => i_optimal(&rows, rows_per_pose, terms, region, &settings, control),
             "a" => a_optimal(&rows, rows_per_pose, terms, &settings, control),
             "g" => g_optimal(&rows, rows_per_pose, terms, &settings, control),
-            "di" => compound_optimal(&rows, rows_per_pose, terms, share, &settings, control),
+            "di" => compound_optimal(&rows, rows_per_pose, terms, share, region, &settings, control),
             _ => search_d(&rows, rows_per_pose, terms, &settings, control),
         },
     )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ecm import _native
 from ecm.columns import POSE
 from ecm.design.base import BaseForDesign
+from ecm.design.prediction import prediction_region
 from ecm.design.regressors import regressor
 from ecm.effects import Effect
 from ecm.errors import InputError
@@ -23,7 +24,7 @@ Criterion = Literal["d", "i", "a", "g", "di", "maximin"]
 
 _WORDS = {
     "d": "D-efficiency",
-    "i": "average prediction variance",
+    "i": "average variance of h and K",
     "a": "summed coefficient variance",
     "g": "largest prediction variance",
     "di": "D- and I-efficiency together",
@@ -84,7 +85,8 @@ def choose(
     Parameters
     ----------
     criterion
-        d, i, a, g for `model`; di: D in `share`, I in the rest; maximin: the Euclidean distance in
+        d, i, a, g for `model`: i averages the variances of h and of K times half the range; di: D
+        in `share`, I in the rest; maximin: the Euclidean distance in
         coordinates normalised to [-1, 1], or of positions and rotations with
         `metres_per_radian`.
     model
@@ -130,11 +132,14 @@ def choose(
             poses, model, length_m=length_m, measured=measured, base=base, effects=effects,
             ridge=ridge,
         )  # fmt: skip
+        region = None
+        if criterion in ("i", "di"):
+            region = prediction_region(poses, model, length_m, base, rows.rows.shape[1])
         found = _native.d_optimal(
             rows.rows, n + len(inside), rows_per_pose=rows.rows_per_pose, starts=starts,
             iterations=iterations, seed=seed, threads=threads, time_limit_s=time_limit_s,
             include=inside, exclude=outside, measured=rows.measured, prior=rows.prior,
-            replicates=replicates, share=share, progress=progress,
+            replicates=replicates, share=share, region=region, progress=progress,
             method="fedorov" if method == "paper" else "search",
             criterion=cast(Literal["d", "i", "a", "g", "di"], criterion),
         )  # fmt: skip

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ecm import _native
 from ecm.design.base import BaseForDesign
 from ecm.design.choose import Progress, choose
-from ecm.design.regressors import COMPONENT_SD, model_columns, polynomial_degree, regressor
+from ecm.design.prediction import predicted_columns
+from ecm.design.regressors import regressor
 from ecm.errors import DesignError, InputError
 
 F = NDArray[np.float64]
@@ -24,8 +24,6 @@ _SAMPLE = 300
 """Unseen poses on which the error is averaged."""
 _HOPELESS = 100.0
 """Times the noise of a reading: the fewest poses may not determine the model well."""
-_STEP = 1e-4
-"""Of the candidates' range, for the derivative of the columns."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def how_many(
             f"do not determine {model}) to {len(poses)} (the candidates)"
         )
     seen = np.random.default_rng([seed, 5]).permutation(len(poses))[:_SAMPLE]
-    values, slopes = _columns(poses, seen, model, length_m, base)
+    values, slopes = predicted_columns(poses, seen, model, length_m, base)
     # Columns of one length: the errors do not depend on it, their rounding does.
     norms = np.linalg.norm(rows.rows, axis=0)
     values, slopes = values / norms, slopes / norms
@@ -126,38 +124,3 @@ def knee(n: ArrayLike, error: ArrayLike) -> int:
 def _with_knee(found: list[Size]) -> list[Size]:
     at = knee([size.n for size in found], [size.wrench_error for size in found])
     return [Size(**{**vars(size), "knee": i == at}) for i, size in enumerate(found)]
-
-
-def _columns(
-    poses: F,
-    seen: NDArray[np.int64],
-    model: str,
-    length_m: float | None,
-    base: BaseForDesign | None,
-) -> tuple[F, F]:
-    """Columns of the sample in units of the noise, and of K times half the pose's range."""
-    low, high = poses.min(axis=0), poses.max(axis=0)
-    moving = np.flatnonzero(high > low)
-
-    def columns(at: F) -> F:
-        if model == "physics" or model.startswith("energy"):
-            blocks = model_columns(at, model, length_m, base)
-            sd = COMPONENT_SD if base is None else _component_sd(base, poses)
-            return blocks / sd[None, :, None]
-        own = np.ascontiguousarray(at[:, moving])
-        degree = polynomial_degree(model)
-        return _native.polynomial_regressor(own, degree, low[moving], high[moving])[:, None, :]
-
-    sample = poses[seen]
-    steps = []
-    for j in moving:
-        step = np.zeros(poses.shape[1])
-        step[j] = _STEP * (high[j] - low[j])
-        steps.append((columns(sample + step) - columns(sample - step)) / (4.0 * _STEP))
-    return columns(sample), np.concatenate(steps, axis=1)
-
-
-def _component_sd(base: BaseForDesign, poses: F) -> F:
-    """(6,) root mean variance of a reading's components over the candidates."""
-    covariance = base.noise.covariance(base.rows(poses))
-    return np.asarray(np.sqrt(np.einsum("nii->ni", covariance).mean(axis=0)))

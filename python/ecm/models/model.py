@@ -219,6 +219,11 @@ class Model:
             effect = get_effect(item) if isinstance(item, str) else item
             if effect.id in present:
                 raise InputError(f"effect {effect.id} is in the model already: remove it first")
+            if effect.kind == "noise":
+                raise InputError(
+                    f"effect {effect.id} acts on the noise and adds no term: diagnose weighs the "
+                    "rows by it and lists it under noise"
+                )
             present.add(effect.id)
             k = len(effect.parameters)
             added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))

@@ -40,6 +40,7 @@ _DEGREE = 6
 _VERSION = 4
 _REACH_STEP = 0.2
 _MOST_REACH = 1.6
+_POSES_OF_A_MESH = 160
 FREE = ("young_modulus_Pa", "poisson_ratio")
 """What a refit changes unless it is told otherwise: L and D are what the file says."""
 
@@ -283,7 +284,10 @@ def physics_map(
         )
     from ecm.models.physics_build import BuildSettings, build_family, shape_of
 
-    settings = BuildSettings() if settings is None else settings
+    if settings is None:
+        # A mesh of one's own may have no symmetry, and then ten times the terms.
+        own_mesh = mechanism.mesh_file is not None
+        settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
     if reach_rad > MARGIN * settings.rotation_limit_rad:
         # In steps of 0.2 rad, so that campaigns of much the same reach share a family.
         wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
@@ -298,8 +302,7 @@ def physics_map(
         family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)
         _write(path, family)
         stage.forget_parts()
-    own_mesh = mechanism.mesh_file is not None
-    length = mechanism.mesh().length_m if own_mesh else mechanism.length_m
+    length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
     values = {
         "young_modulus_Pa": mechanism.young_modulus_Pa,
         "poisson_ratio": mechanism.poisson_ratio,

@@ -21,6 +21,8 @@ F = NDArray[np.float64]
 _REWEIGHTINGS = 5
 _MOVED = 0.01
 _AT_BOUND = 1e-6
+OWN_ERROR_LIMIT = 0.15
+"""Above it a base invents effects (the diagnosis counts it in the covariance all the same)."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,14 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
         for i in range(len(shown))
         for j in range(i + 1, len(shown))
     ]
-    return [*lines, *([f"correlation of {', '.join(pairs)}"] if pairs else [])]
+    lines += [f"correlation of {', '.join(pairs)}"] if pairs else []
+    own = 0.0 if base.family is None else float(base.family.error_over_noise[:2].max())
+    if own > OWN_ERROR_LIMIT:
+        lines.append(
+            f"the model's own error is {own:.2g} times the noise of the paper's rig, above "
+            f"{OWN_ERROR_LIMIT}: small effects cannot be told from it (docs/models.md)"
+        )
+    return lines
 
 
 def refit_physics(

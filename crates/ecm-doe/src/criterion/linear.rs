@@ -14,7 +14,8 @@ use crate::{Control, DesignError, Problem};
 ///
 /// # Arguments
 /// - `regressor`: (N * block) x k row-major, `block` rows a pose
-/// - `region`: rows over which the average is taken, as `regressor`; the candidates if `None`
+/// - `region`: rows over which the average is taken, in blocks as `regressor`, for instance of
+///   [`crate::regressor::prediction_region`]; the candidates' own (h alone) if `None`
 ///
 /// # Errors
 /// As [`crate::d_optimal`].
@@ -27,26 +28,8 @@ pub fn i_optimal(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let mut problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
-    let k = terms;
-    let white = match region {
-        None => problem.rows.clone(),
-        Some(rows) => {
-            if rows.is_empty() || !rows.len().is_multiple_of(block * k) {
-                let expected = rows.len().div_ceil(block * k).max(1) * block * k;
-                let found = rows.len();
-                return Err(DesignError::Shape {
-                    what: "the region",
-                    found,
-                    expected,
-                });
-            }
-            crate::problem::check_finite("the region", rows, k)?;
-            let mut white = vec![0.0; rows.len()];
-            product_transposed(&mut white, (rows.len() / k, k, k), rows, &problem.back);
-            white
-        }
-    };
-    problem.objective = Objective::Trace(root_of_moment(&white, None, block, k));
+    let half = region_root(&problem, region)?;
+    problem.objective = Objective::Trace(half);
     finish(problem, settings, control)
 }
 
@@ -58,6 +41,7 @@ pub fn i_optimal(
 ///
 /// # Arguments
 /// - `share`: of the determinant, 0 to 1
+/// - `region`: as in [`i_optimal`]
 ///
 /// # Errors
 /// As [`crate::d_optimal`], and a share outside 0 to 1.
@@ -66,6 +50,7 @@ pub fn compound_optimal(
     block: usize,
     terms: usize,
     share: f64,
+    region: Option<&[f64]>,
     settings: &DSettings,
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
@@ -77,7 +62,7 @@ pub fn compound_optimal(
         });
     }
     let mut problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
-    let half = root_of_moment(&problem.rows, None, block, terms);
+    let half = region_root(&problem, region)?;
     problem.objective = Objective::Compound { half, share };
     finish(problem, settings, control)
 }
@@ -99,6 +84,25 @@ pub fn a_optimal(
     // M = R' M_w R, so tr(M^-1) = tr(M_w^-1 T T') with T = R^-T.
     problem.objective = Objective::Trace(problem.back.clone());
     finish(problem, settings, control)
+}
+
+/// H of the average over the region, or over the candidates.
+fn region_root(problem: &Problem, region: Option<&[f64]>) -> Result<Vec<f64>, DesignError> {
+    let (block, k) = (problem.block, problem.terms);
+    let Some(rows) = region else {
+        return Ok(root_of_moment(&problem.rows, None, block, k));
+    };
+    if rows.is_empty() || !rows.len().is_multiple_of(block * k) {
+        return Err(DesignError::Shape {
+            what: "the region",
+            found: rows.len(),
+            expected: rows.len().div_ceil(block * k).max(1) * block * k,
+        });
+    }
+    crate::problem::check_finite("the region", rows, k)?;
+    let mut white = vec![0.0; rows.len()];
+    product_transposed(&mut white, (rows.len() / k, k, k), rows, &problem.back);
+    Ok(root_of_moment(&white, None, block, k))
 }
 
 fn finish(

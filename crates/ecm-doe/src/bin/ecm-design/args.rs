@@ -9,7 +9,7 @@ use clap::{Parser, ValueEnum};
 pub enum Criterion {
     /// Largest determinant of the information
     D,
-    /// Smallest average variance of the prediction over the candidates
+    /// Smallest average variance of h and of K (times half the range) over the candidates
     I,
     /// Smallest summed variance of the coefficients
     A,

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise};
+use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise, prediction_region};
 use ecm_doe::{
     Control, DSettings, Design, DesignError, MaximinSettings, Method, SpacingMethod, a_optimal,
     compound_optimal, d_optimal, g_optimal, i_optimal, maximin,
@@ -201,6 +201,20 @@ impl Job {
         let mut all = self.columns.values.clone();
         all.extend_from_slice(&self.measured);
         let regressor = self.regressor(model, &all, args, path)?;
+        let region = match args.criterion {
+            Criterion::I | Criterion::Di => {
+                let (lower, upper) = column_ranges(&self.columns.values, width);
+                let rows_of = |points: &[f64]| self.regressor(model, points, args, path);
+                Some(prediction_region(
+                    &self.columns.values,
+                    &lower,
+                    &upper,
+                    rows_of,
+                )?)
+            }
+            _ => None,
+        };
+        let region = region.as_deref();
         let Regressor {
             mut rows,
             block,
@@ -224,10 +238,12 @@ impl Job {
             prior: prior(args, model, terms)?,
         };
         match args.criterion {
-            Criterion::I => i_optimal(&rows, block, terms, None, &settings, control),
+            Criterion::I => i_optimal(&rows, block, terms, region, &settings, control),
             Criterion::A => a_optimal(&rows, block, terms, &settings, control),
             Criterion::G => g_optimal(&rows, block, terms, &settings, control),
-            Criterion::Di => compound_optimal(&rows, block, terms, args.share, &settings, control),
+            Criterion::Di => {
+                compound_optimal(&rows, block, terms, args.share, region, &settings, control)
+            }
             _ => d_optimal(&rows, block, terms, &settings, control),
         }
         .map_err(|e| self.explain(e, args))

@@ -143,7 +143,7 @@ fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
         ),
         Criterion::I | Criterion::A => format!(
             "{chosen}: {share:.2} % of what is possible ({} {:.6} noise variances, certified lower bound {:.6})",
-            if args.criterion == Criterion::I { "average prediction variance" } else { "summed coefficient variance" },
+            if args.criterion == Criterion::I { "average variance of h and K" } else { "summed coefficient variance" },
             design.value,
             design.bound
         ),
