@@ -10,8 +10,8 @@
 //! reference case at 1104 nodes, 38 Newton iterations; 9 % in the stiffness at
 //! ν = 0.4999), linear ones are useless (12 % to 84 %). With the pressure as an unknown
 //! the volumetric residual is nearly linear: six or seven iterations from rest. Against the converged pose of the reference case (clamped cylinder,
-//! rotation 0.6 rad) `Quality::Standard` (1207 nodes) errs by 0.9 % in translation and
-//! 0.6 % in rotation, `Quality::Fine` (3255 nodes) by 0.4 % and 0.3 %. The four-point
+//! rotation 0.6 rad) `Quality::Standard` (1207 nodes) errs by 0.94 % in translation and
+//! 0.65 % in rotation, `Quality::Fine` (3255 nodes) by 0.46 % and 0.31 %. The four-point
 //! rule changes that by 0.03 % against a fourteen-point one. How prisms are
 //! split matters: diagonals that start at the clamped rim give 1.3 % where the opposite
 //! ones give 2.2 % on the same nodes. [`Formulation::ConstantPressure`] (P2/P0) errs on the
@@ -21,16 +21,11 @@
 //! # Where stability ends
 //! A wrench is reported unstable for one of two reasons ([`Reason`]): the equilibrium's H
 //! is not positive (buckling), or the tangent at held platform loses a positive pivot. The
-//! second happens where bending compresses one side beyond the stretch ratio 1/2.4 at which
-//! a neo-Hookean surface creases (Hong, Zhao and Suo 2009; it wrinkles at 0.296, Biot 1963).
-//! Evidence on 500 random wrenches of the paper's Table I box (E = 0.65 MPa, standard mesh):
-//! 357 solved, 143 creased, none else; the last stable states of the creased ones have ratios
-//! of 0.19 to 0.40, and equilibria just beyond converge with one or two negative pivots. Loss
-//! comes earlier on meshes that resolve the rim (91, 81, 78 % of one load on 1275, 1207, 2700
-//! nodes), as it must for creases, which have no length of their own. A crude line search
-//! on the residual changed at most one of 60 outcomes. 217 of the solved states are beyond the threshold
-//! too: stable against small disturbances on their mesh, perhaps not against a large one
-//! ([`CaseResult::stretch_ratio`] tells). Contact within a crease is not modelled.
+//! second belongs where bending compresses one side beyond a stretch ratio of 0.296, down to which
+//! a neo-Hookean surface is stable against small disturbances (Biot 1963); from 1/2.4 on it
+//! creases where disturbances are large (Hong, Zhao and Suo 2009; [`CaseResult::stretch_ratio`]
+//! tells). Plain Taylor–Hood loses stability long before, by itself: `at_points` has the cure and
+//! its evidence. Contact within a crease is not modelled.
 //!
 //! ```
 //! use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Status};
