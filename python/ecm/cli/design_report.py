@@ -42,13 +42,12 @@ def write_design(
     ]
     sections = [Section("The poses", blocks)]
     if told:
-        listed = [
-            [item.id, number(item.size) if not item.reason else "–", item.unit, item.sentence()]
-            for item in told
-        ]
-        header = ("effect", "from", "unit", "in words")
-        caption = "What the plan can name, with chance 0.9, before anything is measured."
-        sections.append(Section("Effects", [TableBlock(caption, header, listed)]))
+        seen = [item for item in told if not item.reason]
+        listed = [[item.id, number(item.size), item.unit] for item in seen]
+        caption = "The size that the plan sees with chance 0.9, before anything is measured."
+        shown: list[Any] = [TableBlock(caption, ("effect", "from", "unit"), listed)]
+        shown += [TextBlock(item.sentence()) for item in told if not item.named]
+        sections.append(Section("Effects", shown))
     if sizes:
         sections.append(Section("How many", _curve(sizes)))
     write_page(path, "Poses to measure", chosen.sentence(), sections)

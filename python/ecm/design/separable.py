@@ -145,5 +145,7 @@ def separable(
             missing = problem.untestable.get(effect.id)
             reason = "the base absorbs it" if missing is None else missing.reason
             record = "[mechanism]" if missing is None else missing.record
+            if missing is None and effect.kind == "noise":
+                reason, record = "it changes the scatter, not the mean", "repeats"
             found.append(Separable(effect.id, reason=reason, record=record))
     return sorted(found, key=lambda item: (bool(item.reason), bool(item.rivals)))
