@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.mid_frame import stretched
+from ecm import _native
+from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
@@ -77,25 +78,31 @@ class Anisotropy(EffectBase):
 class StrainStiffening(LinearEffect):
     """sigma = E e (1 + c (e / 0.1)^2) (Yeoh, Gent), or E e (1 - c e / 0.1) (Mooney, Ogden).
 
-    psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod.
+    psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod; or,
+    for a body too stubby for a rod, h c W / W_typical with W the energy of the pose (`energy`).
     """
 
     id = "strain_stiffening"
     physics = "The material is stiffer at large strain, or stiffer in compression than in tension."
-    parameters = (Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0),)
+    parameters: tuple[Parameter, ...] = (Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0),)
     signature = "m = 0, conservative; odd and cubic, or even in the axial strain"
 
     def __init__(self, law: str = "odd") -> None:
         self._law = law
+        if law == "both":
+            self.parameters = (
+                *StrainStiffening.parameters,
+                Parameter("modulus_at_energy", "1", 0.02, -2.0, 5.0),
+            )
 
     @property
     def shape(self) -> Shape:
-        """`odd` (Yeoh, Gent) or `even` (Mooney, Ogden)."""
+        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, or `both` odd and energy."""
         return {"law": self._law}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both laws."""
-        return (StrainStiffening("odd"), StrainStiffening("even"))
+        """All laws."""
+        return tuple(StrainStiffening(law) for law in ("odd", "even", "energy", "both"))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -108,6 +115,8 @@ class StrainStiffening(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Wrench per unit of c."""
+        if self._law == "energy":
+            return self._by_energy(rows)
         strain = rod_strain(rows)
         e, gamma = strain.axial, strain.shear
         if self._law == "even":
@@ -115,7 +124,16 @@ class StrainStiffening(LinearEffect):
         else:
             size = (e**2 + (gamma**2).sum(axis=2) / 3.0) / _REFERENCE_STRAIN**2
             wrench = strain.wrench(rows, size * e, size[:, :, None] * gamma / 3.0)
+        if self._law == "both":
+            return np.concatenate([wrench[:, :, None], self._by_energy(rows)], axis=2)
         return wrench[:, :, None]
+
+    def _by_energy(self, rows: Rows) -> F:
+        """h W / W_typical, W = q Q / 2: the gradient of W^2 / (2 W_typical)."""
+        q = _native.mid_frame(rows.poses, rows.length_m)
+        energy = 0.5 * np.abs((q * generalised(rows.poses, rows.wrench)).sum(axis=1))
+        typical = max(float(np.median(energy[~rows.unloaded], axis=0)), 1e-300)
+        return np.asarray((energy / typical)[:, None, None] * rows.wrench[:, :, None])
 
 
 class Compressibility(EffectBase):

@@ -25,7 +25,7 @@ def stretched(rows: Rows, matrix: F, shift: F) -> F:
     matrix = np.broadcast_to(matrix, (len(rows), 6, 6))
     other = np.einsum("nij,nj->ni", matrix, q) + shift
     poses = _poses(other, length)
-    force = np.einsum("nji,nj->ni", matrix, _generalised(poses, rows.predict(poses)))
+    force = np.einsum("nji,nj->ni", matrix, generalised(poses, rows.predict(poses)))
     return wrench_of(rows.poses, force)
 
 
@@ -36,7 +36,7 @@ def _poses(q: F, length_m: float) -> F:
     return np.ascontiguousarray(np.concatenate([position, q[:, 3:]], axis=1))
 
 
-def _generalised(poses: F, wrenches: F) -> F:
+def generalised(poses: F, wrenches: F) -> F:
     """Q_c = A' f, Q_theta = J(theta)' tau + J(theta/2)' (r x f) / 2."""
     half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
     half = _native.rotation_matrices(half_angle)
