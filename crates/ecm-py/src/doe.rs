@@ -210,7 +210,15 @@ pub fn d_optimal(
             "i" => i_optimal(&rows, rows_per_pose, terms, region, &settings, control),
             "a" => a_optimal(&rows, rows_per_pose, terms, &settings, control),
             "g" => g_optimal(&rows, rows_per_pose, terms, &settings, control),
-            "di" => compound_optimal(&rows, rows_per_pose, terms, share, region, &settings, control),
+            "di" => compound_optimal(
+                &rows,
+                rows_per_pose,
+                terms,
+                share,
+                region,
+                &settings,
+                control,
+            ),
             _ => search_d(&rows, rows_per_pose, terms, &settings, control),
         },
     )
