@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import resource
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -266,28 +263,32 @@ def test_faults_are_read_with_care(cache: Path, fault: str, words: str) -> None:
         run(cache, some_poses(6), rig={"fault": fault})
 
 
-@pytest.fixture
-def small_disk() -> Iterator[None]:
-    """No file may grow beyond 8 kB: writing past it fails as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    signal.signal(signal.SIGXFSZ, before)
+SMALL_DISK = """
+import resource, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from ecm.errors import ComputationError
+from test_robot_campaign import run
+from test_rig_stand_in import some_poses
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (8000, resource.RLIM_INFINITY))
+try:
+    run(Path({cache!r}), some_poses(8, seed=4), Path({out!r}))
+except ComputationError as error:
+    print(error)
+"""
+"""In a process of its own: no file may grow beyond 8 kB, as on a full disk."""
 
 
-def test_a_full_disk_keeps_all_poses_before_it(
-    cache: Path, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_full_disk_keeps_all_poses_before_it(cache: Path, tmp_path: Path) -> None:
     poses = some_poses(8, seed=4)
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
-    request.getfixturevalue("small_disk")
-    with pytest.raises(ComputationError, match="All readings before it are kept"):
-        run(cache, poses, out)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    script = SMALL_DISK.format(tests=str(Path(__file__).parent), cache=str(cache), out=str(out))
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert "All readings before it are kept" in done.stdout
     journal = out.with_name("data.journal.csv").read_bytes()
     complete = [json.loads(line) for line in journal.split(b"\n")[2:-1]]
     assert 2 <= len(complete) < 10
@@ -295,7 +296,6 @@ def test_a_full_disk_keeps_all_poses_before_it(
     run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
     assert taken[0] == len(complete) + 1
     assert files(tmp_path / "b") == files(tmp_path / "a")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 KILLED = """

@@ -196,7 +196,7 @@ impl Fem {
         guess: Option<&Guess>,
         watch: Watch,
     ) -> Outcome {
-        if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+        if watch.cancelled() {
             let result = CaseResult {
                 status: Status::Cancelled,
                 ..self.result_at_rest().clone()

@@ -59,7 +59,7 @@ impl Fem {
         let mut iterations = 0;
         // One factorisation at a guess nearly tells stable from unstable ...
         let (mut low, mut high) = (0.0, 1.0);
-        while high - low > BRACKET {
+        while high - low > BRACKET && !watch.cancelled() {
             let middle = 0.5 * (low + high);
             let (mut state, here) = guessed(middle);
             iterations += 1;

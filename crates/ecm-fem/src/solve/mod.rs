@@ -26,7 +26,7 @@ use crate::result::CaseResult;
 use crate::{FemError, tensor};
 use newton::Workspace;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicUsize};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// What the platform is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +82,13 @@ pub struct Watch<'a> {
     pub cancel: Option<&'a AtomicBool>,
     /// Counts load cases that are done.
     pub done: Option<&'a AtomicUsize>,
+}
+
+impl Watch<'_> {
+    /// Whether the caller wants no more.
+    pub(super) fn cancelled(&self) -> bool {
+        self.cancel.is_some_and(|c| c.load(Ordering::Relaxed))
+    }
 }
 
 /// A body with its platform: equilibrium and the last load on it.

@@ -7,7 +7,6 @@ use crate::pattern::NONE;
 use crate::platform::{Platform, step_size};
 use crate::tensor::Mat3;
 use faer::mat::MatMut;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Seconds spent in the parts of a solve.
@@ -114,7 +113,7 @@ impl Fem {
         let mut last_residual = f64::INFINITY;
         let mut factored = false;
         loop {
-            if watch.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+            if watch.cancelled() {
                 work.ready = false;
                 return Err((Failure::Cancelled, iteration));
             }
