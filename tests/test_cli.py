@@ -272,6 +272,11 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert data.column("dwell_s").tolist() == [5.0] * 14
     assert data.meta.instrument.force_sd_N == pytest.approx(0.3, rel=0.05)
     assert "fts_offset" not in Path("data.csv").read_text(encoding="utf-8")
+    measured = Path("data.csv").read_bytes()
+    again = ecm_command("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv")
+    assert again.code == 2
+    assert "measurements are not overwritten" in again.err
+    assert Path("data.csv").read_bytes() == measured
     assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
 
     done("fit", "data.csv", "--model", "energy4", "--out", "m.json")

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from ecm.columns import POSE, WRENCH
 from ecm.diagnose import Diagnosis, diagnose
-from ecm.effects import Rows, get_effect
+from ecm.diagnose.accept import check
+from ecm.diagnose.base import choose_base
+from ecm.diagnose.problem import assemble
+from ecm.diagnose.search import rank
+from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.models import fit_model
 from ecm.rig import RigSettings, run_campaign
@@ -323,3 +327,12 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
     assert diagnosis.verdict == "unknown"
     assert diagnosis.unknown is not None
     assert "times the noise" in diagnosis.unknown["words"]
+
+
+def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:
+    """What fails the checks goes into the report as well: plain numbers and truths."""
+    problem = assemble(choose_base(model(), campaign(seed=3)), campaign(seed=3), all_effects())
+    weakest = rank(problem)[-1].candidate
+    found = check(problem, [weakest], weakest, [weakest.id], 0)
+    assert not found.accepted
+    assert json.loads(json.dumps(asdict(found)))["robust"] is False

@@ -54,6 +54,9 @@ def campaign(
         Path | None,
         typer.Option("--phases", metavar="FILE.png", help="The arm's phases at the first pose."),
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a table that stands there.")
+    ] = False,
     json: Json = None,
     seed: Seed = 0,
     threads: Threads = 0,
@@ -65,6 +68,8 @@ def campaign(
 
     with Console(quiet=quiet) as console:
         output(out, json, film, phases)
+        if not overwrite:
+            _keep_data(out)
         settings = read_rig(rig)
         if film is not None or phases is not None:
             from ecm.robot.show import need_robot
@@ -102,3 +107,14 @@ def campaign(
                     progress=console.bar("pictures"),
                 ):  # fmt: skip
                     console.say(line)
+
+
+def _keep_data(out: Path) -> None:
+    """InputError where a finished table stands: what was measured is not lost by a wrong name."""
+    from ecm.errors import InputError
+
+    if out.exists() and not out.with_name(out.stem + ".journal.csv").exists():
+        raise InputError(
+            f"{out}: a table stands there, and measurements are not overwritten. Choose another "
+            "name, or give --overwrite."
+        )

@@ -164,7 +164,7 @@ def _robust(
             continue
         drop = fall(reduced, problem, (*others, candidate)) - fixed
         best = max(best, (drop - candidate.parameters * penalty, candidate.id))
-    return best[0] > LEAST_BIC and best[1] in members
+    return bool(best[0] > LEAST_BIC and best[1] in members)
 
 
 def _row_squares(problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]) -> F:
@@ -204,4 +204,4 @@ def _within(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> b
     equations = normal_equations(problem)
     without = explained(*equations, problem.base_index) + fall(equations, problem, others)
     free = explained(*equations, columns)
-    return bounded - without > _KEPT_WITHIN_BOUNDS * (free - without)
+    return bool(bounded - without > _KEPT_WITHIN_BOUNDS * (free - without))
