@@ -331,7 +331,9 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
 
 def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:
     """What fails the checks goes into the report as well: plain numbers and truths."""
-    problem = assemble(choose_base(model(), campaign(seed=3)), campaign(seed=3), all_effects())
+    problem = assemble(
+        choose_base(model(), campaign(seed=3)), campaign(seed=3), all_effects(), None
+    )
     weakest = rank(problem)[-1].candidate
     found = check(problem, [weakest], weakest, [weakest.id], 0)
     assert not found.accepted
