@@ -38,6 +38,10 @@ _SECTIONS = (
 )
 QUALITIES = ("standard", "fine")
 
+SOLVER_VERSION = 2
+"""Grows with every change of the FEM that changes its answers: what was kept of older ones is then
+solved anew. 2: bulk stiffness at distorted points."""
+
 
 @dataclass(frozen=True)
 class Mechanism:
@@ -337,14 +341,9 @@ class Mechanism:
         }
 
     def key(self) -> str:
-        """Hash of shape and material; of a mesh, of its content and not of where it lies."""
-        # Settings that came later count only where they are given: older results stay valid.
-        later = {"material": None, "disc_count": 0}
-        values = {
-            f.name: getattr(self, f.name)
-            for f in fields(self)
-            if f.name != "mesh_file" and (f.name, getattr(self, f.name)) not in later.items()
-        }
+        """Hash of solver, shape and material; of a mesh, of its content and not of its place."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
+        values["solver"] = SOLVER_VERSION
         if self.material is not None:
             values["material"] = self.material.to_dict()
         content = ""
