@@ -52,21 +52,18 @@ def run(command: list[str], cwd: Path, where: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("page", ["README.md"])
-def test_the_blocks_of_the_page_run(page: str, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    found = [b for b in blocks(ROOT / page) if "make demo" not in b.text]
-    assert found
+def follow(found: list[Block], page: str, folder: Path) -> str | None:
+    """Run the blocks of a page in a folder; what the last one prints, where nothing checked it."""
     printed: str | None = None
     for block in found:
         where = f"{page}:{block.line}"
         if block.language == "python":
-            printed = run([sys.executable, "-c", block.text], tmp_path, where)
+            printed = run([sys.executable, "-c", block.text], folder, where)
         elif block.language == "sh":
-            printed = run(["bash", "-euc", block.text], tmp_path, where)
+            printed = run(["bash", "-euc", block.text], folder, where)
         elif block.language in ("toml", "csv"):
             assert block.name, f"{where}: a {block.language} block needs a file name"
-            (tmp_path / block.name).write_text(block.text, encoding="utf-8")
+            (folder / block.name).write_text(block.text, encoding="utf-8")
             printed = None
         elif block.language == "text":
             assert printed is not None, f"{where}: no block before it prints"
@@ -74,3 +71,12 @@ def test_the_blocks_of_the_page_run(page: str, tmp_path: Path) -> None:
             printed = None
         else:
             pytest.fail(f"{where}: unknown language {block.language!r}")
+    return printed
+
+
+@pytest.mark.parametrize("page", ["README.md"])
+def test_the_blocks_of_the_page_run(page: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    found = [b for b in blocks(ROOT / page) if "make demo" not in b.text]
+    assert found
+    follow(found, page, tmp_path)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from test_readme import ROOT, Block, blocks, run
+from test_readme import ROOT, blocks, follow
 
 PAGE = ROOT / "docs" / "tutorial.md"
 SEED = "--seed 4 "
@@ -15,30 +16,19 @@ OTHERS = (21, 22, 23)
 """Taken as they come; what they hide is not looked at."""
 
 
-def follow(page: list[Block], folder: Path, seed: int | None) -> str:
-    """Run the blocks in a folder; what the last one prints."""
-    import sys
-
-    printed = ""
-    for block in page:
-        where = f"tutorial.md:{block.line}"
-        if block.language == "toml":
-            (folder / block.name).write_text(block.text, encoding="utf-8")
-            continue
-        text = block.text if seed is None else block.text.replace(SEED, f"--seed {seed} ")
-        if block.language == "python":
-            printed = run([sys.executable, "-c", text], folder, where)
-        else:
-            assert block.language == "sh", where
-            printed = run(["bash", "-euc", text], folder, where)
-    return printed
+def measured(folder: Path, seed: int | None = None) -> str:
+    """What the page's last block prints after all but the plan, with that seed instead."""
+    page = blocks(PAGE)[2:]
+    if seed is not None:
+        page = [replace(b, text=b.text.replace(SEED, f"--seed {seed} ")) for b in page]
+    return follow(page, PAGE.name, folder) or ""
 
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder after section 1."""
     folder = tmp_path_factory.mktemp("tutorial")
-    follow(blocks(PAGE)[:2], folder, None)
+    follow(blocks(PAGE)[:2], PAGE.name, folder)
     return folder
 
 
@@ -46,7 +36,7 @@ def test_the_page_ends_with_the_right_answer(planned: Path, tmp_path: Path) -> N
     folder = tmp_path / "page"
     shutil.copytree(planned, folder)
     assert any(SEED in block.text for block in blocks(PAGE))
-    assert "the answer is right" in follow(blocks(PAGE)[2:], folder, None)
+    assert "the answer is right" in measured(folder)
     assert (folder / "compare.html").stat().st_size < 10e6
     assert (folder / "found.html").stat().st_size < 10e6
 
@@ -56,5 +46,5 @@ def test_so_it_does_for_secrets_that_nobody_chose(planned: Path, tmp_path: Path)
     for seed in OTHERS:
         folder = tmp_path / str(seed)
         shutil.copytree(planned, folder)
-        right += "the answer is right" in follow(blocks(PAGE)[2:], folder, seed)
+        right += "the answer is right" in measured(folder, seed)
     assert right >= 2

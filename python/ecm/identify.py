@@ -234,50 +234,48 @@ def _select(
 
 
 def _designs(job: Job, poses: F) -> dict[str, Design]:
-    settings = job.config.design
     designs = {}
     for criterion in DESIGNS:
-        stage = job.stage(f"design-{criterion}", settings.n, settings.starts, poses)
-
-        def compute(criterion: str = criterion) -> Mapping[str, Any]:
-            found = choose(
-                poses,
-                settings.n,
-                criterion=criterion,
-                seed=job.seed,
-                threads=job.threads,
-                starts=settings.starts,
-                iterations=_BUDGET[criterion],
-                progress=job.console.bar(f"{criterion} design"),
-            )
-            return dict(vars(found))
-
-        designs[criterion] = Design(**stage.run(compute))
+        designs[criterion] = _design(
+            job,
+            poses,
+            f"design-{criterion}",
+            criterion=criterion,
+            iterations=_BUDGET[criterion],
+            title=f"{criterion} design",
+        )
         job.console.say(f"  {criterion}: {designs[criterion].sentence()}")
     return designs
 
 
 def _paper_designs(job: Job, poses: F) -> dict[str, Design]:
     """The paper's own algorithms, to stand beside: Fedorov's exchange and simple exchange."""
+    return {
+        f"{criterion} by the paper's exchange": _design(
+            job, poses, f"paper-design-{criterion}", criterion=criterion, method="paper"
+        )
+        for criterion in DESIGNS
+    }
+
+
+def _design(job: Job, poses: F, name: str, *, title: str = "", **search: Any) -> Design:
+    """One design of the job, kept as the stage of that name; `title` is that of its bar."""
     settings = job.config.design
-    found = {}
-    for criterion in DESIGNS:
-        stage = job.stage(f"paper-design-{criterion}", settings.n, settings.starts, poses)
+    stage = job.stage(name, settings.n, settings.starts, poses)
 
-        def compute(criterion: str = criterion) -> Mapping[str, Any]:
-            chosen = choose(
-                poses,
-                settings.n,
-                criterion=criterion,
-                seed=job.seed,
-                threads=job.threads,
-                starts=settings.starts,
-                method="paper",
-            )
-            return dict(vars(chosen))
+    def compute() -> Mapping[str, Any]:
+        found = choose(
+            poses,
+            settings.n,
+            seed=job.seed,
+            threads=job.threads,
+            starts=settings.starts,
+            progress=job.console.bar(title) if title else None,
+            **search,
+        )
+        return dict(vars(found))
 
-        found[f"{criterion} by the paper's exchange"] = Design(**stage.run(compute))
-    return found
+    return Design(**stage.run(compute))
 
 
 # --- 3 measure and identify --------------------------------------------------

@@ -3,22 +3,12 @@
 //! cargo run --release -p ecm-fem --example batch [pairs] [largest rotation, rad]
 #![allow(clippy::print_stdout)]
 
+mod common;
+
+use common::Draw;
 use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Rod, Status, Watch};
 use std::f64::consts::PI;
 use std::time::Instant;
-
-/// A linear congruential generator (Knuth, MMIX): enough to draw loads.
-struct Draw(u64);
-
-impl Draw {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 /// Processor time of this process (Linux; 0 elsewhere): meaningful on a busy machine too.
 fn cpu_seconds() -> f64 {
@@ -54,11 +44,7 @@ fn main() -> Result<(), FemError> {
     let start = Instant::now();
     while loads.len() < count {
         drawn += 1;
-        let mut h = [draw.between(-110.0, 30.0), 0.0, 0.0, 0.0, 0.0, 0.0];
-        h[1..3]
-            .iter_mut()
-            .for_each(|v| *v = draw.between(-100.0, 100.0));
-        h[3..].iter_mut().for_each(|v| *v = draw.between(-5.0, 5.0));
+        let h = draw.wrench();
         let (p, converged) = rod.pose(&h);
         failed += usize::from(!converged);
         if (p[3] * p[3] + p[4] * p[4] + p[5] * p[5]).sqrt() <= limit {

@@ -4,32 +4,13 @@
 //! cargo run --release -p ecm-fem --example robust [draws] [E, MPa] [P2/P1 | P2/P0 | P2]
 #![allow(clippy::print_stdout)]
 
+mod common;
+
+use common::Draw;
 use ecm_fem::{
     CREASE, CaseResult, Fem, FemError, Formulation, Load, Mesh, NeoHookean, Quality, Settings,
     Status, Watch,
 };
-
-/// A linear congruential generator (Knuth, MMIX): enough to draw loads.
-struct Draw(u64);
-
-impl Draw {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn wrench(&mut self) -> [f64; 6] {
-        let mut h = [self.between(-110.0, 30.0), 0.0, 0.0, 0.0, 0.0, 0.0];
-        h[1..3]
-            .iter_mut()
-            .for_each(|v| *v = self.between(-100.0, 100.0));
-        h[3..].iter_mut().for_each(|v| *v = self.between(-5.0, 5.0));
-        h
-    }
-}
 
 fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()

@@ -84,8 +84,8 @@ def references(model: Model, table: Table, noise: Noise) -> References | None:
 
     The physics base is that of the model, where it is one: comparing builds no FEM.
     """
-    # Late: models and diagnosis stand on the comparison.
-    from ecm.diagnose.base import symmetric_energy
+    # Late: models stand on the comparison.
+    from ecm.models.by_degree import symmetric_energy
     from ecm.models.ladder import ceiling_rms
     from ecm.models.physics import FREE, PhysicsMap
     from ecm.refit import joint_fit

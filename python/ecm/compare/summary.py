@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
 from ecm.compare.noise import Noise
 from ecm.compare.references import References, references
-from ecm.compare.residuals import residuals
+from ecm.compare.residuals import Residuals, residuals
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.compare.where import Where, where
 from ecm.effects.rows import Rows
@@ -47,6 +48,16 @@ class Component:
 
 
 @dataclass(frozen=True)
+class _Compared:
+    """What a comparison was made of."""
+
+    model: Model
+    rows: Rows
+    residuals: Residuals
+    scored: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Comparison:
     """What `compare` found."""
 
@@ -69,11 +80,22 @@ class Comparison:
     """(N, m)."""
     row: I
     """(N,) their rows in the table, from 0."""
-    maps: Where
-    """Where the residuals are."""
+    compared: _Compared
     warnings: tuple[str, ...] = ()
-    references: References | None = None
-    """Physics base, symmetric energy, ceiling and floor; None for tables of other columns."""
+
+    @cached_property
+    def references(self) -> References | None:
+        """Physics base, symmetric energy, ceiling and floor; None for tables of other columns.
+
+        Fits two bases: made when it is asked for.
+        """
+        return references(self.compared.model, self.compared.rows.table, self.noise)
+
+    @cached_property
+    def _where(self) -> Where:
+        made = self.compared
+        at = np.ascontiguousarray(made.rows.poses[made.scored])
+        return where(made.rows, made.residuals, made.scored, made.model.leverage(at))
 
     def sentence(self) -> str:
         """One plain sentence."""
@@ -98,7 +120,7 @@ class Comparison:
 
     def where(self) -> Where:
         """Residual maps, signature shares, residual stiffness and the worst rows."""
-        return self.maps
+        return self._where
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
@@ -174,8 +196,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         physical=physical,
         row=np.flatnonzero(scored),
         warnings=tuple(r.sentence() for r in unlike_runs(table, model.inputs, model.outputs)),
-        references=references(model, table, noise),
-        maps=where(rows, found, scored, model.leverage(rows.poses[scored])),
+        compared=_Compared(model, rows, found, scored),
     )
 
 

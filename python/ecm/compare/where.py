@@ -36,8 +36,8 @@ class Where:
     """Name with unit to (N,): pose, bend, azimuth, |h|, time, order, covariates, approach side."""
     physical: Mapping[str, F]
     """`base`, and with a full pose and wrench `top`: (N, m) in the units of the outputs."""
-    over_noise: Mapping[str, F]
-    """The same, each component over its own standard deviation in that row."""
+    spread: Mapping[str, F]
+    """Standard deviation of each component's noise in that row, in the same frames."""
     size: F
     """(N,) root mean square of the row's residual, whitened by its full covariance."""
     shares: Mapping[str, float]
@@ -51,11 +51,17 @@ class Where:
     leverage: F | None
     """(N,) of the model there, in units of one row's noise."""
 
+    @property
+    def over_noise(self) -> dict[str, F]:
+        """`physical` over `spread`: the full whitener would mix components."""
+        return {frame: values / self.spread[frame] for frame, values in self.physical.items()}
+
     def worst(self, count: int = 10) -> list[dict[str, Any]]:
         """The rows with the largest whitened residual."""
         found = []
+        over_noise = self.over_noise["base"]
         for i in np.argsort(-self.size, kind="stable")[:count]:
-            j = int(np.argmax(np.abs(self.over_noise["base"][i])))
+            j = int(np.argmax(np.abs(over_noise[i])))
             item = {
                 "row": int(self.row[i]),
                 "whitened": float(self.size[i]),
@@ -124,9 +130,7 @@ def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
     variables = {name: values[scored] for name, values in _variables(rows).items()}
     variables = {name: v for name, v in variables.items() if float(np.ptp(v)) > 0.0}
     physical = {"base": found.physical[scored]}
-    # Each component over its own standard deviation: the full whitener would mix components.
-    spread = np.sqrt(np.einsum("nii->ni", found.covariance[scored]))
-    over_noise = {"base": physical["base"] / spread}
+    spread = {"base": np.sqrt(np.einsum("nii->ni", found.covariance[scored]))}
     full = rows.base.inputs == POSE and outputs == WRENCH
     stiffness = sd = None
     shares: dict[str, float] = {}
@@ -134,7 +138,7 @@ def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
         turn = np.swapaxes(rows.base_from_top[scored], 1, 2)
         physical["top"] = np.einsum("nij,nj->ni", turn, physical["base"])
         covariance = turn @ found.covariance[scored] @ np.swapaxes(turn, 1, 2)
-        over_noise["top"] = physical["top"] / np.sqrt(np.einsum("nii->ni", covariance))
+        spread["top"] = np.sqrt(np.einsum("nii->ni", covariance))
         shares = signature_shares(rows, found.whitened, found.whitener)
         stiffness, sd = _residual_stiffness(rows, found, scored)
     return Where(
@@ -142,10 +146,10 @@ def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
         row=np.flatnonzero(scored) + 1,
         variables=variables,
         physical=physical,
-        over_noise=over_noise,
+        spread=spread,
         size=np.asarray(np.sqrt((found.whitened[scored] ** 2).mean(axis=1))),
         shares=shares,
-        follows=_follows(variables, over_noise["base"], outputs),
+        follows=_follows(variables, physical["base"] / spread["base"], outputs),
         stiffness=stiffness,
         stiffness_sd=sd,
         leverage=leverage,

@@ -16,6 +16,7 @@ from ecm.compare.estimate import repeat_cells
 from ecm.compare.folds import distinct_rows, held_out_by, informative_rows
 from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
+from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
@@ -33,7 +34,6 @@ from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
 from ecm.diagnose.scatter import scatter_effects, with_growth
 from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
-from ecm.diagnose.signature import signature_shares
 from ecm.diagnose.unknown import describe, structure
 from ecm.diagnose.verdict import Diagnosis, Verdict
 from ecm.effects import Effect, all_effects, get_effect
@@ -158,7 +158,9 @@ def diagnose(
         rmse=_rmse(model, table, problem, final),
         held_out=_held_out(problem, accepted),
         further=tuple(item.to_dict() for item in further(problem, accepted)),
-        signature=signature_shares(problem),
+        signature=signature_shares(
+            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+        ),
         next_experiment=tuple(next_experiments(problem, accepted, classes)),
         outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
         seed=seed,

@@ -35,10 +35,7 @@ def residual_map(
     points = _panels(found, found.variables[variable], shown[frame], variable)
     curves = []
     if predicted is not None:
-        spread = found.physical["base"] / np.where(
-            found.over_noise["base"] == 0.0, np.nan, found.over_noise["base"]
-        )
-        values = np.nan_to_num(predicted / spread) if over_noise else predicted
+        values = predicted / found.spread["base"] if over_noise else predicted
         curves = _predicted(found, found.variables[variable], values)
     data = [*points, *curves]
     layout = draw.component_layout(found.outputs, "" if curves else None)

@@ -1,0 +1,48 @@
+"""Maps whose degree is what the rows can carry: generalised cross-validation decides."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.models.fit import fit_model
+from ecm.models.maps import StiffnessMap
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+_ENERGY_DEGREES = (4, 5, 6)
+_POLYNOMIAL_DEGREES = (1, 2, 3)
+
+
+def symmetric_energy(table: Table) -> StiffnessMap:
+    """The symmetric energy model of the degree that the rows can carry."""
+    return _by_degree(table, [f"energy{d}" for d in _ENERGY_DEGREES])
+
+
+def polynomial(table: Table) -> StiffnessMap:
+    """The free polynomial of the degree that the rows can carry."""
+    return _by_degree(table, [f"poly:{d}" for d in _POLYNOMIAL_DEGREES])
+
+
+def _by_degree(table: Table, names: list[str]) -> StiffnessMap:
+    """The name of least generalised cross-validation error, sum over components in their spread."""
+    measured = table.measured()
+    best: tuple[float, StiffnessMap] | None = None
+    for name in names:
+        base = fit_model(measured, name).base
+        truth = np.stack([measured.column(c) for c in base.outputs], axis=1)
+        poses = np.stack([measured.column(c) for c in base.inputs], axis=1)
+        n = truth.size
+        k = len(base.coefficients)
+        if k >= 0.5 * n and best is not None:
+            continue
+        spread = np.maximum(truth.std(axis=0), 1e-300)
+        square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
+        score = square / n / (1.0 - min(k / n, 0.999)) ** 2
+        if best is None or score < best[0]:
+            best = (score, base)
+    if best is None:
+        return fit_model(measured, names[0]).base
+    return best[1]
