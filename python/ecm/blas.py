@@ -6,6 +6,7 @@ the last bits of a sum depend on their number. Large work has threads of its own
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -14,13 +15,13 @@ from threadpoolctl import ThreadpoolController
 
 
 @cache
-def _controller() -> ThreadpoolController:
-    # Finding the loaded libraries takes milliseconds; numpy's and scipy's are loaded by now.
+def _controller(scipy_loaded: bool) -> ThreadpoolController:
+    # Finding the loaded libraries takes milliseconds. Scipy brings a BLAS of its own, later.
     return ThreadpoolController()
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Sequential BLAS inside the block (also as a decorator)."""
-    with _controller().limit(limits=1, user_api="blas"):
+    with _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
         yield

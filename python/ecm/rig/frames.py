@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+
+from ecm._native import rotation_matrices, rotation_vectors
 
 F = NDArray[np.float64]
 
 
-def rotation(rotation_vectors: F) -> F:
+def rotation(vectors: F) -> F:
     """exp of (N, 3) rotation vectors: (N, 3, 3)."""
-    matrices: F = Rotation.from_rotvec(rotation_vectors).as_matrix()
-    return matrices
+    return rotation_matrices(vectors)
 
 
 def rotation_vector(matrices: F) -> F:
     """log of (N, 3, 3) rotations: (N, 3)."""
-    vectors: F = Rotation.from_matrix(matrices).as_rotvec()
-    return vectors
+    return rotation_vectors(matrices)
 
 
 def rotate(matrices: F, vectors: F) -> F:
@@ -81,7 +80,9 @@ def top_from_sensor_wrench(transform: tuple[float, ...]) -> F:
     f' = R f, tau' = R tau + t x R f, with (t, quaternion w x y z) the sensor in the top frame.
     """
     lever = np.asarray(transform[:3])
-    turn = Rotation.from_quat(np.asarray(transform[3:]), scalar_first=True).as_matrix()
+    w, x, y, z = np.asarray(transform[3:]) / np.linalg.norm(transform[3:])
+    half = skew(np.array([x, y, z]))
+    turn = np.eye(3) + 2.0 * w * half + 2.0 * half @ half
     adjoint = np.zeros((6, 6))
     adjoint[:3, :3] = adjoint[3:, 3:] = turn
     adjoint[3:, :3] = skew(lever) @ turn

@@ -43,7 +43,8 @@ pub type Finished<'a> = &'a (dyn Fn(usize, &Outcome) + Sync);
 
 impl Fem {
     /// Solves all loads (all wrenches or all poses) on rayon's current pool, learning from
-    /// the solved ones; one result per load, in their order.
+    /// the solved ones; one result per load, in their order. The first wrenches begin at rest,
+    /// the first poses where the tangent at rest puts them.
     ///
     /// # Errors
     /// A load that is not finite, with its row.
@@ -52,7 +53,10 @@ impl Fem {
         let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
         let order = farthest_first(&points);
         let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
-        let mut guess = None;
+        let mut guess = match loads.first() {
+            Some(Load::Pose(_)) => self.linear_guess(),
+            _ => None,
+        };
         let mut done = 0;
         while done < order.len() {
             let group = &order[done..order.len().min((2 * done).max(FIRST))];

@@ -49,6 +49,11 @@ impl Guess {
     /// Fits the solved states; `None` when too few.
     pub(super) fn fit(samples: &[Sample]) -> Option<Self> {
         let (degree, _) = *NEEDED.iter().find(|(_, n)| samples.len() >= *n)?;
+        Self::of_degree(samples, degree)
+    }
+
+    /// Fits polynomials of one degree, however few the states; `None` when they tell nothing.
+    pub(super) fn of_degree(samples: &[Sample], degree: usize) -> Option<Self> {
         let mut scale = [f64::MIN_POSITIVE; 6];
         for (point, _) in samples {
             for k in 0..6 {

@@ -5,6 +5,7 @@ mod condense;
 mod guessed;
 mod held;
 mod learn;
+mod linear;
 mod newton;
 mod path;
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub(super) struct Workspace {
     pub columns: Vec<f64>,
     pub pivots: Vec<f64>,
     residual: Vec<f64>,
-    trial: State,
+    pub trial: State,
     /// `sums`, `factor` and the first six `columns` belong to the current state.
     pub ready: bool,
     pub balance: Balance,
@@ -296,7 +296,12 @@ impl Fem {
     }
 
     /// Newton step of the platform; the step of the unknowns is left in the seventh column.
-    fn step(&self, work: &mut Workspace, gap: &[f64; 6], pose_given: bool) -> Option<[f64; 6]> {
+    pub(super) fn step(
+        &self,
+        work: &mut Workspace,
+        gap: &[f64; 6],
+        pose_given: bool,
+    ) -> Option<[f64; 6]> {
         let n = self.pattern.unknowns;
         let start = Instant::now();
         let (six, last) = work.columns.split_at_mut(6 * n);
@@ -338,7 +343,13 @@ impl Fem {
     }
 
     /// `work.trial` = `state` moved by `share` of the step.
-    fn move_by(&self, work: &mut Workspace, state: &State, platform_step: &[f64; 6], share: f64) {
+    pub(super) fn move_by(
+        &self,
+        work: &mut Workspace,
+        state: &State,
+        platform_step: &[f64; 6],
+        share: f64,
+    ) {
         let step = &work.columns[6 * self.pattern.unknowns..];
         let trial = &mut work.trial;
         trial.platform = state.platform.moved(platform_step, share);

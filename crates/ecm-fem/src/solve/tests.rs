@@ -3,6 +3,7 @@
 
 use super::newton::Workspace;
 use super::{Fem, Load, Settings, Watch};
+use crate::Status;
 use crate::assembly::{Formulation, Sums};
 use crate::material::NeoHookean;
 use crate::mesh::{Mesh, Quality};
@@ -350,4 +351,35 @@ fn a_compressed_surface_is_stable_as_far_as_biot() {
         }
         assert!(modes(lost) > 0, "{n:?}");
     }
+}
+
+#[test]
+fn the_first_poses_of_a_batch_begin_where_the_tangent_at_rest_puts_them() {
+    let fem = coarse();
+    let loads: Vec<Load> = (0..12)
+        .map(|i| {
+            let a = f64::from(i);
+            let (y, z) = (0.04 * a.sin(), 0.04 * a.cos());
+            let x = fem.body.mesh.length_m() - 0.015;
+            Load::Pose([x, y, z, 0.5 * (2.0 * a).sin(), -15.0 * z, 15.0 * y])
+        })
+        .collect();
+    let batch = fem.solve_all(&loads, Watch::default()).unwrap();
+    let (mut together, mut alone) = (0, 0);
+    for (load, found) in loads.iter().zip(&batch) {
+        let (rest, _) = fem.solve(load).unwrap();
+        assert_eq!(found.status, Status::Solved);
+        assert_eq!(found.load_steps, 1);
+        together += found.iterations;
+        alone += rest.iterations;
+        for k in 0..6 {
+            let unit = if k < 3 { 1.0 } else { fem.body.mesh.length_m() };
+            let miss = (found.wrench[k] - rest.wrench[k]).abs();
+            assert!(miss < 1e-7 * unit * fem.force_unit_N, "{k}: {miss}");
+        }
+    }
+    assert!(
+        20 * together <= 17 * alone,
+        "{together} of {alone} iterations"
+    );
 }

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from ecm.rig.frames import rotation, rotation_vector, transpose
 
@@ -15,6 +14,8 @@ F = NDArray[np.float64]
 
 def quantile_F(share: float, numerator: int, denominator: int) -> float:
     """Quantile of the F distribution."""
+    from scipy import special  # slow to load, and no campaign needs it
+
     return float(special.fdtri(numerator, denominator, share))
 
 

@@ -8,12 +8,12 @@ pose, estimated by half the work of the wrench on the way from rest. First visit
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from ecm.rig.physics.shape import Sized
 
@@ -32,5 +32,5 @@ class Softening(Sized):
     def factor(self, energy_J: F) -> F:
         """(N,) factor for rows in the order of visits."""
         largest = np.maximum.accumulate(energy_J)
-        factor: F = 1.0 - self.size * erf((largest - energy_J) / self.energy_J)
-        return factor
+        deficit = (largest - energy_J) / self.energy_J
+        return 1.0 - self.size * np.asarray([math.erf(d) for d in deficit])
