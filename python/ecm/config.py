@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -171,3 +171,13 @@ def read_rig(path: str | Path) -> RigSettings:
     """RIG.toml: the tables [rig] [instrument] [plant] [hidden] of a CONFIG."""
     file = Path(path)
     return RigSettings.from_dict(read_toml(file, "rig file"), str(file))
+
+
+def with_rig(config: Config, path: str | Path) -> Config:
+    """The job on the rig of another file; its own [hidden] stays where that file has none."""
+    file = Path(path)
+    document = read_toml(file, "rig file")
+    rig = RigSettings.from_dict(document, str(file))
+    if "hidden" not in document:
+        rig = replace(rig, hidden=config.rig.hidden)
+    return replace(config, rig=rig)

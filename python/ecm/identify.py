@@ -36,6 +36,7 @@ from ecm.table import Table, read_table
 F = NDArray[np.float64]
 
 DESIGNS = ("d", "maximin")
+_RIGS = {"quasi_static": "the simulated rig", "robot": "the simulated rig with its arm"}
 _TIMED_PAIRS = 100
 _BUDGET = {"d": 300, "maximin": 50}  # a second; within 0.01 % of what the default finds here
 
@@ -100,6 +101,10 @@ def identify(
     if not isinstance(config, Config):
         config = read_config(config)
     config.check_job()
+    if config.rig.rig.mode == "robot":
+        from ecm.robot.run import need_arm
+
+        need_arm()
     job = Job(config, out, seed, threads, console or Console())
     out.mkdir(parents=True, exist_ok=True)
     summary: dict[str, Any] = {
@@ -118,7 +123,7 @@ def identify(
     with job.step("select", "2 Select: a model, and the poses worth measuring"):
         train, test = _split(job, pairs)
         designs = _select(job, pairs, train, test, summary)
-    with job.step("measure", "3 Measure and identify: the simulated rig"):
+    with job.step("measure", f"3 Measure and identify: {_RIGS[config.rig.rig.mode]}"):
         campaigns = _measure(job, pairs, train, designs, summary)
         physics = _physics(job, pairs)
         _identify(job, campaigns, physics, summary)
@@ -306,7 +311,27 @@ def _measure(
             f"  {name}: {rows[name]['rows']} poses in {rows[name]['minutes']:.0f} robot minutes"
         )
     summary["identify"] = {"campaigns": rows}
+    if clean.rig.mode == "robot":
+        summary["identify"]["arm"] = _arm(job, clean)
     return tables
+
+
+def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
+    """What the arm did in the campaigns of all designs, and Fig. 7."""
+    from ecm.robot.run import robot_path
+    from ecm.robot.show import pose_on_its_way
+    from ecm.robot.summary import digest
+
+    arrays, phases = pose_on_its_way(
+        read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
+        rig,
+        seed=job.seed,
+        threads=job.threads,
+        folder=job.out / "stages" / "anchors",
+    )
+    job.figures.update({f"arm_{name}": values for name, values in arrays.items()})
+    records = {name: digest(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
+    return {"records": records, "phases_s": phases}
 
 
 def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
@@ -323,6 +348,7 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
             threads=job.threads,
             progress=job.console.bar(name),
             folder=job.out / "stages" / "anchors",
+            overwrite=True,  # the job's own, of other settings or of a stage that was cut
         )
         return {"data": out.name}
 

@@ -37,6 +37,10 @@ def identify(
     *,
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="For the results.")],
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", metavar="RIG.toml", help="Measure on this rig, not CONFIG's."),
+    ] = None,
     json: Json = None,
     report: Report = None,
     seed: Seed = 0,
@@ -44,7 +48,7 @@ def identify(
     quiet: Quiet = False,
 ) -> None:
     """Simulate, select, measure, identify; then find the effect that was hidden."""
-    from ecm.config import read_config
+    from ecm.config import read_config, with_rig
     from ecm.identify import identify as run
     from ecm.stages import write_atomically
 
@@ -54,6 +58,8 @@ def identify(
         need_report(report)
         keep_note(f"Finished stages are kept in {out}: the same command goes on there.")
         settings = read_config(config)
+        if rig is not None:
+            settings = with_rig(settings, rig)
         summary = run(settings, out, seed=seed, threads=threads, console=_shown(console))
         save_json(json, summary)
         if report is not None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ecm.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 from ecm.report import figures as draw
+from ecm.report.arm import arm_section
 from ecm.report.loop import loop_section
 from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
 
@@ -37,6 +38,8 @@ def identify_sections(
         _stiffness(summary["identify"], figures),
         _speed(times),
     ]
+    if "arm" in summary["identify"]:
+        sections.insert(4, arm_section(summary["identify"]["arm"], figures, _NAMES))
     if "loop" in summary:
         sections.append(loop_section(summary["loop"], figures))
     return sections

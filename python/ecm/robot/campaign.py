@@ -35,7 +35,7 @@ from ecm.robot.record import Line
 from ecm.robot.scene import mujoco, scene
 from ecm.robot.surroundings import Effects
 from ecm.robot.tour import Tour, tours
-from ecm.robot.worker import Job, sorties
+from ecm.robot.worker import Drive, Job, sorties
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -61,8 +61,10 @@ class RobotCampaign(Campaign):
         folder: Path | None = None,
         library_folder: Path,
         progress: Progress = None,
+        drive: Drive = sorties,
     ) -> None:
         mujoco()  # before any work where it is missing
+        self._drive = drive
         self._faults = faults.parse(settings.arm.fault)
         super().__init__(
             plan, settings, source, hide=hide, seed=seed, folder=folder, progress=progress
@@ -116,7 +118,7 @@ class RobotCampaign(Campaign):
         first = {t.stops[0].visit: t for t in remaining}
         for tour in remaining:  # one that a kill has cut is driven again as a whole
             first[max(begun, tour.stops[0].visit)] = tour
-        with sorties(self.job, [t.stops for t in remaining], processes) as results:
+        with self._drive(self.job, [t.stops for t in remaining], processes) as results:
             for i in range(begun, len(self.planned.visits)):
                 if i in first:
                     tour, sortie = first[i], next(results)

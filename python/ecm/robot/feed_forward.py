@@ -52,6 +52,17 @@ def compiled(library: Path) -> ControllerModel:
     return ControllerModel(evaluate, pose, wrench, stiffness)
 
 
+def need_compiler() -> str:
+    """The C compiler of this machine, or a ComputationError."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        raise ComputationError(
+            "the controller's model is C code, and no C compiler (cc, gcc, clang) was found; "
+            "install one"
+        )
+    return compiler
+
+
 def build(model: Model, folder: Path) -> Path:
     """Exports, compiles and keeps the library under a hash of its source.
 
@@ -67,12 +78,7 @@ def build(model: Model, folder: Path) -> Path:
     library = folder / f"controller-{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
     if library.exists():
         return library
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        raise ComputationError(
-            "the controller's model is C code, and no C compiler (cc, gcc, clang) was found; "
-            "install one, or set [rig] feed_forward = false"
-        )
+    compiler = need_compiler()
     folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=folder) as place:
         for name in (f"{_NAME}.h", f"{_NAME}.c"):

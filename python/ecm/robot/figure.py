@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import MissingExtra
-from ecm.robot.procedure import Sortie, Stop
+from ecm.robot.procedure import Sortie, Stop, whole_way
 
 F = NDArray[np.float64]
 
@@ -37,8 +37,7 @@ def figure_7(sortie: Sortie, stop: Stop, length_m: float, path: Path) -> None:
     except ImportError:
         raise MissingExtra("matplotlib", "report", "--phases") from None
     outcome = sortie.outcomes[0]
-    time_s = np.concatenate([outcome.trace_s, sortie.home.trace_s])
-    way = np.concatenate([outcome.trace, sortie.home.trace])
+    time_s, way = whole_way(sortie)
     rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes: Any = figure.subplots(2, 3, sharex=True)

@@ -96,6 +96,12 @@ class Sortie:
     """The way back: its phases and trace alone."""
 
 
+def whole_way(sortie: Sortie) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
+    parts = (sortie.outcomes[0], sortie.home)
+    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])
+
+
 class Halt(Exception):
     """A limit was broken; the message says which."""
 
@@ -128,6 +134,8 @@ class Machine:
         self._stack: list[F] = []
         self._outcome = Outcome(-1)
         self._target: F = np.zeros(7)
+        self._begin_s = 0.0
+        """When the present phase began."""
         self._times: list[float] = []
         self._poses: list[F] = []
 
@@ -182,7 +190,7 @@ class Machine:
     def _drive(self, goal: F) -> None:
         simulation = self.simulation
         goal_turn = Rotation.from_rotvec(goal[3:])
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._servo.release()
         start = simulation.pose.copy()
         start_turn = Rotation.from_rotvec(start[3:])
@@ -201,11 +209,11 @@ class Machine:
         turns = (Rotation.from_rotvec(share[:, None] * way) * first_turn).as_quat(scalar_first=True)
         self._cartesian("impedance", positions, turns)
         self._log("impedance", begin)
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._settle(positions[-1], turns[-1])
         self._log("settle", begin)
         self._outcome.after_impedance = simulation.pose.copy()
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._position(goal, goal_turn.as_matrix())
         self._log("position", begin)
 
@@ -280,10 +288,10 @@ class Machine:
 
     def _read(self, stop: Stop) -> None:
         simulation, arm = self.simulation, self._arm
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._hold("rest", stop.dwell_s)
         self._log("rest", begin)
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._outcome.rest_s = stop.dwell_s
         self._outcome.joints_rad = simulation.joints_rad.copy()
         poses = self._hold("reading", stop.window_s)
@@ -317,7 +325,7 @@ class Machine:
     def _retrace(self) -> None:
         """Back along the recorded joints, whatever the guard says: that way was free before."""
         simulation = self.simulation
-        begin = simulation.time_s
+        begin = self._begin_s = simulation.time_s
         self._servo.engage()
         back = np.stack(self._stack[::-1])
         now = simulation.joints_rad
@@ -383,7 +391,7 @@ class Machine:
         if not breach and simulation.steps % (10 * TICK) == 0:
             breach = self._guard.singular()
         if breach:
-            self._log(phase, simulation.time_s)
+            self._log(phase, self._begin_s)
             raise Halt(f"while in phase {phase}: {breach}")
 
     def _log(self, phase: str, begin: float) -> None:

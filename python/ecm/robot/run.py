@@ -16,7 +16,9 @@ from ecm.rig.hidden import Hidden
 from ecm.rig.journal import Journal
 from ecm.rig.settings import RigSettings
 from ecm.robot.campaign import RobotCampaign
+from ecm.robot.feed_forward import need_compiler
 from ecm.robot.record import HEADER, Line
+from ecm.robot.scene import mujoco
 from ecm.robot.summary import document
 from ecm.stages import write_json
 
@@ -29,6 +31,12 @@ MOST_PROCESSES = 8
 def robot_path(data: Path) -> Path:
     """Where the record of the arm lies beside a table."""
     return data.with_suffix(".robot.json")
+
+
+def need_arm() -> None:
+    """MissingExtra or ComputationError now, not after the work, where the arm cannot be driven."""
+    mujoco()
+    need_compiler()
 
 
 def run_robot(

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.run import fem_source
 from ecm.rig.settings import RigSettings
 from ecm.robot.campaign import RobotCampaign
+from ecm.robot.procedure import Sortie, Stop, whole_way
 from ecm.stages import cache_directory
 
 if TYPE_CHECKING:
     from ecm.table import Table
 
+F = NDArray[np.float64]
+
 FILMED = 3
+_TRIED = 10
 _RADIUS_M = 0.033
 """Drawn where the plan's mechanism names no radius."""
 
@@ -51,11 +58,85 @@ def show(
     film
         GIF of the first poses at four times their speed.
     phases
-        Fig. 7 of the first pose, PNG, SVG or PDF.
+        Fig. 7 of the first pose that is reached, PNG, SVG or PDF.
     """
     need_robot(rig, ("--film", film), ("--phases", phases))
+    campaign = _campaign(
+        plan, rig, seed=seed, threads=threads, progress=progress, source=source, folder=folder
+    )
+    said = []
+    if phases is not None:
+        from ecm.robot.figure import figure_7
+
+        sortie, stop = _first_reached(campaign)
+        figure_7(sortie, stop, campaign.plant.length_m, phases)
+        said.append(f"{phases}: the phases of the first pose that the arm reaches")
+    if film is not None:
+        from ecm.robot.film import film as write
+
+        body = plan.meta.mechanism or {}
+        radius = float(body.get("radius_m", _RADIUS_M))
+        stops = [tour.stops[0] for tour in campaign.tours[:FILMED]]
+        frames = write(campaign.job, stops, film, radius, progress)
+        said.append(f"{film}: {len(stops)} poses, {frames} frames")
+    return said
+
+
+def pose_on_its_way(
+    plan: Table,
+    rig: RigSettings,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    source: Source | None = None,
+    folder: Path | None = None,
+) -> tuple[dict[str, F], list[list[Any]]]:
+    """Fig. 7 in numbers: the first pose of a plan that is reached, from home and back.
+
+    Returns
+    -------
+    arrays
+        `time_s` (n,), `way` (n, 6) and `goal` (6,) less the rest pose, m and rad.
+    phases
+        Name, begin and end in s.
+    """
+    campaign = _campaign(
+        plan, rig, seed=seed, threads=threads, progress=None, source=source, folder=folder
+    )
+    sortie, stop = _first_reached(campaign)
+    time_s, way = whole_way(sortie)
+    rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+    phases = [[*phase] for phase in (*sortie.outcomes[0].phases, *sortie.home.phases)]
+    return {"time_s": time_s, "way": way - rest, "goal": stop.goal - rest}, phases
+
+
+def _first_reached(campaign: RobotCampaign) -> tuple[Sortie, Stop]:
+    """The first pose with all phases; where the first ten have none, the first."""
+    machine = campaign.job.machine()
+    first: tuple[Sortie, Stop] | None = None
+    for tour in campaign.tours[:_TRIED]:
+        stop = tour.stops[0]
+        sortie = machine.sortie([stop])
+        if not sortie.outcomes[0].reason:
+            return sortie, stop
+        first = first or (sortie, stop)
+    if first is None:
+        raise InputError("the plan has no pose that the arm could show")
+    return first
+
+
+def _campaign(
+    plan: Table,
+    rig: RigSettings,
+    *,
+    seed: int,
+    threads: int,
+    progress: Progress,
+    source: Source | None,
+    folder: Path | None,
+) -> RobotCampaign:
     kept = cache_directory() if folder is None else folder
-    campaign = RobotCampaign(
+    return RobotCampaign(
         plan,
         rig,
         fem_source(plan, threads) if source is None else source,
@@ -64,19 +145,3 @@ def show(
         library_folder=kept,
         progress=progress,
     )
-    stops = [tour.stops[0] for tour in campaign.tours[:FILMED]]
-    said = []
-    if phases is not None:
-        from ecm.robot.figure import figure_7
-
-        sortie = campaign.job.machine().sortie(stops[:1])
-        figure_7(sortie, stops[0], campaign.plant.length_m, phases)
-        said.append(f"{phases}: the phases of the first pose")
-    if film is not None:
-        from ecm.robot.film import film as write
-
-        body = plan.meta.mechanism or {}
-        radius = float(body.get("radius_m", _RADIUS_M))
-        frames = write(campaign.job, stops, film, radius, progress)
-        said.append(f"{film}: {len(stops)} poses, {frames} frames")
-    return said

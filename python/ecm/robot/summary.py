@@ -88,6 +88,13 @@ def document(campaign: RobotCampaign) -> dict[str, Any]:
     return found
 
 
+def digest(path: Path) -> dict[str, Any]:
+    """A record over all poses, without the single visits."""
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    del found["visits"]
+    return found
+
+
 def words(path: Path) -> list[str]:
     """What a record says, in a few lines."""
     found = json.loads(path.read_text(encoding="utf-8"))

@@ -11,9 +11,9 @@ import queue
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
@@ -47,6 +47,10 @@ class Job:
             frame=frame,
             around=around,
         )
+
+
+Drive = Callable[[Job, Sequence[Sequence[Stop]], int], AbstractContextManager[Iterator[Sortie]]]
+"""How `sorties` is called; a benchmark passes one that keeps what it has driven."""
 
 
 class _Worker:
