@@ -131,6 +131,28 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
     assert taken[0] == (12 if not cut else 11)
 
 
+def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_path: Path) -> None:
+    plan, out = plan_of(some_poses(12)), tmp_path / "data.csv"
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    run_campaign(plan, RigSettings(), out, **kept)
+    before = out.read_bytes()
+    with pytest.raises(InputError, match=r"data\.csv: a table stands there.*overwrite=True"):
+        run_campaign(plan, RigSettings(), out, seed=1, **kept)
+    with pytest.raises(InputError, match="written as CSV"):
+        run_campaign(plan, RigSettings(), tmp_path / "data.parquet", **kept)
+    assert out.read_bytes() == before
+
+    def stop(done: int, total: int, word: str) -> None:
+        if done == 3:
+            raise Stop
+
+    with pytest.raises(Stop):
+        run_campaign(plan, RigSettings(), out, seed=1, overwrite=True, progress=stop, **kept)
+    assert out.read_bytes() == before  # until the new one is whole
+    run_campaign(plan, RigSettings(), out, seed=1, **kept)
+    assert out.read_bytes() != before
+
+
 def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:
     plan = plan_of(some_poses(12))
     out = tmp_path / "data.csv"
@@ -194,7 +216,7 @@ def test_new_data_without_secrets_take_the_old_truth_away(tmp_path: Path) -> Non
     kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
     run_campaign(plan_of(some_poses(20)), RigSettings(), out, hide="payload=1", **kept)
     assert (tmp_path / "data.truth.json").exists()
-    run_campaign(plan_of(some_poses(20)), RigSettings(), out, **kept)
+    run_campaign(plan_of(some_poses(20)), RigSettings(), out, overwrite=True, **kept)
     assert not (tmp_path / "data.truth.json").exists()
 
 

@@ -65,11 +65,12 @@ def campaign(
     """Drive the simulated rig through a plan and write what it measures."""
     from ecm.config import read_rig
     from ecm.rig import campaign_minutes, run_campaign, run_campaigns
+    from ecm.rig.journal import keep_data
 
     with Console(quiet=quiet) as console:
         output(out, json, film, phases)
-        if not overwrite:
-            _keep_data(out)
+        if not rigs and scheduler is None:
+            keep_data(out, overwrite=overwrite)  # before the plan is read
         settings = read_rig(rig)
         if film is not None or phases is not None:
             from ecm.robot.show import need_robot
@@ -80,7 +81,7 @@ def campaign(
         if rigs or scheduler is not None:
             paths = run_campaigns(
                 table, settings, out, rigs=max(1, rigs), hide=hide, seed=seed, threads=threads,
-                scheduler=scheduler, progress=console.bar("campaign"),
+                scheduler=scheduler, progress=console.bar("campaign"), overwrite=overwrite,
             )  # fmt: skip
             save_json(json, {"schema": 1, "seed": seed, "data": [str(path) for path in paths]})
             console.say(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
@@ -88,7 +89,7 @@ def campaign(
         keep_note("Readings so far are kept: the same command goes on there.")
         data = run_campaign(
             table, settings, out, hide=hide, seed=seed, threads=threads,
-            progress=console.bar("campaign"), resume=True,
+            progress=console.bar("campaign"), resume=True, overwrite=overwrite,
         )  # fmt: skip
         for warning in data.warnings:
             console.warn(warning)
@@ -107,14 +108,3 @@ def campaign(
                     progress=console.bar("pictures"),
                 ):  # fmt: skip
                     console.say(line)
-
-
-def _keep_data(out: Path) -> None:
-    """InputError where a finished table stands: what was measured is not lost by a wrong name."""
-    from ecm.errors import InputError
-
-    if out.exists() and not out.with_name(out.stem + ".journal.csv").exists():
-        raise InputError(
-            f"{out}: a table stands there, and measurements are not overwritten. Choose another "
-            "name, or give --overwrite."
-        )

@@ -16,6 +16,29 @@ from ecm.errors import ComputationError, InputError
 _MARK = "# campaign "
 
 
+def journal_path(out: Path) -> Path:
+    """Where the journal of a table lies while it is measured."""
+    return out.with_name(out.stem + ".journal.csv")
+
+
+def keep_data(out: Path, *, overwrite: bool) -> None:
+    """What was measured is not lost by a wrong name, nor by one that cannot be written.
+
+    Raises
+    ------
+    InputError
+        Where a table stands at `out` that no unfinished campaign there is about to write and
+        that may not be overwritten, or where `out` is to be a Parquet file.
+    """
+    if out.suffix == ".parquet":
+        raise InputError(f"{out}: tables are written as CSV; give a name that ends in .csv")
+    if out.exists() and not overwrite and not journal_path(out).exists():
+        raise InputError(
+            f"{out}: a table stands there, and measurements are not overwritten. Choose another "
+            "name, or say --overwrite (in Python: overwrite=True)"
+        )
+
+
 class Journal:
     """Lines of readings in the order of visits, appended and synchronised one by one."""
 

@@ -1,8 +1,9 @@
 """One plan on many rigs: each has a seed of its own, here or on the workers of a Dask scheduler.
 
-`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with its TOML and truth. A table
-that is there under the same settings is not measured again; a kill loses at most the rigs that
-were under way.
+`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with all that stands beside a table.
+`NAME.rigs.json` holds which of them are this job's own and which are done: a table that is there
+under the same settings is not measured again, one that somebody else put there is not overwritten,
+and a kill loses at most the rigs that were under way.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ecm.errors import InputError, MissingExtra
 from ecm.rig.elastic import Progress
+from ecm.rig.journal import keep_data
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import RigSettings
 from ecm.stages import write_atomically
@@ -25,6 +28,12 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 _CONNECT_S = 10.0
+TRUTH = ".truth.json"
+
+
+def ledger_path(out: Path) -> Path:
+    """What a campaign on many rigs has done so far."""
+    return out.with_name(f"{out.stem}.rigs.json")
 
 
 def paths_of(out: Path, rigs: int) -> list[Path]:
@@ -43,6 +52,7 @@ def run_campaigns(
     scheduler: str | None = None,
     threads: int = 0,
     progress: Progress = None,
+    overwrite: bool = False,
 ) -> list[Path]:
     """Measures the plan on rigs with the seeds `seed`, `seed` + 1, ...; the tables' paths.
 
@@ -50,6 +60,8 @@ def run_campaigns(
     ----------
     scheduler
         Address of a Dask scheduler; None: one after the other, here.
+    overwrite
+        Tables of other settings, or of nobody, may be replaced.
 
     Raises
     ------
@@ -57,9 +69,14 @@ def run_campaigns(
         No scheduler at the address, or tables of other settings at `out`.
     """
     paths = paths_of(out, rigs)
-    key = _key(plan, rig, hide, seed)
-    ledger = out.with_name(f"{out.stem}.rigs.json")
-    done = _done(ledger, key)
+    ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
+    for i, path in enumerate(paths):
+        keep_data(path, overwrite=overwrite or i in ledger.own)
+    if overwrite and ledger.done.issuperset(range(rigs)):
+        ledger.done.clear()  # nothing is unfinished: all of it is to be measured anew
+    ledger.own.update(range(rigs))
+    ledger.save()
+    done = ledger.done
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
     settings = rig.to_dict()
     meta = plan.meta.to_toml()
@@ -67,9 +84,13 @@ def run_campaigns(
 
     def finished(i: int, files: dict[str, bytes]) -> None:
         for suffix, content in sorted(files.items()):
-            write_atomically(paths[i].with_suffix(suffix), content.decode())
+            write_atomically(
+                paths[i] if suffix == ".csv" else paths[i].with_suffix(suffix), content
+            )
+        if TRUTH not in files:  # one that stands there belongs to what was overwritten
+            paths[i].with_suffix(TRUTH).unlink(missing_ok=True)
         done.add(i)
-        write_atomically(ledger, json.dumps({"key": key, "done": sorted(done)}))
+        ledger.save()
         if progress is not None:
             progress(len(done), rigs, "rigs")
 
@@ -96,9 +117,8 @@ def measured(  # noqa: PLR0917
         out = Path(folder) / "data.csv"
         rig = RigSettings.from_dict(settings)
         run_campaign(table, rig, out, hide=hide, seed=seed, threads=threads)
-        names = (".csv", ".toml", ".truth.json")
-        made = {suffix: out.with_suffix(suffix) for suffix in names}
-        return {suffix: path.read_bytes() for suffix, path in made.items() if path.exists()}
+        beside = {path.name.removeprefix(out.stem): path for path in out.parent.glob("data.*")}
+        return {suffix: path.read_bytes() for suffix, path in beside.items()}
 
 
 def _csv(plan: Table) -> str:
@@ -113,20 +133,38 @@ def _key(plan: Table, rig: RigSettings, hide: str | None, seed: int) -> str:
     return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
 
-def _done(ledger: Path, key: str) -> set[int]:
-    if not ledger.exists():
-        return set()
-    try:
-        found = json.loads(ledger.read_text(encoding="utf-8"))
-        same, done = found["key"] == key, {int(i) for i in found["done"]}
-    except (OSError, ValueError, KeyError, TypeError):
-        same, done = False, set()
-    if not same:
+@dataclass
+class _Ledger:
+    """Which tables are this job's own, and which of them are done."""
+
+    path: Path
+    key: str
+    own: set[int] = field(default_factory=set)
+    done: set[int] = field(default_factory=set)
+
+    @staticmethod
+    def of(path: Path, key: str, *, overwrite: bool) -> _Ledger:
+        if not path.exists():
+            return _Ledger(path, key)
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            done = {int(i) for i in found["done"]}
+            own = {int(i) for i in found.get("own", done)}
+            if found["key"] == key:
+                return _Ledger(path, key, own, done)
+        except (OSError, ValueError, KeyError, TypeError):
+            pass
+        if overwrite:
+            return _Ledger(path, key)
         raise InputError(
-            f"{ledger}: these are campaigns of another plan, rig, seed or hidden effect. Remove "
-            "it to begin anew, or choose another --out"
+            f"{path}: these are campaigns of another plan, rig, seed or hidden effect, and "
+            "measurements are not overwritten. Choose another name, or say --overwrite (in "
+            "Python: overwrite=True)"
         )
-    return done
+
+    def save(self) -> None:
+        document = {"key": self.key, "own": sorted(self.own), "done": sorted(self.done)}
+        write_atomically(self.path, json.dumps(document))
 
 
 def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:

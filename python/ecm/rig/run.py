@@ -12,7 +12,7 @@ from ecm.rig import truth
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import NOTHING, Hidden
-from ecm.rig.journal import Journal
+from ecm.rig.journal import Journal, journal_path, keep_data
 from ecm.rig.plan import outside, requests
 from ecm.rig.record import HEADER, Reading
 from ecm.rig.settings import RigSettings
@@ -32,6 +32,7 @@ def run_campaign(
     seed: int = 0,
     progress: Progress = None,
     resume: bool = True,
+    overwrite: bool = False,
     threads: int = 0,
     source: Source | None = None,
     folder: Path | None = None,
@@ -49,6 +50,8 @@ def run_campaign(
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
     resume
         Go on with a journal that stands there; False begins anew.
+    overwrite
+        A table that stands at `out` may be replaced.
     source
         Solves the mechanism; default FEM of the plan's `[mechanism]`.
     folder
@@ -58,7 +61,14 @@ def run_campaign(
     -------
     Table
         Its `warnings` hold the poses that were skipped, with the reason.
+
+    Raises
+    ------
+    InputError
+        A finished table stands at `out`, or the journal of another campaign.
     """
+    if out is not None:
+        keep_data(out, overwrite=overwrite)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -84,7 +94,7 @@ def run_campaign(
     campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
     if out is None:
         return campaign.run()
-    path = out.with_name(out.stem + ".journal.csv")
+    path = journal_path(out)
     with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
         for i in range(len(journal.lines), len(campaign)):
             journal.append(campaign.measure(i).line())
