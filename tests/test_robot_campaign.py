@@ -70,6 +70,12 @@ def test_the_table_is_that_of_the_rig_with_the_joints_beside(cache: Path, tmp_pa
     assert not list(tmp_path.glob("*.journal.csv"))
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
+    table = run(cache, some_poses(count, seed=5))
+    assert len(table.measured()) == count, table.warnings
+
+
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
     campaign = RobotCampaign(
         plan(some_poses(24)), settings(), StandIn(), folder=cache, library_folder=cache

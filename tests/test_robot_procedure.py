@@ -163,14 +163,15 @@ def test_an_unreachable_pose_names_the_joint_that_has_no_room() -> None:
     assert any("joint 6" in o.reason and "degrees" in o.reason for o in outcomes)
 
 
+@pytest.mark.parametrize("factor", [np.nan, 1e30])
 def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    factor: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
     control = machine()
     sound = control.simulation.mechanism
     calls = iter(range(10**9))
-    control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * np.nan
+    control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * factor
     broken = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
     assert "diverged" in broken.reason
     control.simulation.mechanism = sound

@@ -26,6 +26,9 @@ F = NDArray[np.float64]
 ENOUGH = 90
 """Solved poses for a surrogate of degree 6; with fewer, poses on the way to each are solved too."""
 _SHARES = (0.35, 0.7)
+_FEW = 20
+"""Below so many, poses near rest are solved too: a model of few far ones can be unstable there."""
+_NEAR_LENGTHS, _NEAR_RAD = 0.03, 0.15
 _SYMMETRY: Literal["revolution"] = "revolution"
 
 
@@ -62,12 +65,20 @@ def fem_pairs(
         return poses, wrenches
     rest = anchors.poses[0]
     between = np.concatenate([rest + share * (poses - rest) for share in _SHARES])
+    if len(poses) < _FEW:
+        between = np.concatenate([between, rest + _near(float(rest[0]))])
     more = solve_cached(source, between, PLAIN, folder, progress)
     kept = np.asarray([s == "solved" for s in more.status])
     return (
         np.concatenate([poses, more.poses[kept]]),
         np.concatenate([wrenches, more.wrenches[kept]]),
     )
+
+
+def _near(length_m: float) -> F:
+    """(12, 6) small steps from rest along each axis, both ways."""
+    size = np.repeat([_NEAR_LENGTHS * length_m, _NEAR_RAD], 3)
+    return np.concatenate([np.diag(size), -np.diag(size)])
 
 
 def surrogate(poses: F, wrenches: F, length_m: float) -> Surrogate:

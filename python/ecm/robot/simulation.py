@@ -10,7 +10,6 @@ fastest mode is. The joint servo, which is stiff, is implicit (`servo.py`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -21,11 +20,12 @@ from ecm.robot.scene import Scene, mujoco
 F = NDArray[np.float64]
 
 
-_ONES: F = np.ones(7)
+_BEYOND_NM2 = 1e12
+"""Square of a torque that no arm has."""
 
 
 class Diverged(Exception):
-    """A force is no number; MuJoCo would go on from nowhere and write a log."""
+    """A force is no number, or none of this world; MuJoCo would go on from nowhere."""
 
 
 class Simulation:
@@ -90,7 +90,8 @@ class Simulation:
     def advance(self, torque_Nm: F) -> None:
         """One step under joint torques that hold the mechanism as well: applied - J'h."""
         np.subtract(torque_Nm, self.jacobian_T.dot(self.wrench), out=self.applied_Nm)
-        if not isfinite(self.applied_Nm.dot(_ONES)):
+        # Fails for NaN too. Beyond, MuJoCo would write a log into the folder where the user works.
+        if not self.applied_Nm.dot(self.applied_Nm) < _BEYOND_NM2:
             raise Diverged
         self.library.mj_step2(self.model, self.data)
         self.steps += 1
