@@ -52,7 +52,8 @@ bench-diagnose: build
 
 # The blind benchmark: what is missing is run, so it may be stopped (long; SETS=20 runs fewer).
 bench-blind: build
-	$(BIN)/python benches/blind.py --out out/bench-blind $(if $(SETS),--sets $(SETS))
+	$(BIN)/python benches/blind.py --out out/bench-blind $(if $(SETS),--sets $(SETS)) \
+	  $(if $(EVERY),--simple-every $(EVERY))
 
 clean:
 	rm -rf target $(VENV) dist demo out

@@ -1,60 +1,87 @@
 """The blind benchmark of docs/discovery.md: tiers 0 to 5, ours beside five simpler methods.
 
-    python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1] [--no-simple]
+    python benches/blind.py --out build/blind [--sets 20] [--tiers 0 1] [--simple-every 5]
 
 Data come from the simulated rig (FEM of the neck, quasi-static) and from a second generator that
-shares no code with the library (a Cosserat rod), half and half. Every set is a file under --out;
-one that is there is not run again, so that a run may be stopped and gone on with. A hash of the
-code names the folder: what other code found is not mixed in.
+shares no code with the library (a Cosserat rod), half and half; tier 6 is the rig with its arm in
+full. Every set is a file under --out; one that is there is not run again, so that a run may be
+stopped and gone on with. All tiers grow side by side: a run that stops early is a fair sample. A
+hash of the code names the folder: what other code found is not mixed in.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib.util
 import json
 import os
 import sys
 import time
-import traceback
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-# Small matrices: threads of the BLAS only wait for each other. Before numpy is imported.
+# Small matrices: threads only wait for each other. Before numpy is imported, here and in workers.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 
-from blind_parts.analysis import oracle, our_answer, parameters, problem_of, same_verdicts
-from blind_parts.data import data_of
+from blind_parts.analysis import oracle, parameters, same_verdicts, worked_answer
+from blind_parts.data import data_of, shared_model, shared_plan
 from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
-from blind_parts.sets import TIER_SETS, Set, each_of, sets_of
+from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
 from blind_parts.simple import simple_answers
+from blind_parts.workers import cores, run_all
 from ecm.stages import write_atomically
 
-_SEEDS_EVERY = 20
-"""The same data are analysed with twenty seeds in so many sets of each source once."""
+_SEEDS = {0: (1, 22), 1: (2, 33, 64, 95, 126), 2: (5,), 3: (5,), 4: (5,)}
+"""Pairs of sets whose data are analysed with twenty seeds; of tier 1 one of each strength."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A set that is to be run."""
+
+    asked: Set
+    simple: bool
+    """Whether the simpler methods are run as well."""
+
+    def __str__(self) -> str:
+        hidden = " + ".join(f"{id} at {s:g}" for id, s in self.asked.hidden)
+        return f"{self.asked.name} ({self.asked.source}: {hidden or self.asked.strange or '-'})"
 
 
 def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
     """Everything about one set, as its file keeps it."""
-    began = time.perf_counter()
+    began = time.process_time()
     data = data_of(asked, folder)
     result: dict[str, Any] = {"set": asked.to_dict()}
-    result["ours"] = our_answer(asked, data)
-    problem = problem_of(asked, data)
-    if asked.tier in (1, 2):
-        result["oracle"] = oracle(asked, problem)
-        result["parameters"] = parameters(asked, data, result["ours"])
-    if asked.tier <= 4 and (asked.index // 2) % _SEEDS_EVERY == _SEEDS_EVERY - 1:
-        result["same_verdict"] = same_verdicts(asked, data, result["ours"])
+    spent = {"data": time.process_time() - began}
+    result["ours"], work = worked_answer(asked, data)
+    spent["ours"] = result["ours"]["seconds"]
+    if asked.tier in (1, 2, ARM) and asked.hidden:
+        result["oracle"] = oracle(asked, work.problem)
+        if asked.tier != ARM:
+            result["parameters"] = parameters(asked, data, result["ours"])
+    if asked.pair in _SEEDS.get(asked.tier, ()):
+        result["same_verdict"] = same_verdicts(asked, data, result["ours"], work)
     if asked.tier == 5:
         result["second"] = second_answer(asked, data, result["ours"], folder)
-    if simple and asked.tier != 5:
-        result["simple"] = simple_answers(asked, data, problem)
-    result["seconds"] = time.perf_counter() - began
+    if simple:
+        result["simple"] = simple_answers(asked, data, work)
+    result["seconds"] = time.process_time() - began
+    result["spent"] = spent
     return result
+
+
+def run_task(task: Task, out: Path, folder: Path) -> None:
+    """Run a set and write its file; in whichever process."""
+    result = run_set(task.asked, out, simple=task.simple)
+    write_atomically(folder / f"{task.asked.name}.json", json.dumps(result))
 
 
 def code_hash() -> str:
@@ -62,22 +89,50 @@ def code_hash() -> str:
     import ecm
 
     library = Path(ecm.__file__).parent
-    parts = ("diagnose", "effects", "compare", "models", "rig")
+    parts = ("design", "diagnose", "effects", "compare", "models", "rig", "robot")
     files = [f for part in parts for f in sorted((library / part).rglob("*.py"))]
-    files += sorted((Path(__file__).parent / "blind_parts").glob("*.py"))
+    own = ("print_table.py", "score.py", "workers.py")  # what they make of results, not results
+    bench = sorted((Path(__file__).parent / "blind_parts").glob("*.py"))
+    files += [f for f in bench if f.name not in own]
     sums = [hashlib.sha256(f.read_bytes()).hexdigest() for f in (*files, library / "refit.py")]
     return hashlib.sha256("".join(sums).encode()).hexdigest()[:12]
 
 
-def kept(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any] | None:
+def kept(task: Task, folder: Path) -> dict[str, Any] | None:
     """The result of a set that has been run, with the simpler methods where they are asked for."""
-    path = folder / f"{asked.name}.json"
+    path = folder / f"{task.asked.name}.json"
     if not path.exists():
         return None
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    if simple and asked.tier != 5 and "simple" not in found:
-        return None
-    return found
+    return None if task.simple and "simple" not in found else found
+
+
+def prepared(sets: list[Set], out: Path) -> None:
+    """Plans and bases that all sets share, before several processes ask for them."""
+    for source, protocol in sorted({(one.source, one.protocol) for one in sets}):
+        shared_plan(source, protocol, out)
+        shared_model(source, out)
+
+
+def _told(total: int, done: int, left_s: float) -> None:
+    text = f"{done}/{total} sets, about {left_s / 60.0:.0f} min left"
+    if sys.stderr.isatty():
+        print(f"\r{text}  ", end="", file=sys.stderr, flush=True)
+    elif done % 20 == 0 or done == total:
+        print(text, file=sys.stderr, flush=True)
+
+
+def asked_tasks(given: argparse.Namespace) -> list[Task]:
+    """What the command line asks for, in the order in which it is run."""
+    sets = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
+    if given.each is not None:
+        sets = each_of(given.source or "rod", given.each)
+    sets = [one for one in balanced(sets) if given.source in (None, one.source)]
+    if any(one.source == "arm" for one in sets) and not importlib.util.find_spec("mujoco"):
+        print("the arm's sets are left out: they need the extra [robot]", file=sys.stderr)
+        sets = [one for one in sets if one.source != "arm"]
+    every = 0 if given.no_simple or given.table else given.simple_every
+    return [Task(s, s.tier != 5 and every > 0 and s.round % every == 0) for s in sets]
 
 
 def main() -> int:
@@ -85,13 +140,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--sets", type=int, help="at most so many of each tier")
-    parser.add_argument("--tiers", type=int, nargs="*", default=list(TIER_SETS))
-    parser.add_argument("--source", choices=("rig", "rod"))
+    parser.add_argument("--tiers", type=int, nargs="*", default=list(ALL_SETS))
+    parser.add_argument("--source", choices=("rig", "rod", "arm"))
     parser.add_argument(
         "--each",
         type=float,
         metavar="S",
         help="instead: each effect of --source once at strength S",
+    )
+    parser.add_argument("--workers", type=int, default=cores(), help="processes; default: cores")
+    parser.add_argument(
+        "--simple-every",
+        type=int,
+        default=1,
+        metavar="K",
+        help="the simpler methods on every K-th round of strengths and kinds; default all",
     )
     parser.add_argument("--no-simple", action="store_true", help="ours alone")
     parser.add_argument("--table", action="store_true", help="only print what is there")
@@ -101,28 +164,17 @@ def main() -> int:
     # Results of other code are not mixed in.
     folder = given.out / f"sets-{given.code or code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
-    simple = not given.no_simple
-    asked = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
-    if given.each is not None:
-        asked = each_of(given.source or "rod", given.each)
-    asked = [one for one in asked if given.source in (None, one.source)]
-    results, broken, began = [], 0, time.perf_counter()
-    for number, one in enumerate(asked):
-        found = kept(one, folder, simple=simple and not given.table)
-        if found is None and not given.table and time.perf_counter() - began < given.seconds:
-            try:
-                found = run_set(one, given.out, simple=simple)
-            except Exception:
-                broken += 1
-                print(f"{one.name} {one.hidden}: failed", file=sys.stderr)
-                traceback.print_exc()
-                continue
-            write_atomically(folder / f"{one.name}.json", json.dumps(found))
-            print(f"\r{number + 1}/{len(asked)} {one.name}  ", end="", file=sys.stderr, flush=True)
-        if found is not None:
-            results.append(found)
-    print(file=sys.stderr)
-    met = write_table(results, given.out, broken)
+    tasks = asked_tasks(given)
+    failed: list[Task] = []
+    if not given.table:
+        todo = [task for task in tasks if kept(task, folder) is None]
+        prepared([task.asked for task in todo], given.out)
+        work = partial(run_task, out=given.out, folder=folder)
+        told = partial(_told, len(todo))
+        failed = run_all(todo, work, workers=given.workers, seconds=given.seconds, told=told)
+        print(file=sys.stderr)
+    found = (kept(Task(task.asked, False), folder) for task in tasks)
+    met = write_table([result for result in found if result is not None], given.out, len(failed))
     return 0 if met else 1
 
 

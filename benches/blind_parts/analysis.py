@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from blind_parts.data import Data
+from blind_parts.once import Work
 from blind_parts.sets import Set
+from ecm.compare.noise import declared_noise
 from ecm.diagnose import diagnose
 from ecm.diagnose.accept import held_out_rms
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Candidate, Problem, assemble
+from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import rank
 from ecm.effects import all_effects
 from ecm.effects.registry import with_shape
@@ -28,35 +30,45 @@ def library(removed: Sequence[str]) -> list[str]:
     return [effect.id for effect in all_effects() if effect.id not in removed]
 
 
-def our_answer(asked: Set, data: Data, seed: int = 0) -> dict[str, Any]:
+def our_answer(
+    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = ()
+) -> dict[str, Any]:
     """The report of `diagnose`, what a score needs of it."""
-    # One thread: processor time is what an idle core takes, however busy the machine is.
-    began = time.process_time()
-    report = diagnose(data.model, data.table, seed=seed, effects=library(asked.removed)).to_dict()
+    return worked_answer(asked, data, seed, without=without)[0]
+
+
+def worked_answer(
+    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = ()
+) -> tuple[dict[str, Any], Work]:
+    """The same with the steps that a further analysis of these data can share."""
+    work = Work()
+    tested = library((*asked.removed, *without))
+    with work.recorded():
+        # One thread: processor time is what an idle core takes, however busy the machine is.
+        began = time.process_time()
+        report = diagnose(data.model, data.table, seed=seed, effects=tested).to_dict()
+        seconds = time.process_time() - began
     keys = (
-        "verdict", "answer", "effects", "held_out", "gate", "confusable", "not_testable",
-        "next_experiment", "noise",
+        "verdict", "answer", "effects", "held_out", "gate", "not_testable", "next_experiment",
+        "noise",
     )  # fmt: skip
     kept = {key: report[key] for key in keys}
     kept["first"] = [row["id"] for row in report["ranking"][:3]]
-    kept["seconds"] = time.process_time() - began
+    kept["left_over"] = report["left_over"]
+    kept["seconds"] = seconds
     kept["rows"] = len(data.table)
-    return kept
+    return kept, work
 
 
-def same_verdicts(asked: Set, data: Data, first: dict[str, Any]) -> float:
+def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> float:
     """Share of further seeds of the analysis with the same verdict and answer."""
     same = 0
     for seed in range(1, SEEDS):
-        again = our_answer(asked, data, seed)
-        same += (again["verdict"], again["answer"]) == (first["verdict"], first["answer"])
+        with work.replayed():
+            again = diagnose(data.model, data.table, seed=seed, effects=library(asked.removed))
+        answer = [list(members) for members in again.answer]
+        same += (again.verdict, answer) == (first["verdict"], first["answer"])
     return same / (SEEDS - 1)
-
-
-def problem_of(asked: Set, data: Data) -> Problem:
-    """The linearised problem that ours and the simpler methods share."""
-    tested = [effect for effect in all_effects() if effect.id not in asked.removed]
-    return assemble(choose_base(data.model, data.table), data.table, tested, None)
 
 
 def oracle(asked: Set, problem: Problem) -> float | None:
@@ -77,8 +89,6 @@ def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str,
     if not right or len(right) != len(report["effects"]):
         return []
     effects = [with_shape(item["id"], item["shape"]) for item in right]
-    from ecm.compare.noise import declared_noise
-
     base = choose_base(data.model, data.quiet)
     found = joint_fit(base, effects, data.quiet, declared_noise(data.table))
     result = []

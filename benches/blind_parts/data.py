@@ -38,12 +38,13 @@ class Data:
 
     table: Table
     quiet: Table
+    """Of the arm, whose readings are taken on the way, the table itself."""
     model: Model
     truth: dict[str, Any]
     """What was hidden, so that another campaign can measure the same."""
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def shared_plan(source: str, protocol: str, folder: Path) -> Table:
     """The plan of a source, kept in `folder`."""
     from ecm.table import read_table
@@ -58,9 +59,13 @@ def shared_plan(source: str, protocol: str, folder: Path) -> Table:
 
 
 @lru_cache(maxsize=2)
-def shared_model(source: str) -> Model:
+def _model(is_rod: bool, folder: Path) -> Model:
+    return model_of("rod" if is_rod else "rig", folder)
+
+
+def shared_model(source: str, folder: Path) -> Model:
     """The physics base of a source."""
-    return model_of(source)
+    return _model(source == "rod", folder)
 
 
 def data_of(
@@ -68,9 +73,12 @@ def data_of(
 ) -> Data:
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
     plan = shared_plan(asked.source, asked.protocol, folder) if plan is None else plan
-    model = shared_model(asked.source)
+    model = shared_model(asked.source, folder)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
-    if asked.source == "rod":
+    if asked.source == "arm":
+        table = quiet = _arm(asked, plan)
+        truth = {}
+    elif asked.source == "rod":
         base = model.base
         made = rod_table(
             plan,
@@ -127,6 +135,25 @@ def _rig(
         for secret in campaign.secrets
     }
     return table, campaign.run(), found
+
+
+def _arm(asked: Set, plan: Table) -> Table:
+    """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
+    from ecm.robot.campaign import RobotCampaign
+
+    settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
+    campaign = RobotCampaign(
+        plan,
+        settings,
+        fem_source(plan),
+        hide=[Hidden(id, s) for id, s in asked.hidden],
+        seed=asked.seed,
+        folder=cache_directory(),
+        library_folder=cache_directory(),
+    )
+    for _ in campaign.lines((), 1):
+        pass
+    return campaign.finished()
 
 
 def _with(

@@ -17,7 +17,7 @@ from ecm.design import choose, diagnosable_plan
 from ecm.design.plans import paper_plan
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
-from ecm.models import Model, PhysicsMap, physics_map, surrogate_of
+from ecm.models import Model, PhysicsMap, load_model, physics_map, surrogate_of
 from ecm.simulate import fem_poses
 from ecm.stages import write_atomically
 from ecm.table import Table
@@ -25,6 +25,8 @@ from ecm.table import Table
 F = NDArray[np.float64]
 POSES, VISITS = 100, 300
 PAPER_POSES = 200
+ARM_POSES, ARM_VISITS = 50, 150
+"""The arm is simulated millisecond by millisecond: half the visits, half the time."""
 
 
 def fem_candidates(folder: Path) -> Table:
@@ -51,12 +53,23 @@ def _candidates(poses: F, mechanism: dict[str, Any]) -> Table:
 
 
 def plan_of(candidates: Table, protocol: str) -> Table:
-    """`diagnosable`: 100 poses in 300 visits; `paper`: 200 poses once each."""
-    count = PAPER_POSES if protocol == "paper" else POSES
+    """The plan of a protocol.
+
+    `diagnosable`: 100 poses in 300 visits; `arm`: the same with 50 in 150; `paper`: 200 poses once
+    each; `plain`: the diagnosable one from one side, with one dwell, so that fewer effects can be
+    told apart.
+    """
+    count, visits = (ARM_POSES, ARM_VISITS) if protocol == "arm" else (POSES, VISITS)
+    count = PAPER_POSES if protocol == "paper" else count
     chosen = choose(candidates.poses, count, criterion="maximin", seed=0)
     if protocol == "paper":
         return paper_plan(candidates, chosen, seed=0)
-    return diagnosable_plan(candidates, chosen, VISITS, seed=0)
+    plan = diagnosable_plan(candidates, chosen, visits, seed=0)
+    if protocol == "plain":
+        at_pose = np.asarray(plan.text("kind") == "pose")
+        approach = np.where(at_pose, "initial", plan.text("approach")).astype(object)
+        plan = plan.with_columns({"approach": approach, "dwell_s": np.full(len(plan), 2.0)})
+    return plan
 
 
 def rod_samples(count: int, seed: int) -> tuple[F, F]:
@@ -87,6 +100,14 @@ def rod_base() -> PhysicsMap:
     )  # fmt: skip
 
 
-def model_of(source: str) -> Model:
-    """The physics model before any measurement."""
-    return Model(base=rod_base() if source == "rod" else physics_map(Mechanism()))
+def model_of(source: str, folder: Path | None = None) -> Model:
+    """The physics model before any measurement; the rod's is kept in `folder`."""
+    if source != "rod":
+        return Model(base=physics_map(Mechanism()))
+    path = None if folder is None else folder / "rod-base.json"
+    if path is not None and path.exists():
+        return load_model(path)
+    model = Model(base=rod_base())
+    if path is not None:
+        model.save(path)
+    return model

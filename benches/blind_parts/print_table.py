@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from blind_parts.score import OURS, beside, failing, tier_lines
-from blind_parts.sets import TIER_SETS
+from blind_parts.score import ON_THESE, OURS, beside, failing, tier_lines
+from blind_parts.sets import ALL_SETS, ARM
 from blind_parts.simple import SIMPLE
 from ecm.stages import write_atomically
 
@@ -19,22 +19,36 @@ def write_table(results: Sequence[dict[str, Any]], folder: Path, broken: int = 0
     print(text)
     write_atomically(folder / "table.md", text)
     write_atomically(folder / "table.json", json.dumps(document, indent=1))
-    return all(line["met"] for line in (*document["tiers"], *document["beside"])) and not broken
+    return (
+        all(line["met"] is not False for line in (*document["tiers"], *document["beside"]))
+        and not broken
+    )
+
+
+def _cell(line: dict[str, Any], method: str) -> str:
+    """The value, with the number of sets where that is not the line's."""
+    if method not in line["values"]:
+        return "–"
+    count = line["counts"][method]
+    return f"{line['values'][method]:.2f}" + (f" ({count})" if count != line["sets"] else "")
 
 
 def table_text(results: Sequence[dict[str, Any]], broken: int = 0) -> tuple[str, dict[str, Any]]:
     """Markdown and the same as a document."""
     simple = [name for name in SIMPLE if any(name in r.get("simple", {}) for r in results)]
-    methods = [OURS, *simple]
+    some = any(not r.get("simple") and r["set"]["tier"] != 5 for r in results)
+    methods = [OURS, *([ON_THESE] if simple and some else []), *simple]
     tiers, rest = tier_lines(results, methods), beside(results)
-    run = {t: sum(r["set"]["tier"] == t for r in results) for t in TIER_SETS}
-    told = ", ".join(f"tier {t}: {run[t]} of {n}" for t, n in TIER_SETS.items())
+    run = {t: sum(r["set"]["tier"] == t for r in results) for t in ALL_SETS}
+    told = ", ".join(
+        f"{'full robot' if t == ARM else f'tier {t}'}: {run[t]} of {n}" for t, n in ALL_SETS.items()
+    )
     lines = [f"Sets run: {told}." + (f" {broken} failed." if broken else ""), ""]
     lines.append("| figure | sets | goal | " + " | ".join(methods) + " | goal met |")
     lines.append("|---|---|---|" + "---|" * len(methods) + "---|")
     for line in tiers:
-        cells = [f"{line['values'][m]:.2f}" if m in line["values"] else "–" for m in methods]
-        met = "yes" if line["met"] else "no"
+        cells = [_cell(line, m) for m in methods]
+        met = {True: "yes", False: "no", None: "–"}[line["met"]]
         lines.append(
             f"| {line['what']} | {line['sets']} | {line['goal']} | {' | '.join(cells)} | {met} |"
         )

@@ -83,7 +83,7 @@ class Section:
     curvature: tuple[float, float] = (0.0, 0.0)
     """Natural curvature, 1/m, about the body's y and z."""
     face_tilt: tuple[float, float] = (0.0, 0.0)
-    """Of the clamped face, about the base's y and z."""
+    """Of the clamped face, about y and z; it is the body's own end, which a remount turns."""
     base_shift_m: float = 0.0
     """The clamped face stands this far along x."""
     base_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -185,7 +185,9 @@ class Rod:
         s = self.section
         n0 = base[:, :3]
         r = np.asarray(s.base_give) * n0 + np.array([s.base_shift_m, 0.0, 0.0])
-        tilt = np.array([0.0, *s.face_tilt])
+        tilt = np.zeros((len(mount), 3))
+        tilt[:, 1] = np.cos(mount) * s.face_tilt[0] - np.sin(mount) * s.face_tilt[1]
+        tilt[:, 2] = np.sin(mount) * s.face_tilt[0] + np.cos(mount) * s.face_tilt[1]
         matrices = turn(np.asarray(s.base_turn) * base[:, 3:] + tilt)
         # The moment about the clamped face, which may have moved a little.
         m = base[:, 3:]

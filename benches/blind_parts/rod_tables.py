@@ -114,7 +114,7 @@ def asked_of(plan: Table) -> Asked:
     n = len(plan)
     action = [str(a) for a in plan.text("action")] if plan.has("action") else ["measure"] * n
     words = {"measure": "pose", "home": "home", "unload": "unloaded", "dead_weight": "unloaded"}
-    mount, payload, run, shift = 0.0, True, 0, 0
+    mount, payload, run, shift, hung = 0.0, True, 0, 0, False
     keep, kinds, mounts, payloads, dead, runs = [], [], [], [], [], []
     own = plan.column("run") if plan.has("run") else np.zeros(n)
     for i, text in enumerate(action):
@@ -124,6 +124,9 @@ def asked_of(plan: Table) -> Asked:
             payload = payload and name != "remove_payload"
             shift += name != "warm_up"
             continue
+        # A dead weight is a run of its own: what hangs there is told by run.
+        shift += hung or name == "dead_weight"
+        hung = name == "dead_weight"
         run = int(own[i]) + shift
         keep.append(i)
         kinds.append(words[name])

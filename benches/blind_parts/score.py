@@ -7,17 +7,22 @@ from typing import Any
 
 import numpy as np
 
+from blind_parts.sets import ALL_SETS, ARM
+
 LARGEST_CLASS = 3
 GOALS_ONE = {0.2: 0.80, 0.3: 0.90, 0.5: 0.95, 1.0: 0.98, 3.0: 0.99}
 GOALS_TWO = {0.5: 0.85, 1.0: 0.93}
 GOALS_FOREIGN = {0.5: 0.20, 1.0: 0.05}
 OURS = "ours"
+ON_THESE = "ours on the same sets"
+"""Of the simpler methods, where they were run on some sets only."""
 Result = dict[str, Any]
 
 
 def answer_of(result: Result, method: str) -> dict[str, Any]:
     """Verdict and answer of a method on a set."""
-    found: dict[str, Any] = result["ours"] if method == OURS else result["simple"][method]
+    ours = method in (OURS, ON_THESE)
+    found: dict[str, Any] = result["ours"] if ours else result["simple"][method]
     return found
 
 
@@ -53,9 +58,11 @@ def clean_wrong(result: Result, method: str = OURS) -> bool:
 
 
 def honest(result: Result, method: str = OURS) -> bool:
-    """The hidden effect is listed as not testable, or is in a class."""
+    """The hidden effect is listed as not testable, or is in a class, and no wrong name is given."""
     hidden = result["set"]["hidden"][0][0]
     answer = answer_of(result, method)
+    if clean_wrong(result, method):
+        return False
     listed = any(item["id"] == hidden for item in answer.get("not_testable", ()))
     return listed or any(len(c) > 1 and hidden in c for c in answer["answer"])
 
@@ -68,16 +75,17 @@ def share(values: Iterable[bool]) -> float:
 
 def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[str, Any]]:
     """One line per figure of discovery.md: what, sets, goal, value per method, goal met by ours."""
-    by = {t: [r for r in results if r["set"]["tier"] == t] for t in range(6)}
+    by = {t: [r for r in results if r["set"]["tier"] == t] for t in ALL_SETS}
     lines: list[dict[str, Any]] = []
 
     def line(what: str, own: list[Result], goal: str, figure: Any, met: Any) -> None:
         if not own:
             return
         values = {m: figure(own, m) for m in methods if _has(own, m)}
+        counts = {m: sum(_has([r], m) for r in own) for m in values}
         lines.append(
-            {"what": what, "sets": len(own), "goal": goal, "values": values,
-             "met": bool(met(values[OURS]))}
+            {"what": what, "sets": len(own), "goal": goal, "values": values, "counts": counts,
+             "met": None if met is None else bool(met(values[OURS]))}
         )  # fmt: skip
 
     def rate(test: Any) -> Any:
@@ -118,24 +126,39 @@ def tier_lines(results: Sequence[Result], methods: Sequence[str]) -> list[dict[s
             lambda v, goal=goal: v <= goal,
         )
     line("4: not testable, or a class", by[4], ">= 0.95", rate(honest), lambda v: v >= 0.95)
-    second = [r for r in by[5] if r.get("second")]
-    if second:
-        value = share(one_named(r["second"], r) for r in second)
-        lines.append(
-            {
-                "what": "5: right single name after one experiment",
-                "sets": len(second),
-                "goal": ">= 0.85",
-                "values": {OURS: value},
-                "met": value >= 0.85,
-            }
-        )
+    # Of the plain plan's sets only those whose first answer is a class can be told apart.
+    first = rate(lambda r, m: answer_of(r, m)["verdict"] == "ambiguous")
+    line("5: first answer is a class", by[5], "", first, None)
+    line("5: first answer is the right single name", by[5], "", rate(one_named), None)
+    line(
+        "5: right single name after one experiment",
+        [r for r in by[5] if r.get("second")],
+        ">= 0.85",
+        lambda own, m: share(one_named(r, "second") for r in own),
+        lambda v: v >= 0.85,
+    )
+    arm = {kind: [r for r in by[ARM] if bool(r["set"]["hidden"]) == kind] for kind in (True, False)}
+    goal = float(np.mean([GOALS_ONE[r["set"]["hidden"][0][1]] for r in arm[True]] or [1.0]))
+    line(
+        "full robot, one effect: first or in a class",
+        arm[True],
+        f">= {goal:.2f}",
+        rate(one_right),
+        lambda v: v >= goal - 1e-9,
+    )
+    line(
+        "full robot, nothing hidden: any name given",
+        arm[False],
+        "<= 4 of 200",
+        rate(lambda r, m: bool(answer_of(r, m)["answer"])),
+        lambda v: v <= 4.0 / 200.0,
+    )
     return lines
 
 
-def one_named(answer: dict[str, Any], result: Result) -> bool:
-    """The single name is the truth."""
-    return bool(answer["answer"] == [[result["set"]["hidden"][0][0]]])
+def one_named(result: Result, answer: str = OURS) -> bool:
+    """The single name of an answer (`ours`, or `second` after an experiment) is the truth."""
+    return bool(result[answer]["answer"] == [[result["set"]["hidden"][0][0]]])
 
 
 def _strength(result: Result) -> float:
@@ -144,6 +167,8 @@ def _strength(result: Result) -> float:
 
 
 def _has(results: Sequence[Result], method: str) -> bool:
+    if method == ON_THESE:
+        return any(r.get("simple") for r in results)
     return method == OURS or any(method in r.get("simple", {}) for r in results)
 
 
@@ -208,10 +233,18 @@ def beside(results: Sequence[Result]) -> list[dict[str, Any]]:
             ">= 0.90",
             float(np.median(gone)) >= 0.9,
         )
-    same = [float(r["same_verdict"] >= 0.999) for r in results if "same_verdict" in r]
+    shares = [float(r["same_verdict"]) for r in results if "same_verdict" in r]
+    same = [float(value >= 0.999) for value in shares]
     if same:
         line(
-            "sets with the same verdict for 20 seeds",
+            "seeds of the analysis with the verdict of the first",
+            shares,
+            float(np.mean(shares)),
+            ">= 0.95",
+            float(np.mean(shares)) >= 0.95,
+        )
+        line(
+            "sets with the same verdict for all 20 seeds",
             same,
             float(np.mean(same)),
             ">= 0.95",
@@ -235,13 +268,15 @@ def _gone(result: Result) -> float | None:
 
 
 def failing(results: Sequence[Result]) -> list[str]:
-    """One line for every set of tiers 0 to 4 whose figure fails."""
+    """One line for every set whose figure fails."""
     test = {
         0: lambda r: not answer_of(r, OURS)["answer"],
         1: one_right,
         2: all_right,
         3: lambda r: not clean_wrong(r),
         4: honest,
+        5: lambda r: not r.get("second") or one_named(r, "second"),
+        ARM: lambda r: one_right(r) if r["set"]["hidden"] else not answer_of(r, OURS)["answer"],
     }
     lines = []
     for r in results:
@@ -250,6 +285,9 @@ def failing(results: Sequence[Result]) -> list[str]:
             truth = " + ".join(f"{id} at {s:g}" for id, s in asked["hidden"])
             truth = truth or asked["strange"] or f"nothing {asked['variant']}".strip()
             said = " + ".join("|".join(c) for c in r["ours"]["answer"]) or r["ours"]["verdict"]
+            if r.get("second"):
+                after = " + ".join("|".join(c) for c in r["second"]["answer"])
+                said += f", after `{r['second']['done']}`: {after or r['second']['verdict']}"
             lines.append(
                 f"tier {asked['tier']} set {asked['index']} ({asked['source']}): {truth} -> "
                 f"{r['ours']['verdict']}: {said}; first {', '.join(r['ours'].get('first', []))}"

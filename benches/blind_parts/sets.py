@@ -6,6 +6,7 @@ Tiers and numbers of sets are those of the table in docs/discovery.md.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,13 +18,16 @@ from ecm.effects import all_effects
 from ecm.rig.draws import DRAWS as RIG_EFFECTS
 
 TIER_SETS = {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
+ARM = 6
+"""Number of the tier with the full robot: an arm that bends, swings and settles (`ecm.robot`)."""
+ALL_SETS = {**TIER_SETS, ARM: 20}
+_CYCLE = {0: 4, 1: 5, 2: 2, 3: 4, 4: 3, 5: 1, ARM: 4}
+"""Pairs of sets after which strengths and kinds of a tier come round again."""
 STRENGTHS = (0.2, 0.3, 0.5, 1.0, 3.0)
 NOT_TO_BE_NAMED = ("compressibility", "pretension")
 """The first is free in the base, hence never missing; the second needs the detached length, which
 these tables do not tell, and is listed as not testable."""
 HISTORY = ("hysteresis", "stress_relaxation", "ageing")
-LOOK_ALIKE = ("own_weight", "length_error", "pre_curvature", "payload")
-"""Effects of tier 5: each is hard to tell from another without a second experiment."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,8 @@ class Set:
     tier: int
     index: int
     source: str
-    """`rig`: the neck by FEM on the simulated rig; `rod`: the second generator."""
+    """`rig`: the neck by FEM on the simulated rig; `rod`: the second generator; `arm`: the rig with
+    its robot in full."""
     hidden: tuple[tuple[str, float], ...] = ()
     strange: str = ""
     """An effect that never was in the library, at `strength`."""
@@ -50,6 +55,16 @@ class Set:
         return 10_000 * (self.tier + 1) + self.index
 
     @property
+    def pair(self) -> int:
+        """Number of the pair (one set from each source) that it belongs to."""
+        return self.index // 2
+
+    @property
+    def round(self) -> int:
+        """How often strengths and kinds of its tier have come round before."""
+        return self.pair // _CYCLE[self.tier]
+
+    @property
     def name(self) -> str:
         """File name: tier, index and what it holds."""
         text = repr(sorted(asdict(self).items())).encode()
@@ -62,14 +77,21 @@ class Set:
 
 def sets_of(tier: int, count: int | None = None) -> list[Set]:
     """The first `count` sets of a tier."""
-    n = TIER_SETS[tier] if count is None else min(count, TIER_SETS[tier])
+    n = ALL_SETS[tier] if count is None else min(count, ALL_SETS[tier])
     return [_MAKE[tier](i) for i in range(n)]
+
+
+def balanced(sets: Sequence[Set]) -> list[Set]:
+    """All tiers side by side, each as far as the others: a run that stops early is a sample."""
+    return sorted(
+        sets, key=lambda one: ((one.pair + 0.5) / ALL_SETS[one.tier], one.tier, one.index)
+    )
 
 
 def hideable(source: str) -> list[str]:
     """Ids that a source can hide and the library can name."""
     known = {effect.id for effect in all_effects()}
-    own = RIG_EFFECTS if source == "rig" else ROD_EFFECTS
+    own = ROD_EFFECTS if source == "rod" else RIG_EFFECTS
     return sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED)
 
 
@@ -136,10 +158,22 @@ def _paper(index: int) -> Set:
 
 
 def _alike(index: int) -> Set:
+    """Every effect in turn, on a plan that lacks the rows that would tell many of them apart."""
     source = _source(index)
-    known = [id for id in LOOK_ALIKE if id in hideable(source)]
-    id = known[(index // 2) % len(known)]
-    return Set(5, index, source, hidden=((id, 1.0),))
+    hidden = ((_dealt(source, index // 2, 5), 1.0),)
+    return Set(5, index, source, hidden=hidden, protocol="plain")
 
 
-_MAKE = {0: _nothing, 1: _one, 2: _two, 3: _foreign, 4: _paper, 5: _alike}
+def _arm(index: int) -> Set:
+    """Three quarters hold an effect of the rig, as in tier 1; the others nothing."""
+    if index % 4 == 3:
+        return Set(ARM, index, "arm", protocol="arm")
+    number = index - index // 4
+    id = _dealt("rig", number, 2)
+    hidden = ((id, STRENGTHS[number % len(STRENGTHS)]),)
+    return Set(ARM, index, "arm", hidden=hidden, protocol="arm")
+
+
+_MAKE = {
+    0: _nothing, 1: _one, 2: _two, 3: _foreign, 4: _paper, 5: _alike, ARM: _arm,
+}  # fmt: skip

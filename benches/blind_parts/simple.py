@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from blind_parts.analysis import library
 from blind_parts.data import Data
+from blind_parts.once import Work, only_the_answer
 from blind_parts.sets import Set
 from ecm.compare.estimate import estimate_noise
 from ecm.compare.noise import Noise
@@ -43,13 +44,13 @@ def _flat(problem: Problem) -> tuple[F, F, list[str]]:
     return y - q @ (q.T @ y), rest - q @ (q.T @ rest), ids
 
 
-def sparse_regression(asked: Set, data: Data, problem: Problem) -> Answer:
+def sparse_regression(asked: Set, data: Data, work: Work) -> Answer:
     """Sequentially thresholded least squares over all columns of the library.
 
     A column stays while its coefficient exceeds a threshold in standard errors; the threshold is
     the largest within one standard error of the least error in random cross-validation.
     """
-    y, z, ids = _flat(problem)
+    y, z, ids = _flat(work.problem)
     z = z / np.maximum(np.linalg.norm(z, axis=0), 1e-12)
     fold = np.random.default_rng([asked.seed, 4]).permutation(len(y)) % 5
     whole = z.T @ z, z.T @ y
@@ -88,8 +89,9 @@ def _thresholded(gram: F, vector: F, threshold: float) -> F:
     return w
 
 
-def bic_forward(asked: Set, data: Data, problem: Problem) -> Answer:
+def bic_forward(asked: Set, data: Data, work: Work) -> Answer:
     """Forward selection while BIC falls; no class, no held-out error, no resampling."""
+    problem = work.problem
     chosen: list[Any] = []
     while len(chosen) < 4:
         ranked = rank(problem, chosen)
@@ -99,9 +101,9 @@ def bic_forward(asked: Set, data: Data, problem: Problem) -> Answer:
     return _named([item.id for item in chosen])
 
 
-def gaussian_process(asked: Set, data: Data, problem: Problem) -> Answer:
+def gaussian_process(asked: Set, data: Data, work: Work) -> Answer:
     """A GP of the residual over pose, time and temperature; named is what is most like it."""
-    table = data.table
+    problem, table = work.problem, work.problem.table
     columns = [*problem.rows.poses.T]
     for name in ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s"):
         if table.has(name):
@@ -135,7 +137,7 @@ def gaussian_process(asked: Set, data: Data, problem: Problem) -> Answer:
     return _named([max(shares, key=lambda id: shares[id])] if shares else [])
 
 
-def random_folds(asked: Set, data: Data, problem: Problem) -> Answer:
+def random_folds(asked: Set, data: Data, work: Work) -> Answer:
     """Our procedure with held-out rows drawn at random."""
 
     def at_random(table: Any, poses: Any, groups: Any, by: str) -> Any:
@@ -143,7 +145,7 @@ def random_folds(asked: Set, data: Data, problem: Problem) -> Answer:
         parts = np.random.default_rng(5).permutation(count) % 5
         return parts[groups]
 
-    with mock.patch("ecm.diagnose.accept.folds", at_random):
+    with mock.patch("ecm.diagnose.accept.folds", at_random), work.replayed():
         found = diagnose(data.model, data.table, effects=library(asked.removed))
     return _said(found)
 
@@ -164,7 +166,7 @@ class _Diagonal(Noise):
         return np.asarray(whole * np.eye(whole.shape[1]))
 
 
-def diagonal_noise(asked: Set, data: Data, problem: Problem) -> Answer:
+def diagonal_noise(asked: Set, data: Data, work: Work) -> Answer:
     """Our procedure with one variance per component: the mean over rows, nothing off it."""
     base = choose_base(data.model, data.table)
     rows = Rows(data.table, base)
@@ -173,11 +175,12 @@ def diagonal_noise(asked: Set, data: Data, problem: Problem) -> Answer:
         noise.position_sd_m, noise.rotation_sd_rad, noise.force_sd_N, noise.torque_sd_Nm,
         noise.source, noise.components,
     )  # fmt: skip
-    found = diagnose(data.model, data.table, effects=library(asked.removed), noise=plain)
+    with only_the_answer():
+        found = diagnose(data.model, data.table, effects=library(asked.removed), noise=plain)
     return _said(found)
 
 
-SIMPLE: dict[str, Callable[[Set, Data, Problem], Answer]] = {
+SIMPLE: dict[str, Callable[[Set, Data, Work], Answer]] = {
     "sparse regression": sparse_regression,
     "BIC forward": bic_forward,
     "GP discrepancy": gaussian_process,
@@ -186,11 +189,11 @@ SIMPLE: dict[str, Callable[[Set, Data, Problem], Answer]] = {
 }
 
 
-def simple_answers(asked: Set, data: Data, problem: Problem) -> dict[str, Answer]:
+def simple_answers(asked: Set, data: Data, work: Work) -> dict[str, Answer]:
     """What each of the five says, with its time."""
     answers = {}
     for name, method in SIMPLE.items():
         began = time.process_time()
-        answers[name] = method(asked, data, problem)
+        answers[name] = method(asked, data, work)
         answers[name]["seconds"] = time.process_time() - began
     return answers
