@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,17 +17,21 @@ import numpy as np
 import pytest
 
 import blind_parts
-from blind_parts.analysis import oracle, our_answer, parameters, problem_of
-from blind_parts.data import Data, data_of
-from blind_parts.plans import model_of, rod_samples
+from blind_parts.analysis import oracle, our_answer, parameters, same_verdicts, worked_answer
+from blind_parts.data import Data, data_of, shared_model
+from blind_parts.once import Work
+from blind_parts.plans import rod_samples
+from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section, turn, turn_back
-from blind_parts.rod_tables import EFFECTS
+from blind_parts.rod_tables import EFFECTS, asked_of
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
-from blind_parts.second import second_answer
-from blind_parts.sets import STRENGTHS, TIER_SETS, Set, hideable, sets_of
-from blind_parts.simple import SIMPLE, _thresholded, bic_forward
+from blind_parts.second import BY_HAND, second_answer
+from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
+from blind_parts.simple import SIMPLE, _thresholded, bic_forward, random_folds
 from blind_parts.strange import STRANGE
 from blind_parts.strength import Strength
+from blind_parts.workers import run_all
+from ecm.design import follow_up_plan
 from ecm.effects import all_effects
 from ecm.rig.draws import DRAWS
 
@@ -53,9 +58,13 @@ def _data(asked: Set, folder: Path) -> Data:
     return data_of(asked, folder)
 
 
+@lru_cache(maxsize=32)
+def _worked(asked: Set, folder: Path) -> tuple[dict[str, Any], Work]:
+    return worked_answer(asked, _data(asked, folder))
+
+
 def result_of(asked: Set, folder: Path) -> dict[str, Any]:
-    data = _data(asked, folder)
-    return {"set": asked.to_dict(), "ours": our_answer(asked, data)}
+    return {"set": asked.to_dict(), "ours": _worked(asked, folder)[0]}
 
 
 # --- the procedure ------------------------------------------------------------------------------
@@ -65,7 +74,7 @@ def test_one_effect_is_named_and_its_parameters_are_right(folder: Path) -> None:
         asked = Set(1, 900 + i, "rod", hidden=((id, 1.0),))
         result, data = result_of(asked, folder), _data(asked, folder)
         right += one_right(result)
-        best = oracle(asked, problem_of(asked, data))
+        best = oracle(asked, _worked(asked, folder)[1].problem)
         assert best is not None
         ratios.append(result["ours"]["held_out"]["after"] / best)
         for found in parameters(asked, data, result["ours"]):
@@ -103,8 +112,25 @@ def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path) -> None:
 
 def test_simpler_methods_find_what_is_plain(folder: Path) -> None:
     asked = Set(1, 900, "rod", hidden=((ONE[0], 1.0),))
-    data = _data(asked, folder)
-    assert ONE[0] in bic_forward(asked, data, problem_of(asked, data))["answer"][0]
+    data, (first, work) = _data(asked, folder), _worked(asked, folder)
+    assert ONE[0] in bic_forward(asked, data, work)["answer"][0]
+    assert ONE[0] in random_folds(asked, data, work)["answer"][0]
+    # Other seeds of the analysis on what the first one has worked out: nothing turns.
+    assert same_verdicts(asked, data, first, work) == 1.0
+
+
+def test_what_is_replayed_is_what_a_whole_analysis_says(folder: Path) -> None:
+    from ecm.diagnose import diagnose
+
+    asked = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
+    data, (_, work) = _data(asked, folder), _worked(asked, folder)
+    whole = diagnose(data.model, data.table, seed=3)
+    with work.replayed():
+        again = diagnose(data.model, data.table, seed=3)
+    assert (again.verdict, again.answer) == (whole.verdict, whole.answer)
+    assert again.checks == whole.checks
+    assert whole.detection_limits
+    assert not again.detection_limits
 
 
 def test_thresholds_keep_the_columns_that_count() -> None:
@@ -125,7 +151,30 @@ def test_a_class_is_told_apart_by_the_experiment_that_is_proposed(folder: Path) 
     assert first["verdict"] == "ambiguous", first["answer"]
     second = second_answer(asked, data, first, folder)
     assert second is not None
-    assert one_named(second, {"set": asked.to_dict()}), second["answer"]
+    assert one_named({"set": asked.to_dict(), "second": second}, "second"), second["answer"]
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 4e-4])
+def test_a_measurement_by_hand_confirms_or_rules_out(folder: Path, gap_m: float) -> None:
+    """A calliper reads the length's own error; what it does not show is out of question."""
+    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(asked, folder), truth={"length_error": gap_m})
+    first = {
+        "verdict": "ambiguous",
+        "answer": [["base_frame_misalignment", "length_error"]],
+        "next_experiment": [{"action": "calliper"}],
+    }
+    second = second_answer(asked, data, first, folder)
+    assert second is not None
+    assert second["done"] == "calliper"
+    if gap_m:
+        assert second["answer"] == [["length_error"]]
+    else:
+        assert len(second["answer"]) == 1
+        assert "payload" in second["answer"][0]
+        assert "length_error" not in second["answer"][0]
+    known = {effect.id for effect in all_effects()}
+    assert {id for read in BY_HAND.values() for id in read} <= known
 
 
 # --- the second generator -----------------------------------------------------------------------
@@ -147,7 +196,7 @@ def test_the_rod_shares_no_code_with_the_library() -> None:
 
 def test_two_rods_written_apart_agree() -> None:
     poses, wrenches = rod_samples(40, 3)
-    found = Rod(Section()).solve(poses, np.zeros(40)).wrench
+    found = Rod(Section()).solve(poses, np.zeros(len(poses))).wrench
     assert found == pytest.approx(wrenches, rel=1e-3, abs=2e-3)
 
 
@@ -166,7 +215,7 @@ def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
 
     asked = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
     data = _data(asked, folder)
-    base = model_of("rod").base
+    base = shared_model("rod", folder).base
     rows = Rows(data.quiet, base)
     is_pose = np.asarray(data.quiet.text("kind") == "pose")
     excess = (data.quiet.wrenches - rows.wrench)[is_pose]
@@ -174,6 +223,35 @@ def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
     scale = Strength(covariance, np.asarray(base.columns(rows.poses))[is_pose])
     # The declared figures leave out the lever between sensor and top, hence the tolerance.
     assert scale(excess) == pytest.approx(2.0, rel=0.2)
+
+
+def test_a_remount_turns_the_body_and_a_dead_weight_is_a_run_of_its_own(folder: Path) -> None:
+    rod = Rod(Section(face_tilt=(0.02, 0.0)))
+    pose = np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    plain, half, whole = (
+        rod.solve(pose, np.array([angle])).wrench[0] for angle in (0.0, np.pi, 2.0 * np.pi)
+    )
+    assert whole == pytest.approx(plain, abs=1e-6)
+    # Half a turn about x changes the sign of what stands across it.
+    assert half == pytest.approx(plain * [1, -1, -1, 1, -1, -1], abs=1e-6)
+    assert abs(plain[4]) > 0.01
+    data = _data(Set(1, 951, "rod", hidden=(("hysteresis", 1.0),)), folder)
+    asked = asked_of(follow_up_plan(data.table, "dead weights"))
+    hung = asked.dead_weight_kg > 0.0
+    assert len(set(asked.run[hung].tolist())) == hung.sum() == 7
+    assert not set(asked.run[hung].tolist()) & set(asked.run[~hung].tolist())
+
+
+def test_a_second_campaign_alone_gives_no_name(folder: Path) -> None:
+    """Nothing hidden: the joined data of a remount are as clean as the first."""
+    from blind_parts.second import _joined
+
+    asked = Set(5, 902, "rod", protocol="plain")
+    data = _data(asked, folder)
+    plan = follow_up_plan(data.table, "remount turned by 180 degrees")
+    more = data_of(asked, folder, plan, data.truth)
+    joined = replace(data, table=_joined(data.table, more.table))
+    assert our_answer(asked, joined)["answer"] == []
 
 
 def test_the_same_seed_gives_the_same_table(folder: Path) -> None:
@@ -205,6 +283,52 @@ def test_sets_are_those_of_the_table() -> None:
     assert {one.hidden[0][1] for one in ones[:10]} == set(STRENGTHS)
 
 
+def test_a_run_that_stops_early_is_a_sample_of_all() -> None:
+    everything = balanced([one for tier in ALL_SETS for one in sets_of(tier)])
+    assert len(everything) == sum(ALL_SETS.values())
+    third = everything[: len(everything) // 3]
+    for tier, count in ALL_SETS.items():
+        assert sum(one.tier == tier for one in third) == pytest.approx(count / 3.0, rel=0.15, abs=4)
+    ones = [one.hidden[0][1] for one in third if one.tier == 1]
+    assert all(ones.count(s) == pytest.approx(50, abs=2) for s in STRENGTHS)
+    for source in ("rig", "rod"):
+        assert sum(one.source == source for one in third) == pytest.approx(283, abs=8)
+    # A round holds each strength from both sources: the simpler methods may run on some rounds.
+    first = [one for one in sets_of(1) if one.round == 0]
+    assert len({(one.source, one.hidden[0][1]) for one in first}) == len(first) == 10
+
+
+def test_the_full_robot_has_twenty_sets() -> None:
+    arm = sets_of(ARM)
+    assert len(arm) == 20
+    assert {one.source for one in arm} == {"arm"}
+    assert sum(not one.hidden for one in arm) == 5
+    assert {one.hidden[0][1] for one in arm if one.hidden} == set(STRENGTHS)
+    assert len({one.hidden[0][0] for one in arm if one.hidden}) == 15
+
+
+def _write(task: tuple[str, str]) -> None:
+    folder, name = task
+    if name == "2":
+        raise ValueError("two")
+    Path(folder, name).write_text(name * 3, encoding="utf-8")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_any_number_of_processes_writes_the_same_files(
+    tmp_path: Path, workers: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tasks = [(str(tmp_path), str(i)) for i in range(6)]
+    told: list[int] = []
+    failed = run_all(tasks, _write, workers=workers, told=lambda done, left_s: told.append(done))
+    assert failed == [tasks[2]]
+    assert "ValueError: two" in capsys.readouterr().err
+    assert told == [1, 2, 3, 4, 5, 6]
+    written = {f.name: f.read_text(encoding="utf-8") for f in tmp_path.iterdir()}
+    assert written == {i: i * 3 for i in "01345"}
+    assert run_all(tasks, _write, workers=workers, seconds=-1.0) == []
+
+
 @pytest.mark.parametrize(
     ("answer", "first", "wrong"),
     [
@@ -225,11 +349,30 @@ def test_scores_of_one_effect(answer: list[list[str]], first: bool, wrong: bool)
     assert clean_wrong(result) is wrong
 
 
+def test_not_testable_beside_a_clean_wrong_name_is_not_honest() -> None:
+    listed = [{"id": "a"}]
+    result: dict[str, Any] = {"set": {"tier": 4, "hidden": [["a", 1.0]], "strength": 0.0}}
+    for answer, good in (([], True), ([["b"]], False), ([["b", "a"]], True), ([["b", "c"]], True)):
+        result["ours"] = {"verdict": "", "answer": answer, "not_testable": listed}
+        assert honest(result) is good
+
+
+def _timed(result: dict[str, Any]) -> dict[str, Any]:
+    held = {"before": 2.0, "after": 1.0}
+    return {"ours": {**result["ours"], "seconds": 1.0, "held_out": held}}
+
+
 def test_the_table_counts_what_was_run() -> None:
     def made(s: float, right: bool) -> dict[str, Any]:
         answer = [["a"]] if right else []
         return {
-            "set": {"tier": 1, "index": 0, "hidden": [["a", s]], "strength": 0.0},
+            "set": {
+                "tier": 1,
+                "index": 0,
+                "source": "rod",
+                "hidden": [["a", s]],
+                "strength": 0.0,
+            },
             "ours": {"verdict": "named", "answer": answer},
             "simple": {"BIC forward": {"verdict": "named", "answer": [["b"]]}},
         }
@@ -238,4 +381,9 @@ def test_the_table_counts_what_was_run() -> None:
     assert len(lines) == 1
     assert lines[0]["sets"] == 4
     assert lines[0]["values"] == {"ours": 0.75, "BIC forward": 0.0}
+    some = [made(1.0, True), made(1.0, False)]
+    some[1].pop("simple")
+    text, document = table_text([{**r, "seconds": 1.0, **_timed(r)} for r in some])
+    assert "| 0.50 | 1.00 (1) | 0.00 (1) |" in text
+    assert document["tiers"][0]["counts"]["BIC forward"] == 1
     assert lines[0]["met"] is False

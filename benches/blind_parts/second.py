@@ -33,6 +33,8 @@ BY_HAND: dict[str, dict[str, float]] = {
 """Effects that a tool reads, and its standard deviation in the unit of the effect's size; a cable
 that is off is seen to be off."""
 _SEEN = 3.0
+_ONE_NUMBER = ("length_error", "diameter_error", "camera_scale")
+"""Effects of one parameter: the reading is nearer to what the first analysis fitted, or to 0."""
 
 
 def second_answer(
@@ -64,8 +66,12 @@ def _by_hand(
     random = np.random.default_rng([asked.seed, 11])
     seen = []
     for id, sd in read.items():
-        size = _size(data.truth.get(id))
-        if abs(size + sd * random.standard_normal()) > max(_SEEN * sd, 1e-12):
+        reading = abs(_size(data.truth.get(id)) + sd * random.standard_normal())
+        least = max(_SEEN * sd, 1e-12)
+        if id in _ONE_NUMBER:
+            least = max(0.5 * abs(first.get("sizes", {}).get(id, np.inf)), sd)
+            least = min(least, _SEEN * sd)
+        if reading > least:
             seen.append(id)
     answer = [[id for id in m if id in seen] or list(m) for m in first["answer"]]
     if seen:
