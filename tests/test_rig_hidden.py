@@ -15,6 +15,7 @@ from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.draws import DRAWS
 from ecm.rig.frames import rotate, rotation
 from ecm.rig.observe import residual, wrench_in_base
+from ecm.rig.plausible import LARGEST
 from ecm.table import Table, read_table
 from test_rig_campaign import error_of, whitener_of
 from test_rig_plan import plan_of
@@ -80,6 +81,62 @@ def test_a_plan_that_cannot_show_the_effect_is_refused() -> None:
     settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
     with pytest.raises(InputError, match="cannot show"):
         Campaign(plan_of(rest), settings, StandIn(), hide=[Hidden("ageing", 1.0)])
+
+
+def one_dwell(count: int = 60) -> Table:
+    """The paper's protocol: each pose once, from home, after the same rest."""
+    return plan_of(some_poses(count), dwell_s=np.full(count, 2.0))
+
+
+def test_a_strength_that_asks_for_an_absurd_size_is_refused() -> None:
+    hide = Hidden.parse("stress_relaxation=3")
+    with pytest.raises(InputError) as caught:
+        Campaign(one_dwell(), RigSettings(), StandIn(), hide=hide)
+    text = str(caught.value)
+    assert "stress_relaxation=3" in text
+    assert "nothing real exceeds 0.6" in text
+    assert "several dwells" in text
+    # What it names as possible is.
+    possible = float(text.split("at most at s = ")[1].split(",", maxsplit=1)[0])
+    weaker = Hidden.parse(f"stress_relaxation={possible}")
+    size = Campaign(one_dwell(), RigSettings(), StandIn(), hide=weaker).secrets[0].size
+    assert 0.4 < size <= 0.6
+    # Blind sets under the paper's protocol want it all the same, and say so by the object.
+    wanted = [Hidden("stress_relaxation", 3.0)]
+    assert Campaign(one_dwell(), RigSettings(), StandIn(), hide=wanted).secrets[0].size > 0.6
+    # With several dwells the same strength is nothing special.
+    assert Campaign(both_sides(), RigSettings(), StandIn(), hide=hide).secrets[0].size < 0.3
+
+
+def test_every_effect_has_a_largest_size() -> None:
+    assert set(LARGEST) == set(DRAWS)
+
+
+@pytest.mark.parametrize("effect", sorted(DRAWS))
+def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
+    """At every strength of the blind benchmark, as `--hide` asks for it."""
+    for strength in (0.2, 3.0):
+        hide = Hidden.parse(f"{effect}={strength}")
+        campaign = Campaign(both_sides(), RigSettings(), StandIn(), hide=hide, seed=2)
+        assert campaign.secrets[0].effect == effect
+
+
+def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {name: DRAWS[name] for name in ("stress_relaxation", "payload", "fts_offset")}
+    monkeypatch.setattr("ecm.rig.hidden.DRAWS", few)
+    drawn = []
+    for seed in range(12):
+        campaign = Campaign(
+            one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"), seed=seed
+        )
+        drawn.append(campaign.secrets[0].effect)
+        again = json.loads(campaign.truth_text() or "")["effects"]
+        assert [e["id"] for e in again] == [campaign.secrets[0].effect]
+    assert set(drawn) == {"payload", "fts_offset"}
+    only = {"stress_relaxation": DRAWS["stress_relaxation"]}
+    monkeypatch.setattr("ecm.rig.hidden.DRAWS", only)
+    with pytest.raises(InputError, match="can show no effect"):
+        Campaign(one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"))
 
 
 def test_random_is_drawn_by_the_seed() -> None:

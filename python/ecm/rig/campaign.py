@@ -37,6 +37,7 @@ from ecm.rig.reach import reachable
 from ecm.rig.record import Reading, table_of
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
+from ecm.rig.strength import CannotHide
 from ecm.rig.timeline import Timeline, lay_out
 
 if TYPE_CHECKING:
@@ -82,18 +83,20 @@ class Campaign:
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
         self.timeline: Timeline = lay_out(kept, settings.rig, length)
         smooth = source.surrogate(anchors)
-        random = stream(seed, "hidden effect")
+        lottery = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
-        named = tuple(h.effect for h in hide)
+        named = tuple(h.effect for h in hide if h.effect != "random")
         for wanted in hide:
-            taken = (*(n for n in named if n != "random"), *(h.effect for h in self._hide))
-            self._hide.append(wanted.drawn(random, taken))
-        gradings = {
-            grade: grading(source, anchors, grade, folder, progress)
-            for h in self._hide
-            for grade in GRADES.get(h.effect, ())
-        }
-        self.plant = Plant(settings, Elastic(anchors, smooth), length, gradings)
+            taken = (*named, *(h.effect for h in self._hide))
+            self._hide.append(wanted.drawn(lottery, taken))
+        elastic = Elastic(anchors, smooth)
+
+        def plant() -> Plant:
+            grades = {g for h in self._hide for g in GRADES.get(h.effect, ())}
+            gradings = {g: grading(source, anchors, g, folder, progress) for g in sorted(grades)}
+            return Plant(settings, elastic, length, gradings)
+
+        self.plant = plant()
         self.course = self._course(anchors)
         random = stream(seed, "sensor zero")
         table = settings.plant
@@ -103,14 +106,7 @@ class Campaign:
         direction = random.uniform(-1.0, 1.0, 6)
         self.physics = nominal_physics(settings, Physics(), direction)
         self.secrets: list[Secret] = []
-        for wanted in self._hide:
-            if wanted.effect == NOTHING:
-                continue
-            world = World(
-                self.plant, self.course, self.physics, self._offset, settings, base_columns
-            )
-            self.physics, secret = conceal(wanted, world, self.timeline.end_s, seed)
-            self.secrets.append(secret)
+        self._conceal(hide, lottery, plant, base_columns)
         self._stand = Stand(settings.instrument)
         self.frames: Believed | None = None
         """What the calibration found, where the frames are not known."""
@@ -196,6 +192,35 @@ class Campaign:
         hide = [[h.effect, h.strength, *([list(h.shape)] if h.shape else [])] for h in self._hide]
         document = [1, source.key(), self.settings.to_dict(), self.seed, hide, asked]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
+
+    def _conceal(
+        self,
+        hide: Sequence[Hidden],
+        lottery: np.random.Generator,
+        plant: Callable[[], Plant],
+        base_columns: Callable[[F], F] | None,
+    ) -> None:
+        """Puts what was drawn into the plant; `random` is drawn again where it cannot be."""
+        named = tuple(h.effect for h in hide if h.effect != "random")
+        for i, wanted in enumerate(hide):
+            impossible: tuple[str, ...] = ()
+            while self._hide[i].effect != NOTHING:
+                world = World(
+                    self.plant, self.course, self.physics, self._offset, self.settings, base_columns
+                )
+                try:
+                    found = conceal(self._hide[i], world, self.timeline.end_s, self.seed)
+                except CannotHide:
+                    if wanted.effect != "random":
+                        raise
+                    impossible = (*impossible, self._hide[i].effect)
+                    taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
+                    self._hide[i] = wanted.drawn(lottery, (*named, *taken), impossible)
+                    self.plant = plant()
+                    continue
+                self.physics, secret = found
+                self.secrets.append(secret)
+                break
 
     def _course(self, anchors: Anchors) -> Course:
         visits = tuple(self.timeline.visits)

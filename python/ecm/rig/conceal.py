@@ -15,9 +15,10 @@ from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Course, Plant
+from ecm.rig.plausible import check_size
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
-from ecm.rig.strength import Whitener, calibrate
+from ecm.rig.strength import CannotHide, Whitener, calibrate
 from ecm.rig.timeline import POSE
 
 F = NDArray[np.float64]
@@ -56,6 +57,11 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     """The physics with the effect in it, and what it is.
 
     A hidden warm-up of the sensor takes the place of the rig's own; every other truth is added.
+
+    Raises
+    ------
+    CannotHide
+        Where the plan does not show the effect, or only at a size that nothing real has.
     """
     course, plant = world.course, world.plant
     rows = np.asarray([v.kind == POSE for v in course.visits])
@@ -87,6 +93,11 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     def effect(size: float) -> F:
         return world.residual(put(world.physics, name, first.resized(size))) - plain
 
-    size = calibrate(effect, whitener, first.size, hide.strength)
+    try:
+        size = calibrate(effect, whitener, first.size, hide.strength)
+    except CannotHide as error:
+        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}") from None
+    if hide.plausible:
+        check_size(hide.effect, hide.strength, size, first.unit, scale)
     physics = put(world.physics, name, first.resized(size))
     return physics, Secret(hide.effect, hide.strength, name, size)

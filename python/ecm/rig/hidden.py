@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ class Hidden:
     strength: float
     shape: tuple[tuple[str, Any], ...] = ()
     """Parameters of the plant, where the effect is that of an earlier campaign."""
+    plausible: bool = field(default=False, compare=False)
+    """Refused where its size would be beyond `ecm.rig.plausible`; so is all that `parse` reads."""
 
     @staticmethod
     def parse(text: str) -> tuple[Hidden, ...]:
@@ -72,7 +74,7 @@ class Hidden:
                 f"Expected random, none or one of {', '.join(sorted(DRAWS))}"
             )
         if not equals:
-            return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0)
+            return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0, plausible=True)
         if name == NOTHING:
             raise InputError(f"--hide {text}: `none` takes no strength; write `none`")
         try:
@@ -83,17 +85,23 @@ class Hidden:
             raise InputError(
                 f"--hide {text}: strength `{rest}`, expected a number above 0 and at most 100"
             )
-        return Hidden(name, strength)
+        return Hidden(name, strength, plausible=True)
 
-    def drawn(self, random: Random, taken: tuple[str, ...] = ()) -> Hidden:
+    def drawn(
+        self, random: Random, taken: tuple[str, ...] = (), impossible: tuple[str, ...] = ()
+    ) -> Hidden:
         """`random` becomes an id that is not `taken`, and a strength where none was given.
 
-        With no strength asked for it may become `none`.
+        With no strength asked for it may become `none`; not any more where an effect was drawn
+        already that was `impossible` with the plan.
         """
         if self.effect != "random":
             return self
-        effect = str(random.choice(sorted(set(DRAWS) - set(taken))))
-        if not self.strength and not taken and random.random() < NOTHING_SHARE:
+        left = sorted(set(DRAWS) - set(taken) - set(impossible))
+        if not left:
+            raise InputError("--hide random: the plan can show no effect at such a strength")
+        effect = str(random.choice(left))
+        if not (self.strength or taken or impossible) and random.random() < NOTHING_SHARE:
             return Hidden(NOTHING, 0.0)
         strength = self.strength or float(random.choice(RANDOM_STRENGTHS))
-        return Hidden(effect, strength)
+        return replace(self, effect=effect, strength=strength)

@@ -20,6 +20,10 @@ _ROUNDS = 12
 _ENOUGH = 1e-6
 
 
+class CannotHide(InputError):
+    """An effect cannot be hidden at the wanted strength with this plan."""
+
+
 class Whitener:
     """Whitens rows and takes out the base's columns."""
 
@@ -76,13 +80,13 @@ def calibrate(
 
     Raises
     ------
-    InputError
+    CannotHide
         Where the data cannot see the effect at all, or it cannot become that strong.
     """
     for _ in range(_ROUNDS):
         found = whitener.strength(effect(size))
         if found < 1e-12:
-            raise InputError(
+            raise CannotHide(
                 "this plan cannot show the hidden effect: at any size it leaves no trace beside "
                 "the modulus. Plan visits that it acts on (approaches from several sides, home "
                 "checks, longer campaigns)"
@@ -90,7 +94,7 @@ def calibrate(
         if abs(found / wanted - 1.0) < _ENOUGH:
             return size
         size *= wanted / found
-    raise InputError(
+    raise CannotHide(
         f"hidden effect: strength {wanted:g} is not reached (found {found:.4g} at size "
         f"{size:.4g}); hide a weaker one"
     )

@@ -1,0 +1,94 @@
+"""How large an effect can be before nothing real is that large.
+
+A strength s is what is left after the base is projected out. Where the plan hardly shows an effect
+beside the modulus (relaxation with a single rest), a wanted strength asks for an absurd size: a
+rubber that loses more than all of its stress. Such a wish is refused, with what would make it
+possible. The largest sizes are shares of what the mechanism itself shows in the campaign (its
+length, its largest force and moment), so that they serve a finger as well as a neck.
+"""
+
+from __future__ import annotations
+
+from ecm.rig.draws import Scale
+from ecm.rig.strength import CannotHide
+
+GRAVITY_M_S2 = 9.81
+
+LARGEST: dict[str, tuple[float, str]] = {
+    "ageing": (0.5, "a longer campaign, the first poses again at its end"),
+    "anisotropy": (0.5, "a remount by 90 degrees"),
+    "base_compliance": (0.4, "larger poses"),
+    "base_frame_misalignment": (0.1, "poses that bend and turn on all sides"),
+    "cable_drag": (1.0, "larger poses on all sides"),
+    "camera_scale": (0.2, "larger translations"),
+    "contact_stop": (1e3, "larger tilts"),
+    "debonding": (0.6, "a push-pull pair of poses"),
+    "diameter_error": (0.2, "bending and shear as well as stretch"),
+    "face_tilt": (0.15, "a remount by 180 degrees"),
+    "fts_crosstalk": (0.1, "loads on every axis"),
+    "fts_drift": (0.5, "a longer campaign"),
+    "fts_frame": (0.2, "larger forces"),
+    "fts_gain": (0.3, "loads on every axis"),
+    "fts_hysteresis": (0.4, "approaches from several sides"),
+    "fts_offset": (0.5, "poses that turn on all sides"),
+    "fts_saturation": (2.0, "larger loads"),
+    "fts_thermal_drift": (0.1, "a warm-up between the poses"),
+    "hysteresis": (0.05, "approaches from several sides, poses measured twice"),
+    "led_occlusion": (0.1, "larger tilts"),
+    "length_error": (0.1, "poses at which the axial force differs"),
+    "marker_motion": (0.05, "a longer campaign, poses measured again at its end"),
+    "mullins_softening": (0.6, "small poses again after large ones"),
+    "own_weight": (0.5, "poses that bend on all sides"),
+    "payload": (0.5, "poses that turn on all sides"),
+    "permanent_set": (0.3, "home checks, small poses after large ones"),
+    "platform_slip": (0.05, "poses measured again at the end"),
+    "pre_curvature": (0.15, "a remount by 180 degrees"),
+    "strain_stiffening": (0.5, "larger poses"),
+    "stress_relaxation": (0.6, "several dwells, from 2 to 60 s"),
+    "taper": (0.5, "bending and shear on all sides"),
+    "temperature_modulus": (0.1, "a warm-up between the poses"),
+    "tip_frame_misalignment": (0.1, "poses that bend and turn on all sides"),
+}
+"""id: largest size in shares of the unit's measure (`measure`), and what shows the effect."""
+
+
+def measure(unit: str, scale: Scale) -> float:
+    """One of a unit, as the mechanism and its loads measure it."""
+    force, moment = max(scale.loads[:3]), max(scale.loads[3:])
+    return {
+        "1": 1.0,
+        "rad": 1.0,
+        "1/K": 1.0,
+        "m": scale.length_m,
+        "N": force,
+        "N/K": force,
+        "N/m": force / scale.length_m,
+        "rad/(N m)": 1.0 / moment,
+        "kg": force / GRAVITY_M_S2,
+        "1/N or 1/(N m)": 1.0 / force,
+    }[unit]
+
+
+def largest_size(effect: str, unit: str, scale: Scale) -> float:
+    """The largest size of an effect that something real could have, in its unit."""
+    return LARGEST[effect][0] * measure(unit, scale)
+
+
+def check_size(effect: str, strength: float, size: float, unit: str, scale: Scale) -> None:
+    """CannotHide where the wanted strength asks for more than that."""
+    largest = largest_size(effect, unit, scale)
+    if abs(size) <= largest:
+        return
+    shown = "" if unit == "1" else f" {unit}"
+    raise CannotHide(
+        f"--hide {effect}={strength:g}: with this plan that strength asks for a size of "
+        f"{abs(size):.3g}{shown}, and nothing real exceeds {largest:.3g}{shown}. Hide it at most "
+        f"at s = {_down(strength * largest / abs(size))}, or plan {LARGEST[effect][1]} "
+        f"(`ecm design … --preset diagnosable --effects {effect}`)"
+    )
+
+
+def _down(value: float) -> str:
+    """Two digits, never above."""
+    digits = f"{0.95 * value:.1e}"
+    return f"{float(digits):g}"
