@@ -255,6 +255,22 @@ def test_trap_a_wrong_sign_is_no_soft_material() -> None:
     assert one.verdict == "unknown"
 
 
+def test_trap_a_frame_turned_the_wrong_way_is_not_named() -> None:
+    """Readings brought to base axes with R' for R, and rotations of the other sign."""
+    table = campaign("", 1.0, 4)
+    rotation = Rows(table, physics()).rotation
+    twice = np.swapaxes(rotation @ rotation, 1, 2)
+    wrong = np.concatenate(
+        [np.einsum("nij,nj->ni", twice, table.wrenches[:, k : k + 3]) for k in (0, 3)], axis=1
+    )
+    askew = table.with_columns({name: wrong[:, j] for j, name in enumerate(WRENCH)})
+    mirrored = table.with_columns({name: -table.column(name) for name in POSE[3:]})
+    for bad in (askew, mirrored):
+        diagnosis = diagnose(model(), bad)
+        assert diagnosis.verdict == "unknown", diagnosis.sentence()
+        assert diagnosis.answer == ()
+
+
 def test_a_clamp_that_pushes_is_not_named() -> None:
     """Values far outside their bounds are no explanation; a hair outside is the form's misfit."""
     table = campaign("", 1.0, 4)
