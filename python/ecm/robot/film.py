@@ -1,4 +1,4 @@
-"""A film of the first poses of a campaign: MuJoCo draws the arm, and the mechanism with it.
+"""A film of the first poses of a campaign: MuJoCo draws the arm, and the mechanism from near.
 
 The mechanism is no body of the scene; it is drawn as a row of capsules along the cubic that leaves
 the base and meets the top frame straight on.
@@ -25,6 +25,8 @@ from ecm.robot.worker import Job
 F = NDArray[np.float64]
 
 WIDTH, HEIGHT = 480, 400
+NEAR_WIDTH = 260
+"""Of the view of the mechanism, right of the arm's."""
 FRAMES_PER_S = 12
 FASTER = 4.0
 """Simulated over filmed time."""
@@ -43,30 +45,40 @@ class Film:
         self._context = _gl_context()
         self._drawing: Any = None
         self._last_s = -1.0
+        self._title = ""
         self.images: list[NDArray[np.uint8]] = []
 
-    def begin(self) -> None:
+    def begin(self, title: str = "") -> None:
         """A sortie begins: its clock starts again."""
         self._last_s = -1.0
+        self._title = title
 
     def frame(self, simulation: Simulation, phase: str) -> None:
         """One more frame where enough time has passed."""
-        del phase
         if simulation.time_s - self._last_s < FASTER / FRAMES_PER_S - 1e-9:
             return
         self._last_s = simulation.time_s
         library = self._library
         if self._drawing is None:
             self._drawing = self._begin_drawing(simulation)
-        scene, option, camera, canvas, place = self._drawing
-        library.mjv_updateScene(
-            simulation.model, simulation.data, option, None, camera,
-            library.mjtCatBit.mjCAT_ALL.value, scene,
+        scene, option, canvas, views = self._drawing
+        whole = library.MjrRect(0, 0, WIDTH + NEAR_WIDTH, HEIGHT)
+        for camera, place in views:
+            library.mjv_updateScene(
+                simulation.model, simulation.data, option, None, camera,
+                library.mjtCatBit.mjCAT_ALL.value, scene,
+            )  # fmt: skip
+            self._draw_mechanism(scene, simulation)
+            library.mjr_render(place, scene, canvas)
+        force = float(np.linalg.norm(simulation.wrench[:3]))
+        library.mjr_overlay(
+            library.mjtFont.mjFONT_NORMAL.value, library.mjtGridPos.mjGRID_TOPRIGHT.value,
+            views[0][1],
+            f"{self._title}\nphase\ntime\nforce",
+            f" \n{phase}\n{simulation.time_s:.1f} s\n{force:.0f} N", canvas,
         )  # fmt: skip
-        self._draw_mechanism(scene, simulation)
-        library.mjr_render(place, scene, canvas)
-        image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
-        library.mjr_readPixels(image, None, place, canvas)
+        image = np.zeros((HEIGHT, WIDTH + NEAR_WIDTH, 3), dtype=np.uint8)
+        library.mjr_readPixels(image, None, whole, canvas)
         self.images.append(image[::-1].copy())
 
     def write(self, path: Path) -> None:
@@ -94,12 +106,15 @@ class Film:
         library = self._library
         canvas = library.MjrContext(simulation.model, library.mjtFontScale.mjFONTSCALE_100.value)
         library.mjr_setBuffer(library.mjtFramebuffer.mjFB_OFFSCREEN.value, canvas)
-        # MuJoCo's cameras stand upright along z; here up is x, so the camera is given by its axes.
-        camera = library.MjvCamera()
-        camera.type = library.mjtCamera.mjCAMERA_FIXED.value
-        camera.fixedcamid = 0
+        # MuJoCo's cameras stand upright along z; here up is x, so the cameras are given by axes.
+        views = []
+        for number, (left, width) in enumerate(((0, WIDTH), (WIDTH, NEAR_WIDTH))):
+            camera = library.MjvCamera()
+            camera.type = library.mjtCamera.mjCAMERA_FIXED.value
+            camera.fixedcamid = number
+            views.append((camera, library.MjrRect(left, 0, width, HEIGHT)))
         scene = library.MjvScene(simulation.model, maxgeom=200)
-        return scene, library.MjvOption(), camera, canvas, library.MjrRect(0, 0, WIDTH, HEIGHT)
+        return scene, library.MjvOption(), canvas, views
 
     def _draw_mechanism(self, scene: Any, simulation: Simulation) -> None:
         library = self._library
@@ -140,7 +155,7 @@ def film(
     try:
         machine = job.machine(picture.frame)
         for i, stop in enumerate(stops):
-            picture.begin()
+            picture.begin(f"pose {i + 1} of {len(stops)}")
             machine.sortie([stop])
             if progress is not None:
                 progress(i + 1, len(stops), "filming")
@@ -155,7 +170,7 @@ def _gl_context() -> Any:
     tried = []
     for name in ("egl", "osmesa", "glfw"):
         try:
-            context = import_module(f"mujoco.{name}").GLContext(WIDTH, HEIGHT)
+            context = import_module(f"mujoco.{name}").GLContext(WIDTH + NEAR_WIDTH, HEIGHT)
             context.make_current()
             return context
         except Exception as error:  # whatever a graphics driver raises

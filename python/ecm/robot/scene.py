@@ -93,6 +93,8 @@ def scene(settings: RigSettings, length_m: float) -> Scene:
 {foot[0] + 0.11:.17g} 0 {foot[2]:.17g}" size="0.09" rgba="0.3 0.3 0.3 1"/>
     <geom class="shape" type="box" pos="-0.02 0 0" size="0.02 0.12 0.12" rgba="0.5 0.5 0.5 1"/>
     <camera name="film" pos="0.42 0.85 0.32" xyaxes="0 -0.5219 0.853 0.9699 -0.2076 -0.127"/>
+    <camera name="near" pos="0.1067 0.3668 0.2751" xyaxes="0 -0.6 0.8 0.9968 -0.0638 -0.04785"/>
+    <light pos="0.5 0.9 0.5" dir="-0.25 -0.83 -0.5" diffuse="0.35 0.35 0.35" castshadow="false"/>
 {stop}    <body name="foot" pos="{place}" quat="0 0.70710678118654757 0 0.70710678118654757">
 {chain}    </body>
   </worldbody>
