@@ -337,12 +337,23 @@ def test_trap_a_sensor_zeroed_with_the_payload_on() -> None:
 
 
 def test_an_error_far_beyond_the_noise_is_no_name() -> None:
-    """A residual that nothing explains, fifteen times the noise, leaves every name in doubt."""
+    """A residual that repeats and that no column follows leaves every name in doubt."""
+    table = campaign("fts_offset", 20.0, 4)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], int(table.column("pose_id").max()) + 2)
+    own = signs[table.column("pose_id").astype(int)]
+    scrambled = table.with_columns({"tau_x_Nm": own * table.column("tau_x_Nm")})
+    diagnosis = diagnose(model(), scrambled)
+    assert diagnosis.verdict == "unknown"
+    assert diagnosis.unknown is not None
+    assert "times the noise" in diagnosis.unknown["words"]
+
+
+def test_a_flipped_sign_is_described_and_not_named() -> None:
     table = campaign("", 1.0, 4)
     diagnosis = diagnose(model(), table.with_columns({"fz_N": -table.column("fz_N")}))
     assert diagnosis.verdict == "unknown"
     assert diagnosis.unknown is not None
-    assert "times the noise" in diagnosis.unknown["words"]
+    assert diagnosis.unknown["words"].startswith("fz follows")
 
 
 def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:

@@ -91,7 +91,7 @@ def nuisance_columns(rows: Rows) -> F:
         try:
             blocks += [
                 variant.jacobian(rows, np.zeros(len(variant.parameters)))
-                for variant in effect.variants(rows.table)[:2]
+                for variant in effect.variants(rows.table)[:3]
             ]
         except InputError:
             # Without the mechanism's length there is no rest pose, and no such effect to name.

@@ -61,6 +61,12 @@ class Gram:
         matrix = np.tensordot(weights, self.matrices, axes=1)
         return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
 
+    def only(self, columns: Sequence[int]) -> Gram:
+        """The same of some of the columns, in their order."""
+        take = np.asarray(columns, dtype=np.int64)
+        matrices = self.matrices[:, take[:, None], take[None, :]]
+        return Gram(matrices, self.vectors[:, take], self.squares, self.counts)
+
     @cached_property
     def _whole(self) -> tuple[F, F, float]:
         return self.matrices.sum(axis=0), self.vectors.sum(axis=0), float(self.squares.sum())
@@ -70,19 +76,16 @@ class Gram:
 
         scored: (g,) 1 for groups that count, 0 for others (their squares are set to 0).
         """
-        take = np.asarray(columns, dtype=np.int64)
-        matrix, vector, _ = self.total()
+        own = self.only(columns)
+        matrix, vector, _ = own.total()
         result = np.zeros(len(self.squares))
         for fold in np.unique(fold_of_group):
             inside = fold_of_group == fold
-            weight = inside.astype(np.float64)
-            g_in, c_in, _ = self.total(weight)
-            theta = solve((matrix - g_in)[np.ix_(take, take)], (vector - c_in)[take])
-            for g in np.flatnonzero(inside & (scored > 0.0)):
-                own = self.matrices[g][np.ix_(take, take)]
-                result[g] = (
-                    self.squares[g] - 2.0 * self.vectors[g][take] @ theta + theta @ own @ theta
-                )
+            g_in, c_in, _ = own.total(inside.astype(np.float64))
+            theta = solve(matrix - g_in, vector - c_in)
+            g = np.flatnonzero(inside & (scored > 0.0))
+            result[g] = self.squares[g] - 2.0 * own.vectors[g] @ theta
+            result[g] += (own.matrices[g] @ theta) @ theta
         return result
 
 
@@ -94,6 +97,42 @@ def solve(matrix: F, vector: F) -> F:
     scaled = matrix / np.outer(diagonal, diagonal)
     scaled[np.diag_indices_from(scaled)] += _RIDGE
     return np.asarray(np.linalg.solve(scaled, vector / diagonal) / diagonal)
+
+
+def without(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
+    """Normal equations after projecting the fixed columns out of all columns."""
+    take = np.asarray(fixed, dtype=np.int64)
+    if len(take) == 0:
+        return matrix, vector
+    diagonal = np.sqrt(np.maximum(np.diag(matrix)[take], 1e-300))
+    inner = matrix[np.ix_(take, take)] / np.outer(diagonal, diagonal)
+    inner[np.diag_indices_from(inner)] += _RIDGE
+    cross = matrix[take] / diagonal[:, None]
+    right = np.column_stack([cross, vector[take] / diagonal])
+    found = np.linalg.solve(inner, right)
+    return matrix - cross.T @ found[:, :-1], vector - cross.T @ found[:, -1]
+
+
+def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int, ...]]) -> F:
+    """(b,) sum of squares that each block of columns explains beyond what was projected out.
+
+    Parameters
+    ----------
+    left
+        `without` of the equations.
+    """
+    found = np.zeros(len(blocks))
+    ridge = _RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    sizes = np.array([len(block) for block in blocks], dtype=np.int64)
+    for size in np.unique(sizes).tolist():
+        which = np.flatnonzero(sizes == size).tolist()
+        take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
+        matrices = left[0][take[:, :, None], take[:, None, :]]
+        matrices[:, np.arange(size), np.arange(size)] += ridge[take]
+        vectors = left[1][take]
+        solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+        found[which] = (vectors * solved).sum(axis=1)
+    return found
 
 
 def explained(matrix: F, vector: F, columns: Sequence[int]) -> float:

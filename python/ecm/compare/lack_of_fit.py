@@ -11,9 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+from scipy.linalg import lapack, solve_triangular
 
 F = NDArray[np.float64]
 I = NDArray[np.int64]
+
+_DEPENDENT = 1e-5
+"""A column of which earlier ones leave no more than this is theirs."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +89,25 @@ def omnibus(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTes
     basis = orthonormal(base)
     y = y - basis @ (basis.T @ y)
     z = z - basis @ (basis.T @ z)
-    extra = orthonormal(z)
-    explained = float(((extra.T @ y) ** 2).sum())
+    explained, directions = captured(z, y)
     rest = float(y @ y) - explained
     size = int((root > 0.0).sum()) * m
-    return FTest.of(explained, extra.shape[1], rest, size - basis.shape[1] - extra.shape[1])
+    return FTest.of(explained, directions, rest, size - basis.shape[1] - directions)
+
+
+def captured(columns: F, response: F) -> tuple[float, int]:
+    """Sum of squares of the response in the columns' span, and the dimension of the span."""
+    norms = np.sqrt((columns**2).sum(axis=0))
+    keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    if not keep.any():
+        return 0.0, 0
+    scaled = columns[:, keep] / norms[keep]
+    # Pivoted Cholesky factor of the normal equations: it sees dependent columns, whatever their
+    # order, and costs a quarter of an orthonormal basis.
+    factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
+    along = (scaled.T @ response)[order[:rank] - 1]
+    found = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
+    return float(found @ found), int(rank)
 
 
 def orthonormal(columns: F) -> F:
@@ -101,4 +119,4 @@ def orthonormal(columns: F) -> F:
     scaled = columns / np.sqrt((columns**2).sum(axis=0))
     q, r = np.linalg.qr(scaled)
     # A column that earlier ones explain leaves a direction of rounding errors: drop it.
-    return np.asarray(q[:, np.abs(np.diag(r)) > 1e-5])
+    return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,10 @@ from ecm.compare.gram import explained
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import (
     LEAST_BIC,
+    best_shapes,
     estimate,
     fall,
+    further_falls,
     normal_equations,
     rank,
 )
@@ -67,8 +69,16 @@ def check(
     item: Candidate,
     members: Sequence[str],
     seed: int,
+    *,
+    winners: dict[str, float] | None = None,
 ) -> Check:
-    """Evidence for `item` given the others; `members` are the ids of its class."""
+    """Evidence for `item` given the others; `members` are the ids of its class.
+
+    Parameters
+    ----------
+    winners
+        Of the resampling, where another class of the same effect was checked before.
+    """
     others = [other for other in chosen if other is not item]
     ranked = {found.candidate.id: found for found in rank(problem, others)}
     own = ranked[item.id]
@@ -76,7 +86,8 @@ def check(
     contenders = {
         found.candidate.id for found in ranked.values() if found.drop > _CONTENDS * own.drop
     }
-    winners = _bootstrap_winners(problem, others, contenders, seed)
+    if winners is None:
+        winners = _bootstrap_winners(problem, others, contenders, seed)
     return Check(
         id=item.id,
         p_holm=min(1.0, own.p * rivals),
@@ -95,14 +106,33 @@ def _bootstrap_winners(
     """How often each contender comes first when groups of rows are drawn with replacement."""
     rng = np.random.default_rng([seed, 5])
     count = len(problem.gram.squares)
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
+    weights = drawn.astype(np.float64)
+    small, others = _only(problem, others, contenders)
+    size = small.gram.vectors.shape[1]
+    matrices = (weights @ small.gram.matrices.reshape(count, -1)).reshape(-1, size, size)
+    vectors = weights @ small.gram.vectors
     won: dict[str, float] = {}
-    for _ in range(_BOOTSTRAPS):
-        weights = rng.multinomial(count, np.full(count, 1.0 / count)).astype(np.float64)
-        ranked = rank(problem, others, weights, contenders)
-        if ranked and ranked[0].delta_bic > 0.0:
-            id = ranked[0].candidate.id
-            won[id] = won.get(id, 0.0) + 1.0 / _BOOTSTRAPS
+    for matrix, vector in zip(matrices / problem.scale, vectors / problem.scale, strict=True):
+        found = best_shapes(small, (matrix, vector), others)
+        first = max(found, key=lambda item: item[2], default=None)
+        if first is not None and first[2] > 0.0:
+            won[first[0].id] = won.get(first[0].id, 0.0) + 1.0 / _BOOTSTRAPS
     return won
+
+
+def _only(
+    problem: Problem, others: Sequence[Candidate], contenders: Collection[str]
+) -> tuple[Problem, list[Candidate]]:
+    """The normal equations of base, others and contenders alone, and the others in them."""
+    kept = [*others, *(c for c in problem.candidates if c.id in contenders)]
+    columns = [*problem.base_index, *(c for item in kept for c in item.columns)]
+    place = {column: i for i, column in enumerate(columns)}
+    moved = [replace(c, columns=tuple(place[j] for j in c.columns)) for c in kept]
+    small = replace(
+        problem, gram=problem.gram.only(columns), candidates=tuple(moved[len(others) :])
+    )
+    return small, moved[: len(others)]
 
 
 def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
@@ -111,7 +141,7 @@ def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate
     after = held_out_squares(problem, (*others, item), item.effect.kind)
     falls = (before - after)[_scored_groups(problem) > 0.0]
     error = float(falls.std(ddof=1)) * np.sqrt(len(falls)) if len(falls) > 2 else np.inf
-    return float(falls.sum()) / max(error, 1e-300)
+    return float(falls.sum() / max(error, 1e-300))
 
 
 def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -> F:
@@ -156,15 +186,12 @@ def _robust(
     matrix = equations[0] - flat.T @ flat / problem.scale
     vector = equations[1] - flat.T @ response.ravel() / problem.scale
     reduced = (matrix, vector)
-    fixed = fall(reduced, problem, others)
-    penalty = np.log(problem.size)
-    best: tuple[float, str] = (-np.inf, "")
-    for candidate in problem.candidates:
-        if any(candidate.id == other.id for other in others):
-            continue
-        drop = fall(reduced, problem, (*others, candidate)) - fixed
-        best = max(best, (drop - candidate.parameters * penalty, candidate.id))
-    return bool(best[0] > LEAST_BIC and best[1] in members)
+    present = {other.id for other in others}
+    tried = [c for c in problem.candidates if c.id not in present]
+    drops = further_falls(reduced, problem, others, tried)
+    drops -= np.log(problem.size) * np.array([c.parameters for c in tried])
+    best = int(np.argmax(drops))
+    return bool(drops[best] > LEAST_BIC and tried[best].id in members)
 
 
 def _row_squares(problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]) -> F:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.compare.gram import solve
+from ecm.compare.gram import solve, without
 from ecm.diagnose.problem import Candidate, Problem
-from ecm.diagnose.search import LEAST_BIC, bic, estimate, normal_equations
+from ecm.diagnose.search import LEAST_BIC, bic, bics, estimate, normal_equations
 
 F = NDArray[np.float64]
 
@@ -63,10 +63,9 @@ def answer_class(
     present = {other.id for other in chosen}
     own = bic(equations, problem, chosen)
     found: dict[str, float] = {}
-    for rival in (*problem.candidates, *problem.shadows):
-        if rival.id in present:
-            continue
-        loss = own - bic(equations, problem, (*others, rival))
+    rivals = [c for c in (*problem.candidates, *problem.shadows) if c.id not in present]
+    losses = own - bics(equations, problem, others, rivals)
+    for rival, loss in zip(rivals, losses.tolist(), strict=True):
         alike = (
             loss < max(least, _FORM * own)
             and separability(problem, equations, item, rival, others) < SEPARABLE
@@ -99,10 +98,10 @@ def widened(
     present = {other.id for other in chosen} | set(members)
     own, rest = bic(equations, problem, chosen), bic(equations, problem, others)
     losses: dict[str, float] = {}
-    for rival in (*problem.candidates, *problem.shadows):
-        if rival.id not in present:
-            loss = own - bic(equations, problem, (*others, rival))
-            losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
+    rivals = [c for c in (*problem.candidates, *problem.shadows) if c.id not in present]
+    lost = own - bics(equations, problem, others, rivals)
+    for rival, loss in zip(rivals, lost.tolist(), strict=True):
+        losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
     within = near * (own - rest)
     nearest = sorted((id for id in losses if losses[id] < within), key=losses.__getitem__)
     return [*members, *nearest[: max(0, MOST_IN_CLASS - len(members))]]
@@ -111,35 +110,25 @@ def widened(
 def confusable(problem: Problem) -> list[list[str]]:
     """Pairs of testable effects of which one imitates every direction of the other."""
     equations = normal_equations(problem)
-    matrix = equations[0]
-    pairs = []
+    matrix, vector = without(*equations, problem.base_index)
     ids = problem.ids
-    for i, first in enumerate(ids):
-        for second in ids[i + 1 :]:
-            shares = []
-            for a, b in ((first, second), (second, first)):
-                shares.append(
-                    min(
-                        _mean_left(matrix, problem, one, other)
-                        for one in _of(problem, a)
-                        for other in _of(problem, b)
-                    )
-                )
-            if min(shares) < SEPARABLE:
-                pairs.append([first, second])
-    return pairs
-
-
-def _of(problem: Problem, id: str) -> list[Candidate]:
-    return [c for c in problem.candidates if c.id == id][:1]
-
-
-def _mean_left(matrix: F, problem: Problem, item: Candidate, rival: Candidate) -> float:
-    """Share left on average over directions of the effect that the base leaves visible."""
-    left = whole = 0.0
-    for j in range(len(item.columns)):
-        unit = np.zeros(len(item.columns))
-        unit[j] = 1.0
-        whole += _left(matrix, item.columns, unit, problem.base_index)
-        left += _left(matrix, item.columns, unit, problem.base_index + rival.columns)
-    return left / whole if whole > 0.0 else 1.0
+    first: dict[str, Candidate] = {}
+    for candidate in problem.candidates:
+        first.setdefault(candidate.id, candidate)
+    columns = [np.asarray(first[id].columns, dtype=np.int64) for id in ids]
+    whole = np.maximum(np.diag(matrix), 0.0)
+    shares = np.ones((len(ids), len(ids)))
+    for j in range(len(ids)):
+        # What the base leaves of every column, and what of that this effect leaves.
+        rest, _ = without(matrix, vector, first[ids[j]].columns)
+        left = np.clip(np.diag(rest), 0.0, whole)
+        for i, other in enumerate(columns):
+            total = float(whole[other].sum())
+            shares[i, j] = float(left[other].sum()) / total if total > 0.0 else 1.0
+    least = np.minimum(shares, shares.T)
+    return [
+        [ids[i], ids[j]]
+        for i in range(len(ids))
+        for j in range(i + 1, len(ids))
+        if least[i, j] < SEPARABLE
+    ]

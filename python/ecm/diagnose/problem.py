@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 from ecm.columns import POSE, WRENCH
 from ecm.compare.estimate import estimate_noise, usable_sd
 from ecm.compare.folds import is_pose, row_groups
-from ecm.compare.gram import Gram
+from ecm.compare.gram import Gram, gains, without
 from ecm.compare.lack_of_fit import omnibus
 from ecm.compare.noise import Noise, declared_noise, whiteners
 from ecm.compare.residuals import features
 from ecm.diagnose.tangents import (
     basis_of,
+    leading,
     projected,
     refined,
     robust_weights,
@@ -98,6 +100,19 @@ class Problem:
         """Columns of the base."""
         return tuple(range(self.n_base))
 
+    @cached_property
+    def leading(self) -> I:
+        """Columns of each effect's best shape: what stays is noise, and enough of it is left."""
+        matrix, vector, _ = self.gram.total()
+        left = without(matrix, vector, self.base_index)
+        offered = (*self.candidates, *self.shadows)
+        found = gains((matrix, vector), left, [candidate.columns for candidate in offered])
+        best: dict[str, tuple[float, Candidate]] = {}
+        for candidate, gain in zip(offered, found.tolist(), strict=True):
+            if candidate.id not in best or gain > best[candidate.id][0]:
+                best[candidate.id] = (gain, candidate)
+        return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
+
     @property
     def ids(self) -> tuple[str, ...]:
         """Testable ids in the order of the catalogue."""
@@ -119,11 +134,15 @@ def assemble(
     response = fit.whitened
     base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
     found, untestable = tangents_of(rows, whitener, effects)
-    weights = robust_weights(response, [base_block, *(item.columns for item in found)])
+    plain = np.ones(len(table))
+    basis = basis_of(base_block, plain)
+    left = projected(response[:, :, None], basis, plain)[:, :, 0]
+    first = leading(found, left, basis, plain)
+    weights = robust_weights(response, [base_block, *(item.columns for item in first)])
     root = np.sqrt(weights)
     basis = basis_of(base_block, root)
     left = projected(response[:, :, None], basis, root)[:, :, 0]
-    found += refined(rows, whitener, left, found, root)
+    found += refined(rows, whitener, left, found, basis=basis, root=root)
     if base_block.shape[2] > _MOST_BASE_IN_GRAM:
         # Too many columns to carry along: project them out once, for all refits.
         response = left
@@ -171,7 +190,7 @@ def _scaled(problem: Problem) -> Problem:
     """With the variance that neither candidates nor smooth features explain."""
     most = max(1, problem.size // (3 * problem.response.shape[1]))
     everything = np.concatenate(
-        [problem.design[:, :, problem.n_base :], omnibus_columns(problem, most)], axis=2
+        [problem.design[:, :, problem.leading], omnibus_columns(problem, most)], axis=2
     )
     base = problem.design[:, :, : problem.n_base]
     test = omnibus(problem.response, everything, base, problem.weights)

@@ -51,6 +51,7 @@ F = NDArray[np.float64]
 _LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 """Unknown where more than this share of the structure stays, in squares, after 0, 1, 2 or more
 effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
+_SURELY = 1.645
 _DOUBTFUL_SHARE = 0.04
 _DOUBTFUL_P = 0.05
 """Where more than this share stays, and is seen, the form is in doubt, and no name stands alone."""
@@ -216,7 +217,7 @@ def _accepted(
                 close = answer_class(problem, chosen, item, _CLOSE_BIC)
                 extra = [id for id in close if id not in members and id in evidence.winners]
                 members = [*members, *extra[: MOST_IN_CLASS - len(members)]]
-                evidence = check(problem, chosen, item, members, seed)
+                evidence = check(problem, chosen, item, members, seed, winners=evidence.winners)
             found.append((evidence, members))
         checks = [evidence for evidence, _ in found]
         if all(evidence.accepted for evidence in checks):
@@ -247,7 +248,10 @@ def _left_over(
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(before, fall(normal_equations(problem), problem, accepted))
-    share = not accepted or after > _LEFT_SHARE[min(len(accepted), 3)] * before
+    allowed = _LEFT_SHARE[min(len(accepted), 3)] * before
+    # Chance adds to what stays: it must be seen to be more than the form of an effect may leave.
+    spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
+    share = not accepted or after > allowed + _SURELY * spread
     figures = {
         "beyond_chance": after,
         "dof": test.dof,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ecm.compare.gram import explained, solve
+from ecm.compare.gram import explained, gains, solve, without
 from ecm.diagnose.problem import Candidate, Problem
 
 F = NDArray[np.float64]
@@ -36,66 +36,86 @@ class Ranked:
     delta_bic: float
 
 
-def normal_equations(problem: Problem, weights: F | None = None) -> tuple[F, F]:
+def normal_equations(problem: Problem) -> tuple[F, F]:
     """G and c over all groups, divided by the noise scale."""
-    matrix, vector, _ = problem.gram.total(weights)
+    matrix, vector, _ = problem.gram.total()
     return matrix / problem.scale, vector / problem.scale
+
+
+def _columns(problem: Problem, chosen: Sequence[Candidate]) -> tuple[int, ...]:
+    return problem.base_index + tuple(c for item in chosen for c in item.columns)
+
+
+def further_falls(
+    equations: tuple[F, F],
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+) -> F:
+    """(c,) what each candidate explains beyond base and chosen."""
+    left = without(*equations, _columns(problem, chosen))
+    return gains(equations, left, [candidate.columns for candidate in candidates])
 
 
 def fall(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
     """Explained sum of squares of base and chosen effects beyond the base."""
-    columns = problem.base_index + tuple(c for item in chosen for c in item.columns)
-    return explained(*equations, columns) - explained(*equations, problem.base_index)
+    return explained(*equations, _columns(problem, chosen)) - explained(
+        *equations, problem.base_index
+    )
 
 
-def rank(
+def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
+    """Each testable effect's best shape, by the fall of BIC when it joins the chosen."""
+    best = best_shapes(problem, normal_equations(problem), chosen)
+    if not best:
+        return []
+    shapes = Counter(c.id for c in problem.candidates)
+    extra = [c.parameters + (1 if shapes[c.id] > 1 else 0) for c, _, _ in best]
+    chances = _p_values(problem, np.array([drop for _, drop, _ in best]), np.array(extra))
+    found = [
+        Ranked(candidate, drop, float(p), gain)
+        for (candidate, drop, gain), p in zip(best, chances, strict=True)
+    ]
+    return sorted(found, key=lambda item: -item.delta_bic)
+
+
+def best_shapes(
     problem: Problem,
-    chosen: Sequence[Candidate] = (),
-    weights: F | None = None,
+    equations: tuple[F, F],
+    chosen: Sequence[Candidate],
     only: Collection[str] | None = None,
-) -> list[Ranked]:
-    """Each testable effect's best shape, by the fall of BIC when it joins the chosen.
+) -> list[tuple[Candidate, float, float]]:
+    """(candidate, fall, fall of BIC) of each effect's best shape beside the chosen.
 
     Parameters
     ----------
-    weights
-        (g,) of the groups; default 1.
     only
         Ids to look at; default all.
     """
-    equations = normal_equations(problem, weights)
     present = {item.id for item in chosen}
-    fixed = fall(equations, problem, chosen)
-    # Slope of the sum of squares to every column, base and chosen fitted: its sign is known.
-    inside = np.asarray(
-        problem.base_index + tuple(c for item in chosen for c in item.columns), dtype=np.int64
-    )
-    matrix, vector = equations
-    slope = vector - matrix[:, inside] @ solve(matrix[np.ix_(inside, inside)], vector[inside])
-    best: dict[str, Ranked] = {}
-    shapes = Counter(c.id for c in problem.candidates)
-    for candidate in problem.candidates:
-        if candidate.id in present or (only is not None and candidate.id not in only):
-            continue
-        drop = fall(equations, problem, (*chosen, candidate)) - fixed
+    tried = [
+        c for c in problem.candidates if c.id not in present and (only is None or c.id in only)
+    ]
+    left = without(*equations, _columns(problem, chosen))
+    drops = gains(equations, left, [candidate.columns for candidate in tried])
+    penalty = float(np.log(problem.size))
+    best: dict[str, tuple[Candidate, float, float]] = {}
+    for candidate, drop in zip(tried, drops.tolist(), strict=True):
+        allowed = True
         if len(candidate.columns) == 1:
-            parameter = candidate.effect.parameters[0]
-            drop = drop if parameter.allows(float(slope[candidate.columns[0]])) else 0.0
-        extra = candidate.parameters + (1 if shapes[candidate.id] > 1 else 0)
-        found = Ranked(
-            candidate,
-            drop,
-            _p_value(problem, drop, extra),
-            drop - candidate.parameters * np.log(problem.size),
-        )
+            # The slope of the sum of squares, base and chosen fitted: its sign is known.
+            slope = float(left[1][candidate.columns[0]])
+            allowed = candidate.effect.parameters[0].allows(slope)
+        explains = drop if allowed else 0.0
+        gain = explains - candidate.parameters * penalty
         old = best.get(candidate.id)
-        if old is None or found.delta_bic > old.delta_bic:
-            best[candidate.id] = found
-    return sorted(best.values(), key=lambda item: -item.delta_bic)
+        if old is None or gain > old[2]:
+            best[candidate.id] = (candidate, explains, gain)
+    return list(best.values())
 
 
-def _p_value(problem: Problem, drop: float, parameters: int) -> float:
-    """Chance of such a fall where nothing is missing but the base's own error.
+def _p_values(problem: Problem, drops: F, parameters: NDArray[np.int64]) -> F:
+    """Chance of such falls where nothing is missing but the base's own error.
 
     The base errs by base_error of the noise; an effect may catch a third of that in squares.
     """
@@ -104,14 +124,26 @@ def _p_value(problem: Problem, drop: float, parameters: int) -> float:
         # Late: scipy.stats takes a second to import, and only its tail is exact far out.
         from scipy.stats import ncx2
 
-        return float(np.clip(ncx2.sf(drop, parameters, caught), 0.0, 1.0))
-    return float(special.chdtrc(parameters, drop))
+        return np.asarray(np.clip(ncx2.sf(drops, parameters, caught), 0.0, 1.0))
+    return np.asarray(special.chdtrc(parameters, drops))
 
 
 def bic(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
     """Fall of BIC of a set against the base alone; larger is better."""
     k = sum(item.parameters for item in chosen)
     return fall(equations, problem, chosen) - k * float(np.log(problem.size))
+
+
+def bics(
+    equations: tuple[F, F],
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+) -> F:
+    """(c,) `bic` of the chosen with each of the candidates beside them."""
+    k = np.array([candidate.parameters for candidate in candidates])
+    found = further_falls(equations, problem, chosen, candidates) - k * np.log(problem.size)
+    return np.asarray(found + bic(equations, problem, chosen))
 
 
 def material(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> bool:
@@ -174,14 +206,14 @@ def _swapped(
     while improved:
         improved = False
         for i in range(len(best)):
-            present = {item.id for j, item in enumerate(best) if j != i}
-            for candidate in problem.candidates:
-                if candidate.id in present:
-                    continue
-                trial = (*best[:i], candidate, *best[i + 1 :])
-                found = bic(equations, problem, trial)
-                if found > value + 1e-9:
-                    best, value, improved = trial, found, True
+            others = (*best[:i], *best[i + 1 :])
+            present = {item.id for item in others}
+            tried = [c for c in problem.candidates if c.id not in present]
+            found = bics(equations, problem, others, tried)
+            most = int(np.argmax(found))
+            if found[most] > value + 1e-6:
+                best = (*best[:i], tried[most], *best[i + 1 :])
+                value, improved = float(found[most]), True
     return best
 
 
@@ -189,7 +221,7 @@ def estimate(
     problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]
 ) -> tuple[F, F, tuple[int, ...]]:
     """Coefficients and covariance of the scaled columns (base, then chosen) and their indices."""
-    columns = problem.base_index + tuple(c for item in chosen for c in item.columns)
+    columns = _columns(problem, chosen)
     take = np.asarray(columns, dtype=np.int64)
     matrix = equations[0][np.ix_(take, take)]
     theta = solve(matrix, equations[1][take])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ecm.compare.lack_of_fit import orthonormal
+from ecm.compare.lack_of_fit import captured
 from ecm.effects import Effect, Missing, Rows
 from ecm.errors import InputError
 
@@ -65,7 +65,20 @@ def tangent(rows: Rows, whitener: F, effect: Effect) -> F:
     return np.asarray(np.einsum("nij,njk->nik", whitener, jacobian))
 
 
-def refined(rows: Rows, whitener: F, response: F, found: list[Tangent], root: F) -> list[Tangent]:
+def leading(found: Sequence[Tangent], response: F, basis: F, root: F) -> list[Tangent]:
+    """Of each effect the shape that explains most of the response (N, m), beyond the base."""
+    y = (response * root[:, None]).ravel()
+    best: dict[str, tuple[float, Tangent]] = {}
+    for item in found:
+        gain = _gain(item.columns, y, basis, root)
+        if item.effect.id not in best or gain > best[item.effect.id][0]:
+            best[item.effect.id] = (gain, item)
+    return [item for _, item in best.values()]
+
+
+def refined(
+    rows: Rows, whitener: F, response: F, found: list[Tangent], *, basis: F, root: F
+) -> list[Tangent]:
     """With shapes between the best of a coarse grid and its neighbours, the best appended."""
     y = (response * root[:, None]).ravel()
     added: list[Tangent] = []
@@ -73,13 +86,13 @@ def refined(rows: Rows, whitener: F, response: F, found: list[Tangent], root: F)
         own = [item for item in found if item.effect.id == id]
         if not any(item.effect.refined(rows.table, 0) for item in own):
             continue
-        gains = [_gain(item.columns, y, root) for item in own]
+        gains = [_gain(item.columns, y, basis, root) for item in own]
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
         for round_ in range(_REFINEMENTS):
             for shape in first.effect.refined(rows.table, round_):
                 trial = Tangent(shape, tangent(rows, whitener, shape), False)
-                gain = _gain(trial.columns, y, root)
+                gain = _gain(trial.columns, y, basis, root)
                 if gain > best:
                     best, first = gain, trial
         if first is not start:
@@ -87,9 +100,10 @@ def refined(rows: Rows, whitener: F, response: F, found: list[Tangent], root: F)
     return added
 
 
-def _gain(columns: F, y: F, root: F) -> float:
-    basis = orthonormal((columns * root[:, None, None]).reshape(len(y), -1))
-    return float(((basis.T @ y) ** 2).sum())
+def _gain(columns: F, y: F, basis: F, root: F) -> float:
+    """Sum of squares of y, which the base has left, that the columns explain beside the base."""
+    flat = (columns * root[:, None, None]).reshape(len(y), -1)
+    return captured(flat - basis @ (basis.T @ flat), y)[0]
 
 
 def screened(

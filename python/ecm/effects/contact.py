@@ -101,8 +101,10 @@ def _tilt(rotation_vectors: F) -> tuple[F, F]:
 class Debonding(LinearEffect):
     """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
 
-    An open joint at the base is a hinge: it turns by c m q / (q + q0), m the moment at the base,
-    q = max(0, f_x + b |m| / (r / 2)) the pull at the rim.
+    A bond that lifts off its face gives way along the normal by c L / (E A) times its pull (`gap`,
+    on the base's face or the platform's). An open joint at the base is a hinge: it turns by
+    c m q / (q + q0), m the moment at the base, q = max(0, f_x + b |m| / (r / 2)) the pull at the
+    rim, and lifts by l max(0, f_x); the mechanism's wrench turns with it.
     """
 
     id = "debonding"
@@ -118,11 +120,15 @@ class Debonding(LinearEffect):
         self._bending, self._pull_N = bending, pull_N
         self.kind: Kind = "time" if opens == "torn" else "pose"
         if opens == "hinge":
-            self.parameters = (Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),)
+            self.parameters = (
+                Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),
+                Parameter("lift", "m/N", 5e-7, 0.0, 1e-4),
+            )
 
     @property
     def shape(self) -> Shape:
-        """`tension` (of the centre line), `face` (of its points), `hinge`, or `torn` at a time."""
+        """`tension` (of the centre line), `face` (of its points), `gap_base`, `gap_top`, `hinge`,
+        or `torn` at a time."""
         found: Shape = {"opens": self._opens}
         if self._opens == "torn":
             found["at_s"] = self._at_s
@@ -132,7 +138,7 @@ class Debonding(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """In tension, at the edge of the face, and torn at a few moments where time is known."""
-        found = [Debonding("tension"), Debonding("face")]
+        found = [Debonding(way) for way in ("tension", "face", "gap_base", "gap_top")]
         pull = float(np.abs(table.measured().column("fx_N")).std())
         for bending in (0.0, 0.15, 0.5):
             found += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
@@ -170,6 +176,8 @@ class Debonding(LinearEffect):
             return np.asarray(-(after[:, None] * rows.wrench)[:, :, None])
         if self._opens == "hinge":
             return self._hinge(rows)
+        if self._opens.startswith("gap"):
+            return self._gap(rows)
         if self._opens == "face":
             strain = rod_strain(rows)
             pulled = -np.maximum(0.0, strain.axial) * (strain.along < 0.0)
@@ -182,16 +190,29 @@ class Debonding(LinearEffect):
         wrench[rows.unloaded] = 0.0
         return wrench[:, :, None]
 
+    def _gap(self, rows: Rows) -> F:
+        """-K_s times the lift along the normal of the face, driven by the base map's own pull."""
+        normal = rows.rotation[:, :, 0] if self._opens == "gap_top" else np.eye(3)[:1]
+        pull = np.maximum(0.0, (rows.wrench[:, :3] * normal).sum(axis=1))
+        lift = normal * (pull / rest_stiffness(rows).axial)[:, None]
+        return np.asarray(-(rows.screw_stiffness[:, :, :3] @ lift[:, :, None]))
+
     def _hinge(self, rows: Rows) -> F:
-        """-K_s times the turn of the open joint, driven by the base map's own wrench."""
+        """-K_s times turn and lift of the open joint, driven by the base map's own wrench."""
         moment = rows.wrench[:, 3:] + np.cross(rows.poses[:, :3], rows.wrench[:, :3])
         moment[:, 0] = 0.0
         radius = max(rest_stiffness(rows).radius_m, 1e-6)
         bent = self._bending * np.linalg.norm(moment, axis=1) / (0.5 * radius)
         pull = np.maximum(0.0, rows.wrench[:, 0] + bent)
         turn = moment * (pull / (pull + max(self._pull_N, 1e-9)))[:, None]
-        twist = np.concatenate([np.zeros_like(turn), turn], axis=1)
-        return np.asarray(base_twist_columns(rows) @ twist[:, :, None])
+        twist = np.zeros((len(rows), 6, 2))
+        twist[:, 3:, 0] = turn
+        twist[:, 0, 1] = np.maximum(0.0, rows.wrench[:, 0])
+        columns = np.asarray(base_twist_columns(rows) @ twist)
+        # The mechanism turns on the joint, and its wrench with it.
+        columns[:, :3, 0] += np.cross(turn, rows.wrench[:, :3])
+        columns[:, 3:, 0] += np.cross(turn, rows.wrench[:, 3:])
+        return columns
 
 
 EFFECTS: Sequence[Effect] = (ContactStop(), Debonding())

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import pose_before, sides
+from ecm import _native
+from ecm.columns import POSE
+from ecm.effects.history import known_before, order_of_visits, pose_before, sides
+from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -17,6 +21,7 @@ from ecm.effects.protocol import (
     Shape,
     needs_full,
 )
+from ecm.effects.rod_strain import rest_stiffness
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
@@ -24,18 +29,31 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
+_WAYS = (0.02, 0.05, 0.12)
+"""Ways to the slip that are tried, over the spread of the poses."""
+
 
 class Hysteresis(LinearEffect):
-    """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material."""
+    """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material.
+
+    Or with a memory, of elements that yield: each coordinate z of the way from reading to reading,
+    and over the pose that each was approached from, is followed by a spring that slips at |z| = y,
+    and c k z / y is the friction; in mid-frame coordinates, where the stiffness k at rest is
+    diagonal, or with a c for each coordinate of the pose (`each`).
+    """
 
     id = "hysteresis"
     physics = "Internal friction: the wrench depends on the side from which a pose is approached."
-    parameters = (Parameter("c", "m", 1e-4, -5e-3, 5e-3),)
+    parameters: tuple[Parameter, ...] = (Parameter("c", "m", 1e-4, -5e-3, 5e-3),)
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
     kind = "time"
 
-    def __init__(self, stiffness: str = "local") -> None:
-        self._stiffness = stiffness
+    def __init__(self, stiffness: str = "local", yield_m: float = 0.0) -> None:
+        self._stiffness, self._yield_m = stiffness, yield_m
+        if stiffness == "each":
+            self.parameters = tuple(
+                replace(Hysteresis.parameters[0], name=f"c_{name.split('_')[0]}") for name in POSE
+            )
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -48,8 +66,9 @@ class Hysteresis(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """Whether the friction follows the local stiffness or that at rest."""
-        return {"stiffness": self._stiffness}
+        """Whether the friction follows the local stiffness or that at rest; way to the slip."""
+        found: Shape = {"stiffness": self._stiffness}
+        return found | {"yield_m": self._yield_m} if self._yield_m > 0.0 else found
 
     def missing(self, table: Table) -> Missing | None:
         """Needs poses approached from both sides."""
@@ -67,11 +86,25 @@ class Hysteresis(LinearEffect):
         return None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Local stiffness, or that at rest."""
-        return (Hysteresis("local"), Hysteresis("rest"))
+        """Local stiffness, or that at rest; three ways to the slip with a memory."""
+        ways = _ways(table)
+        found = [Hysteresis("middle", way) for way in ways]
+        found += [Hysteresis("each", way) for way in ways]
+        return (Hysteresis("local"), found[1], Hysteresis("rest"), *found)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Ways between this one and its neighbours."""
+        if self._yield_m == 0.0:
+            return ()
+        factor = 2.4 ** (0.5 ** (round_ + 1))
+        ways = (self._yield_m / factor, self._yield_m * factor)
+        most = 1.01 * max(_ways(table))
+        return tuple(Hysteresis(self._stiffness, way) for way in ways if way < most)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
+        if self._yield_m > 0.0:
+            return self._with_memory(rows)
         step = rows.poses - pose_before(rows.table, rows.rest_pose)
         step = np.where(np.isfinite(step), step, 0.0)
         metric = np.array([1.0, 1.0, 1.0] + [rows.length_m**2] * 3)
@@ -84,6 +117,40 @@ class Hysteresis(LinearEffect):
             )
             stiffness = stiffness * ~rows.unloaded[:, None, None]
         return np.asarray(stiffness @ direction[:, :, None])
+
+    def _with_memory(self, rows: Rows) -> F:
+        """Of the yielding elements, by coordinate."""
+        length = rows.length_m
+        metric = np.array([1.0, 1.0, 1.0, length, length, length])
+        before = known_before(rows)
+        rest = rows.base.stiffness(rows.rest_pose[None, :])[0]
+        if self._stiffness == "each":
+            at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
+        else:
+            at, came = _native.mid_frame(rows.poses, length), _native.mid_frame(before, length)
+        held = np.zeros_like(at)
+        for order in order_of_visits(rows.table):
+            state, here = np.zeros(6), np.zeros(6)
+            for i in order:
+                for goal in (came[i], at[i]):
+                    state = np.clip(state + (goal - here) * metric, -self._yield_m, self._yield_m)
+                    here = goal
+                held[i] = state
+        held *= (~rows.unloaded)[:, None] / self._yield_m
+        if self._stiffness == "each":
+            return np.asarray((held * np.diag(rest) / metric)[:, :, None] * np.eye(6))
+        stiffness = rest_stiffness(rows)
+        along = [stiffness.axial, stiffness.lateral, stiffness.lateral]
+        k = np.array([*along, stiffness.torsion, stiffness.bending, stiffness.bending])
+        return wrench_of(rows.poses, held * k / metric)[:, :, None]
+
+
+def _ways(table: Table) -> list[float]:
+    """Ways to the slip, m: a spring that never slips would be a stiffness."""
+    poses = table.measured().poses
+    length = float(table.meta.mechanism.get("length_m", np.median(poses[:, 0])))
+    far = poses[:, :3].std(axis=0).max() + length * poses[:, 3:].std(axis=0).max()
+    return [float(f"{share * far:.3g}") for share in _WAYS]
 
 
 EFFECTS: Sequence[Effect] = (Hysteresis(),)

@@ -13,7 +13,7 @@ from ecm.effects.mid_frame import stretched, wrench_of
 from ecm.effects.moved import moved_in_base, turned
 from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
-from ecm.effects.rod_strain import mean_strain, rod_strain
+from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
@@ -60,15 +60,28 @@ class LengthError(EffectBase):
 
 
 class DiameterError(EffectBase):
-    """D larger by delta: axial D^2, lateral D^3, torsion D^4, bending D^3.4.
+    """D larger by delta: axial D^2, torsion D^4; lateral D^3, bending D^3.4 of a bonded cylinder.
 
-    On the physics base the body of that diameter itself.
+    On the physics base the body of that diameter itself. A base that is no family of bodies may
+    also be a slender `beam`: bending D^4, lateral D^4 by its share of bending, else D^2 of shear.
     """
 
     id = "diameter_error"
     physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
     parameters = (Parameter("relative_diameter", "1", 5e-3, -0.2, 0.2),)
     signature = "m = 0, conservative; axial < lateral < bending < torsion"
+
+    def __init__(self, body: str = "stubby") -> None:
+        self._body = body
+
+    @property
+    def shape(self) -> Shape:
+        """A `stubby` bonded cylinder, or a `beam`."""
+        return {} if self._body == "stubby" else {"body": self._body}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both; where the base knows its body they are one."""
+        return (DiameterError(), DiameterError("beam"))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -84,6 +97,8 @@ class DiameterError(EffectBase):
         exact = of_another_body(rows, thicker)
         if exact is not None:
             return exact - rows.wrench
+        if self._body == "beam":
+            return np.asarray(values[0] * thicker_beam(rows))
         d = 1.0 + values[0]
         lateral, bending = d**1.5, d ** (0.5 * _BENDING_POWER)
         matrix = np.diag([d, lateral, lateral, d**2, bending, bending])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from ecm.effects.rows import Rows
     from ecm.table import Table
 
 F = NDArray[np.float64]
@@ -31,6 +32,13 @@ def pose_before(table: Table, rest_pose: F) -> F:
         elif name in named:
             before[i] = named[name]
     return before
+
+
+def known_before(rows: Rows) -> F:
+    """(N, 6) pose from which each row was approached; its own where that is unknown."""
+    before = pose_before(rows.table, rows.rest_pose)
+    known = np.isfinite(before).all(axis=1) & ~rows.unloaded
+    return np.ascontiguousarray(np.where(known[:, None], before, rows.poses))
 
 
 def sides(table: Table, length_m: float | None = None) -> F:

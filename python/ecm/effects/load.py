@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.effects.history import sides
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
+from ecm.effects.rod_strain import rest_stiffness
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
     from ecm.table import Table
 
 F = NDArray[np.float64]
+
+_SIDES = 8
+"""Azimuths at which a cable is tried."""
 
 
 class Payload(LinearEffect):
@@ -143,16 +147,47 @@ def _potential(poses: F, length_m: float, gravity: F) -> F:
 
 
 class CableDrag(LinearEffect):
-    """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest)."""
+    """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest).
+
+    Or a cable from the rim at an azimuth (`azimuth_rad`) away from the mechanism: a constant force
+    and springs along and across the cable, on the lever from the platform's centre to the rim.
+    """
 
     id = "cable_drag"
     physics = "A cable pulls the platform towards one side."
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         *(Parameter(f"force_{axis}", "N", 0.5, -100.0, 100.0) for axis in "xyz"),
         *(Parameter(f"moment_{axis}", "N m", 0.01, -5.0, 5.0) for axis in "xyz"),
         Parameter("spring", "N/m", 10.0, 0.0, 1e4),
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
+
+    def __init__(self, azimuth_rad: float | None = None) -> None:
+        self._azimuth_rad = azimuth_rad
+        if azimuth_rad is not None:
+            self.parameters = (
+                *CableDrag.parameters[:3],
+                Parameter("along", "N/m", 10.0, -1e4, 1e4),
+                Parameter("across", "N/m", 10.0, -1e4, 1e4),
+                Parameter("along_growing", "N/m^2", 200.0, -1e6, 1e6),
+            )
+
+    @property
+    def shape(self) -> Shape:
+        """The side to which the cable leaves, where it has one."""
+        return {} if self._azimuth_rad is None else {"azimuth_rad": self._azimuth_rad}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Towards a point far away, or from the rim to one of eight sides."""
+        sides = np.arange(_SIDES) * 2.0 * np.pi / _SIDES
+        return (CableDrag(), *(CableDrag(round(float(a), 6)) for a in sides))
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Sides between this one and its neighbours."""
+        if self._azimuth_rad is None:
+            return ()
+        step = np.pi / _SIDES * 0.5**round_
+        return tuple(CableDrag(self._azimuth_rad + turn) for turn in (-step, step))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -165,12 +200,31 @@ class CableDrag(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Constant wrench and spring, where a cable is attached."""
-        columns = np.zeros((len(rows), 6, 7))
-        columns[:, :, :6] = np.eye(6)
-        columns[:, :3, 6] = rows.poses[:, :3] - rows.rest_pose[:3]
+        if self._azimuth_rad is None:
+            columns = np.zeros((len(rows), 6, 7))
+            columns[:, :, :6] = np.eye(6)
+            columns[:, :3, 6] = rows.poses[:, :3] - rows.rest_pose[:3]
+        else:
+            columns = self._from_rim(rows)
         columns[rows.unloaded] = 0.0
         columns[rows.of_run("cable_attached", 1.0) == 0.0] = 0.0
         return columns
+
+    def _from_rim(self, rows: Rows) -> F:
+        """Force at the rim, and its moment about the platform's centre."""
+        angle = float(self._azimuth_rad or 0.0)
+        side = np.array([0.0, np.cos(angle), np.sin(angle)])
+        rim = rest_stiffness(rows).radius_m * side
+        lever = rows.rotation @ rim
+        moved = rows.poses[:, :3] - rows.rest_pose[:3] + lever - rim
+        along = moved @ side
+        force = np.zeros((len(rows), 3, 6))
+        force[:, :, :3] = np.eye(3)
+        force[:, :, 3] = along[:, None] * side
+        force[:, :, 4] = moved - force[:, :, 3]
+        force[:, :, 5] = (along * np.abs(along))[:, None] * side
+        moment = np.cross(lever[:, :, None], force, axis=1)
+        return np.concatenate([force, moment], axis=1)
 
 
 class TendonFriction(LinearEffect):

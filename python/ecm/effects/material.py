@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 _REFERENCE_STRAIN = 0.1
+_LAWS = {
+    "odd": ("modulus_at_strain_0p1",),
+    "even": ("modulus_at_strain_0p1",),
+    "energy": ("modulus_at_strain_0p1",),
+    "both": ("modulus_at_strain_0p1", "modulus_at_energy"),
+    "series": ("stretch", "stretch_and_shear", "shear", "even"),
+}
 
 
 class Anisotropy(EffectBase):
@@ -80,6 +87,7 @@ class StrainStiffening(LinearEffect):
 
     psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod; or,
     for a body too stubby for a rod, h c W / W_typical with W the energy of the pose (`energy`).
+    As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4 and e^3 (`series`).
     """
 
     id = "strain_stiffening"
@@ -89,20 +97,16 @@ class StrainStiffening(LinearEffect):
 
     def __init__(self, law: str = "odd") -> None:
         self._law = law
-        if law == "both":
-            self.parameters = (
-                *StrainStiffening.parameters,
-                Parameter("modulus_at_energy", "1", 0.02, -2.0, 5.0),
-            )
+        self.parameters = tuple(Parameter(n, "1", 0.05, -2.0, 5.0) for n in _LAWS[law])
 
     @property
     def shape(self) -> Shape:
-        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, or `both` odd and energy."""
+        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, `both` odd and energy, `series`."""
         return {"law": self._law}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All laws."""
-        return tuple(StrainStiffening(law) for law in ("odd", "even", "energy", "both"))
+        return tuple(StrainStiffening(law) for law in _LAWS)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -119,8 +123,22 @@ class StrainStiffening(LinearEffect):
             return self._by_energy(rows)
         strain = rod_strain(rows)
         e, gamma = strain.axial, strain.shear
+        even = strain.wrench(rows, -(e**2) / _REFERENCE_STRAIN, np.zeros_like(gamma))
         if self._law == "even":
-            wrench = strain.wrench(rows, -(e**2) / _REFERENCE_STRAIN, np.zeros_like(gamma))
+            wrench = even
+        elif self._law == "series":
+            axial, shear = (
+                e**2 / _REFERENCE_STRAIN**2,
+                (gamma**2).sum(axis=2) / _REFERENCE_STRAIN**2,
+            )
+            none = np.zeros_like(gamma)
+            terms = [
+                strain.wrench(rows, axial * e, none),
+                strain.wrench(rows, shear * e, axial[:, :, None] * gamma),
+                strain.wrench(rows, np.zeros_like(e), shear[:, :, None] * gamma),
+                even,
+            ]
+            return np.stack(terms, axis=2)
         else:
             size = (e**2 + (gamma**2).sum(axis=2) / 3.0) / _REFERENCE_STRAIN**2
             wrench = strain.wrench(rows, size * e, size[:, :, None] * gamma / 3.0)

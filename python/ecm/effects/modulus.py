@@ -95,7 +95,9 @@ class MullinsSoftening(LinearEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
     W = h (p - p0) / 2, that of a linear body. With a `width` the loss is full a width below the
-    maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median.
+    maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
+    the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
+    u = m_max - m and b the median, or a straight line without a width.
     """
 
     id = "mullins_softening"
@@ -104,17 +106,22 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     kind = "time"
 
-    def __init__(self, width: float = 0.0) -> None:
-        self._width = width
+    def __init__(self, width: float = 0.0, measure: str = "energy") -> None:
+        self._width, self._measure = width, measure
 
     @property
     def shape(self) -> Shape:
-        """Over which the loss sets in, in typical energies; none where it is a straight line."""
-        return {} if self._width == 0.0 else {"width": self._width}
+        """Over which the loss sets in, in typical sizes of the measure; none for a line."""
+        found: Shape = {} if self._width == 0.0 else {"width": self._width}
+        return found if self._measure == "energy" else found | {"measure": self._measure}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A straight line, and three widths."""
-        return (*(MullinsSoftening(w) for w in (0.0, 0.25, 0.7, 2.0)),)
+        """A straight line, and three widths, for each measure of the largest load."""
+        return tuple(
+            MullinsSoftening(w, measure)
+            for measure in ("energy", "bend", "reach")
+            for w in (0.0, 0.25, 0.7, 2.0)
+        )
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -131,6 +138,8 @@ class MullinsSoftening(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """The share that is lost, times -h."""
+        if self._measure != "energy":
+            return self._of_deflection(rows)
         energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
         largest = largest_so_far(rows.table, energy)
         if self._width > 0.0:
@@ -138,6 +147,22 @@ class MullinsSoftening(LinearEffect):
             lost = np.tanh((largest - energy) / max(self._width * typical, 1e-300))
         else:
             lost = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
+        return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
+
+    def _of_deflection(self, rows: Rows) -> F:
+        """The loss by the largest tilt and twist, or by the largest distance from rest."""
+        away = rows.poses - rows.rest_pose
+        size = np.linalg.norm(away[:, 3:], axis=1)
+        if self._measure == "reach":
+            size = np.hypot(np.linalg.norm(away[:, :3], axis=1), rows.length_m * size)
+        size = np.where(rows.unloaded, 0.0, size)
+        largest = largest_so_far(rows.table, size)
+        below = largest - size
+        if self._width > 0.0:
+            typical = float(np.median(size[~rows.unloaded])) if not rows.unloaded.all() else 1.0
+            lost = below / np.maximum(below + self._width * typical, 1e-300)
+        else:
+            lost = below / np.where(largest > 0.0, largest, 1.0)
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
 
 

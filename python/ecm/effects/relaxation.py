@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import order_of_visits
+from ecm.effects.history import known_before, order_of_visits
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -34,7 +34,8 @@ class StressRelaxation(LinearEffect):
 
     There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness (`linear`), or
     d h_e in its place (`elastic`); of both the dwell form is the limit for a fast approach. A
-    second branch has a time constant of its own.
+    second branch has a time constant of its own. With the way between readings known (`visits`)
+    it is the same integral over that way: what earlier poses have left counts as well.
     """
 
     id = "stress_relaxation"
@@ -44,10 +45,14 @@ class StressRelaxation(LinearEffect):
     kind = "time"
 
     def __init__(
-        self, tau_s: float = 10.0, overstress: str = "", second_tau_s: float = 0.0
+        self,
+        tau_s: float = 10.0,
+        overstress: str = "",
+        second_tau_s: float = 0.0,
+        path: str = "",
     ) -> None:
         self._tau_s, self._second_tau_s = float(tau_s), float(second_tau_s)
-        self._overstress = overstress
+        self._overstress, self._path = overstress, path
         if overstress:
             count = 2 if second_tau_s > 0.0 else 1
             names = ("g", "g_second")[:count]
@@ -72,6 +77,8 @@ class StressRelaxation(LinearEffect):
             found["overstress"] = self._overstress
         if self._second_tau_s > 0.0:
             found["second_tau_s"] = self._second_tau_s
+        if self._path:
+            found["path"] = self._path
         return found
 
     @property
@@ -100,7 +107,13 @@ class StressRelaxation(LinearEffect):
             )
         dwell = table.measured().column("dwell_s")
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
-        return tuple(StressRelaxation(float(t)) for t in np.geomspace(low, high, 4))
+        plain = [StressRelaxation(float(t)) for t in np.geomspace(low, high, 4)]
+        if not (table.has("time_s") and table.has("approach")):
+            return tuple(plain)
+        # A slow part outlives a dwell by far where what was before counts.
+        taus = np.geomspace(low, 4.0 * high, 5)
+        visits = [StressRelaxation(float(t), path="visits") for t in taus]
+        return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants between this one and its neighbours."""
@@ -126,6 +139,8 @@ class StressRelaxation(LinearEffect):
         """exp(-d / tau) h, or the convolution, one column per branch."""
         if not self._overstress:
             dwell = rows.table.column("dwell_s")
+            if self._path:
+                return over_visits(rows, self._tau_s)[:, :, None]
             decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self._tau_s)
             return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
         driven = rows.wrench
@@ -157,6 +172,34 @@ def hereditary(table: Table, driven: F, tau_s: float) -> F:
         for (before, now), step in zip(pairwise(order), steps, strict=True):
             grown = (driven[now] - driven[before]) * _kept(float(step), tau_s)
             found[now] = found[before] * np.exp(-step / tau_s) + grown
+    return found
+
+
+def over_visits(rows: Rows, tau_s: float) -> F:
+    """(N, 6) of the base's wrench, over the way from reading to reading.
+
+    Between two readings the mechanism goes to the pose that the next one is approached from, then
+    to that one, each in half of the time that is left before the dwell.
+    """
+    table = rows.table
+    time = table.column("time_s")
+    dwell = np.nan_to_num(table.column("dwell_s"))
+    came = rows.predict(known_before(rows))
+    came[rows.unloaded] = 0.0
+    goals = np.stack([came, rows.wrench], axis=1)
+    found = np.zeros_like(rows.wrench)
+    for order in order_of_visits(table):
+        state, here, last = np.zeros(6), np.zeros(6), -np.inf
+        for i in order:
+            leg = 0.5 * max(float(time[i] - dwell[i] - last), 0.0)
+            fade, kept = np.exp(-leg / tau_s), _kept(min(leg, 1e6), tau_s)
+            for goal in goals[i]:
+                state = state * fade + (goal - here) * (kept if np.isfinite(last) else 1.0)
+                here = goal
+            state = state * np.exp(-dwell[i] / tau_s)
+            last = float(time[i])
+            found[i] = state
+    found[rows.unloaded] = 0.0
     return found
 
 

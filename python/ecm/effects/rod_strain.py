@@ -105,7 +105,7 @@ def rod_strain(rows: Rows) -> RodStrain:
     known = rest_stiffness(rows)
     length, share = known.length_m, known.bending_share
     q = _native.mid_frame(rows.poses, length)
-    mean, mean_slope = mean_strain(q, length)
+    mean, mean_slope = mean_strain(q, length, share)
     along = np.repeat(_ALONG, len(_DISC))
     weight = np.repeat(_ALONG_WEIGHT, len(_DISC)) * np.tile(_DISC_WEIGHT, len(_ALONG))
     y, z = (known.radius_m * np.tile(_DISC, (len(_ALONG), 1))).T
@@ -129,12 +129,33 @@ def rod_strain(rows: Rows) -> RodStrain:
     )
 
 
-def mean_strain(q: F, length_m: float) -> tuple[F, F]:
-    """(N,) strain of the centre line, (c_x + 3/5 |c_t|^2 / L + L |theta_t|^2 / 24) / L; slope."""
-    mean = q[:, 0] + 0.6 * (q[:, 1:3] ** 2).sum(axis=1) / length_m
+def mean_strain(q: F, length_m: float, share: float = 1.0) -> tuple[F, F]:
+    """(N,) strain of the centre line, (c_x + a |c_t|^2 / L + L |theta_t|^2 / 24) / L; slope.
+
+    With psi the turn and gamma the shear of the sections, the strain along their normal is
+    u' + psi^2 / 2 + gamma psi; b the share of bending in c: a = 3/5 b^2 + b (1 - b).
+    """
+    chord = 0.6 * share**2 + share * (1.0 - share)
+    mean = q[:, 0] + chord * (q[:, 1:3] ** 2).sum(axis=1) / length_m
     mean += length_m * (q[:, 4:6] ** 2).sum(axis=1) / 24.0
     slope = np.zeros_like(q)
     slope[:, 0] = 1.0
-    slope[:, 1:3] = 1.2 * q[:, 1:3] / length_m
+    slope[:, 1:3] = 2.0 * chord * q[:, 1:3] / length_m
     slope[:, 4:6] = length_m * q[:, 4:6] / 12.0
     return mean / length_m, slope / length_m
+
+
+def thicker_beam(rows: Rows) -> F:
+    """(N, 6) derivative of the wrench to the relative diameter: E I by 4, E A and G A by 2.
+
+    4 h less twice the parts of stretch and shear, of V = k_a s^2 / 2 + (1 - b) k_c |c_t|^2 / 2; s
+    the change of length of the centre line, b the share of bending in the lateral compliance.
+    """
+    known = rest_stiffness(rows)
+    q = _native.mid_frame(rows.poses, known.length_m)
+    mean, slope = mean_strain(q, known.length_m, known.bending_share)
+    force = (known.axial * known.length_m**2 * mean)[:, None] * slope
+    force[:, 1:3] += (1.0 - known.bending_share) * known.lateral * q[:, 1:3]
+    wrench = wrench_of(rows.poses, force)
+    wrench[rows.unloaded] = 0.0
+    return 4.0 * rows.wrench - 2.0 * wrench

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.effects.history import order_of_visits, pose_before
+from ecm.effects.history import known_before, order_of_visits
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
@@ -233,11 +233,8 @@ class FtsHysteresis(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""
-        before = pose_before(rows.table, rows.rest_pose)
-        known = np.isfinite(before).all(axis=1) & ~rows.unloaded
-        before = np.ascontiguousarray(np.where(known[:, None], before, rows.poses))
         base_from_sensor, own = in_sensor(rows)
-        _, own_before = in_sensor(rows, rows.predict(before))
+        _, own_before = in_sensor(rows, rows.predict(known_before(rows)))
         width = self._width * own[~rows.unloaded].std(axis=0)
         lag = np.zeros_like(own)
         state = np.zeros(6)
