@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ecm.robot.arm import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
 from ecm.robot.feed_forward import compiled
 from ecm.robot.impedance import Impedance
-from ecm.robot.inverse import swivel
+from ecm.robot.inverse import flange, joints_at, swivel
 from ecm.robot.procedure import Outcome, Sortie, Stop
+from ecm.robot.scene import scene
 from ecm.robot.summary import errors, fractions
-from robot_rig import REST, library, machine, settings
-from test_rig_stand_in import some_poses
+from robot_rig import REST, library, machine, mechanism, settings
+from test_rig_stand_in import L, some_poses
 
 F = NDArray[np.float64]
 GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
@@ -177,6 +179,39 @@ def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
     control.simulation.mechanism = sound
     assert only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
     assert not list(tmp_path.iterdir())
+
+
+def test_joints_that_yield_hang_behind_their_encoders() -> None:
+    size = 5e-5
+    control = machine(joint_yield_rad_Nm=size)
+    outcome = only(control.sortie([Stop(0, GOAL, (), 0.8, 0.2)]))
+    assert outcome.reason == ""  # by the encoders it is there
+    place = scene(settings(), L)
+    goal_m, goal_axes = place.flange_goal(GOAL[:3], Rotation.from_rotvec(GOAL[3:]).as_matrix())
+    position, axes = flange(outcome.joints_rad)
+    assert position == pytest.approx(goal_m, abs=1e-5)
+    assert axes == pytest.approx(goal_axes, abs=5e-5)
+    simulation = control.simulation
+    held = mechanism().model().predict(outcome.reached[None])[0]
+    stand = joints_at(
+        *place.flange_goal(
+            outcome.reached[:3], Rotation.from_rotvec(outcome.reached[3:]).as_matrix()
+        ),
+        swivel(outcome.joints_rad), outcome.joints_rad,
+    )  # fmt: skip
+    simulation.reset(stand.joints_rad)
+    hung = -size * simulation.jacobian @ (simulation.jacobian.T @ held)
+    off = outcome.reached[:3] - GOAL[:3]
+    assert np.linalg.norm(off) > 5e-4
+    assert off == pytest.approx(hung[:3], abs=0.03 * float(np.linalg.norm(off)))
+
+
+def test_friction_stops_the_impedance_phase_early_and_not_the_position_phase() -> None:
+    stop = Stop(0, GOAL, (), 0.3, 0.2)
+    smooth, rough = (only(machine(joint_friction=share).sortie([stop])) for share in (0.0, 0.1))
+    assert rough.reason == ""
+    assert np.abs(rough.after_impedance - smooth.after_impedance)[3:].max() > 1e-3
+    assert np.abs(rough.reached - GOAL).max() < 1e-4
 
 
 def test_limits_are_the_published_ones() -> None:

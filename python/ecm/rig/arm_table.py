@@ -23,6 +23,10 @@ class ArmTable:
     joint_stiffness_Nm_rad: float = setting(30000.0, low=100.0, high=1e6)
     joint_damping_ratio: float = setting(1.0, low=0.05, high=5.0)
     """Of the joint position controller."""
+    joint_friction: float = setting(0.0, low=0.0, high=1.0)
+    """Share of the joints' identified friction that their own torque control leaves."""
+    joint_yield_rad_Nm: float = setting(0.0, low=0.0, high=1e-3)
+    """In position control a joint gives way so far behind its encoder, per N m that it holds."""
     feed_forward: bool = setting(True)
     """The joint position controller adds the wrench of the controller's model."""
     controller_model: str = setting("")

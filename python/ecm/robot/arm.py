@@ -36,6 +36,10 @@ SPEED_RAD_S: F = np.deg2rad([110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0])
 MASS_KG: F = np.array([4.195, 4.300, 3.659, 2.385, 1.704, 0.400, 0.650])
 ROTOR_KG_M2: F = np.array([3.19, 3.05, 1.98, 2.05, 0.787, 0.391, 0.394])
 
+VISCOUS_NMS: F = np.array([14.4, 15.3, 6.55, 11.0, 4.29, 2.26, 1.60])
+COULOMB_NM: F = np.array([11.9, 11.5, 8.98, 8.35, 8.31, 4.72, 6.04])
+"""Friction of motor and gear; the arm's torque control works against it."""
+
 AXES = ("0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1")
 FOOT_M = 0.1105
 ORIGINS_M = (FOOT_M, 0.2, 0.2, 0.2, 0.2, 0.19, 0.0)
@@ -89,8 +93,16 @@ def tool_length_m() -> float:
     return _ADAPTER[2] + _SENSOR[2] + _TARGET[2]
 
 
-def chain_text(payload_mass_kg: float, payload_centre_m: tuple[float, ...]) -> str:
-    """MJCF of the seven bodies and what the flange carries, in the axes of the arm's foot."""
+def chain_text(
+    payload_mass_kg: float, payload_centre_m: tuple[float, ...], friction: float = 0.0
+) -> str:
+    """MJCF of the seven bodies and what the flange carries, in the axes of the arm's foot.
+
+    Parameters
+    ----------
+    friction
+        Share of the identified friction that the joints have.
+    """
     text, indent = "", "    "
     for i in range(7):
         across, along = link_inertia(i)
@@ -100,7 +112,9 @@ def chain_text(payload_mass_kg: float, payload_centre_m: tuple[float, ...]) -> s
         text += (
             f'{indent}<body name="link{i + 1}" pos="0 0 {ORIGINS_M[i]:.17g}" gravcomp="1">\n'
             f'{indent}  <joint name="joint{i + 1}" axis="{AXES[i]}" '
-            f'range="{-limit:.17g} {limit:.17g}" armature="{ROTOR_KG_M2[i]:.17g}"/>\n'
+            f'range="{-limit:.17g} {limit:.17g}" armature="{ROTOR_KG_M2[i]:.17g}" '
+            f'damping="{friction * VISCOUS_NMS[i]:.17g}" '
+            f'frictionloss="{friction * COULOMB_NM[i]:.17g}"/>\n'
             f'{indent}  <inertial pos="{centre}" mass="{MASS_KG[i]:.17g}" '
             f'diaginertia="{across:.17g} {across:.17g} {along:.17g}"/>\n'
             f'{indent}  <geom class="shape" type="capsule" size="{_RADIUS_M[i]:.17g}" '

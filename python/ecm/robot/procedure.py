@@ -293,14 +293,18 @@ class Machine:
         self._log("rest", begin)
         begin = self._begin_s = simulation.time_s
         self._outcome.rest_s = stop.dwell_s
-        self._outcome.joints_rad = simulation.joints_rad.copy()
+        self._outcome.joints_rad = self._servo.encoders_rad().copy()
         poses = self._hold("reading", stop.window_s)
         self._outcome.reached = poses.mean(axis=0)
         self._outcome.reading_s = 0.5 * (begin + simulation.time_s)
         self._log("reading", begin)
-        off_m = float(np.linalg.norm(self._outcome.reached[:3] - stop.goal[:3]))
-        turn = Rotation.from_rotvec(stop.goal[3:]).inv() * Rotation.from_rotvec(simulation.pose[3:])
-        off_rad = turn.magnitude()
+        # By the encoders: what yields behind them is seen by the camera alone.
+        hung = simulation.jacobian.dot(self._servo.encoders_rad() - simulation.joints_rad)
+        off_m = float(np.linalg.norm(self._outcome.reached[:3] + hung[:3] - stop.goal[:3]))
+        goal = Rotation.from_rotvec(stop.goal[3:])
+        axes = goal.as_matrix()
+        turn = goal.inv() * Rotation.from_rotvec(simulation.pose[3:])
+        off_rad = float(np.linalg.norm(turn.as_rotvec() + axes.T @ hung[3:]))
         if off_m > arm.reach_tolerance_m or off_rad > arm.reach_tolerance_rad:
             raise Halt(
                 f"stayed {off_m * 1e3:.2f} mm and {off_rad * 1e3:.2f} mrad from the goal; limits "

@@ -60,7 +60,7 @@ def scene(settings: RigSettings, length_m: float) -> Scene:
     tool = _WORLD_FROM_FOOT @ (position + tool_length_m() * axes[:, 2])
     foot: F = top - tool
     table = settings.plant
-    chain = chain_text(table.payload_mass_kg, table.payload_centre_m)
+    chain = chain_text(table.payload_mass_kg, table.payload_centre_m, arm.joint_friction)
     gravity = " ".join(f"{g:.17g}" for g in table.gravity_m_s2)
     place = " ".join(f"{x:.17g}" for x in foot)
     stop = ""

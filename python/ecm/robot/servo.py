@@ -2,7 +2,8 @@
 
     tau = k (q_d + e - q) + d (q_d' - q') + J' h_model(p),    e' = (q_d - q) / T
 
-The trim e takes out what the model of the feed-forward does not know.
+The trim e takes out what the model of the feed-forward does not know. q is what the encoders read:
+where joints yield ([rig] joint_yield_rad_Nm), the true angles hang behind by the yield times J'h.
 
 Backward Euler of spring and damper over one step is the spring taken at the present position with
 the damper d + dt k taken at the end of the step; MuJoCo's Euler integrator treats joint damping so.
@@ -35,20 +36,22 @@ class Servo:
         self._trim: F = np.zeros(7)
         self._share = simulation.step_s / _TRIM_S
         self._implicit = self._damper + simulation.step_s * self._spring
+        self._own: F = simulation.model.dof_damping.copy()
+        self._yield = arm.joint_yield_rad_Nm
 
     def engage(self) -> None:
         """Put the dampers into the model; the trim begins anew."""
         self._trim[:] = 0.0
-        self._simulation.model.dof_damping[:] = self._implicit
+        self._simulation.model.dof_damping[:] = self._own + self._implicit
 
     def release(self) -> None:
         """Take them out again."""
-        self._simulation.model.dof_damping[:] = 0.0
+        self._simulation.model.dof_damping[:] = self._own
 
     def torque(self, joints_rad: F, speeds_rad_s: F) -> F:
         """Joint torques (7,) towards the target at the end of this step, dampers apart."""
         simulation, model = self._simulation, self._model
-        away = joints_rad - simulation.joints_rad
+        away = joints_rad - self.encoders_rad()
         self._trim += self._share * away
         torque: F = self._spring * (away + self._trim)
         torque += self._damper * speeds_rad_s
@@ -57,6 +60,15 @@ class Servo:
             model.evaluate()
             torque += simulation.jacobian_T.dot(model.wrench)
         return torque
+
+    def encoders_rad(self) -> F:
+        """(7,) what the encoders read: they sit before what yields."""
+        joints = self._simulation.joints_rad
+        if not self._yield:
+            return joints
+        held: F = self._simulation.jacobian_T.dot(self._simulation.wrench)
+        read: F = joints + self._yield * held
+        return read
 
     def dampers_Nm(self) -> F:
         """What the implicit dampers take at present."""
