@@ -17,7 +17,7 @@ from ecm.rig import truth
 from ecm.rig.calibration.before import Believed, calibrated
 from ecm.rig.climate import Climate
 from ecm.rig.conceal import Secret, World, conceal
-from ecm.rig.draws import GRADES
+from ecm.rig.draws import GRADES, MOVING
 from ecm.rig.elastic import (
     PLAIN,
     Anchors,
@@ -29,10 +29,11 @@ from ecm.rig.elastic import (
     unique_poses,
 )
 from ecm.rig.hidden import NOTHING, Hidden
-from ecm.rig.instruments import Camera, ForceTorqueSensor, Stand, displaced
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Stand, Window, displaced
 from ecm.rig.physics import Physics
 from ecm.rig.plan import outside, requests, rest_pose
 from ecm.rig.plant import Course, Plant, course_of, nominal_physics
+from ecm.rig.raw_stream import RawStream
 from ecm.rig.reach import reachable
 from ecm.rig.record import Reading, table_of
 from ecm.rig.settings import RigSettings
@@ -88,7 +89,7 @@ class Campaign:
         named = tuple(h.effect for h in hide if h.effect != "random")
         for wanted in hide:
             taken = (*named, *(h.effect for h in self._hide))
-            self._hide.append(wanted.drawn(lottery, taken))
+            self._hide.append(wanted.drawn(lottery, taken, streamed=settings.rig.stream_Hz > 0.0))
         elastic = Elastic(anchors, smooth)
 
         def plant() -> Plant:
@@ -137,14 +138,8 @@ class Campaign:
         sensor = ForceTorqueSensor(instrument).read(
             self._truth.sensor[index], visit.window_s, stream(self.seed, "sensor", *serial)
         )
-        shown = self._stand.shown(
-            self._truth.pose_seen[index],
-            self._air.at(self._air.camera, np.array([visit.time_s]))[0],
-            stream(self.seed, "base target", *serial),
-        )
-        seen = Camera(instrument).read(shown, visit.window_s, stream(self.seed, "camera", *serial))
-        if self.frames is not None:
-            seen = replace(seen, mean=self.frames.measured(seen.mean[None])[0])
+        eyes = stream(self.seed, "base target", *serial), stream(self.seed, "camera", *serial)
+        seen = self.image(self._truth.pose_seen[index], visit.time_s, visit.window_s, eyes)
         air = self._air
         noise = stream(self.seed, "thermometer", *serial).standard_normal(2)
         read = instrument.thermometer_noise_degC * noise
@@ -156,6 +151,27 @@ class Campaign:
             float(air.at(air.probe_degC, time)[0] + read[0]),
             float(air.at(air.sensor_degC, time)[0] + read[1]),
         )
+
+    def image(
+        self,
+        pose: F,
+        time_s: float,
+        window_s: float,
+        random: tuple[np.random.Generator, np.random.Generator],
+    ) -> Window:
+        """What the camera makes of a pose (6,); streams of the base target and of the camera."""
+        walk = self._air.at(self._air.camera, np.array([time_s]))[0]
+        shown = self._stand.shown(pose, walk, random[0])
+        seen = Camera(self.settings.instrument).read(shown, window_s, random[1])
+        if self.frames is None:
+            return seen
+        return replace(seen, mean=self.frames.measured(seen.mean[None])[0])
+
+    def raw_stream(self) -> RawStream | None:
+        """What is read while the arm moves, where [rig] stream_Hz asks for it."""
+        if not self.settings.rig.stream_Hz:
+            return None
+        return RawStream(self.settings, self.plant, self.course, self._air, self._offset)
 
     def table(self, readings: list[Reading]) -> Table:
         """The measurement table of all readings, compensated."""
@@ -205,9 +221,11 @@ class Campaign:
         for i, wanted in enumerate(hide):
             impossible: tuple[str, ...] = ()
             while self._hide[i].effect != NOTHING:
+                raw = self.raw_stream() if self._hide[i].effect in MOVING else None
                 world = World(
-                    self.plant, self.course, self.physics, self._offset, self.settings, base_columns
-                )
+                    self.plant, self.course, self.physics, self._offset, self.settings,
+                    base_columns, raw,
+                )  # fmt: skip
                 try:
                     found = conceal(self._hide[i], world, self.timeline.end_s, self.seed)
                 except CannotHide:
@@ -215,7 +233,12 @@ class Campaign:
                         raise
                     impossible = (*impossible, self._hide[i].effect)
                     taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
-                    self._hide[i] = wanted.drawn(lottery, (*named, *taken), impossible)
+                    self._hide[i] = wanted.drawn(
+                        lottery,
+                        (*named, *taken),
+                        impossible,
+                        streamed=self.settings.rig.stream_Hz > 0.0,
+                    )
                     self.plant = plant()
                     continue
                 self.physics, secret = found

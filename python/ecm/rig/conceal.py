@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.rig.draws import Scale, draw, put
+from ecm.rig.draws import MOVING, Scale, draw, put
 from ecm.rig.frames import rotation, transpose, turn_wrench
 from ecm.rig.hidden import Hidden
 from ecm.rig.observe import residual, row_covariance
@@ -16,6 +16,7 @@ from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import Course, Plant
 from ecm.rig.plausible import check_size
+from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
 from ecm.rig.strength import CannotHide, Whitener, calibrate
@@ -36,6 +37,8 @@ class World:
     settings: RigSettings
     base_columns: Callable[[F], F] | None = None
     """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
+    raw: RawStream | None = None
+    """What is read while the arm moves, where the rig keeps it."""
 
     def residual(self, physics: Physics) -> F:
         """What a measurement without noise has beyond the elastic map, (N, 6)."""
@@ -64,6 +67,7 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
     course, plant = world.course, world.plant
+    raw = _raw(hide, world) if hide.effect in MOVING else None
     rows = np.asarray([v.kind == POSE for v in course.visits])
     h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
     moved = course.reached[rows] - rest_pose(plant.length_m)
@@ -84,14 +88,19 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     if hide.shape:
         known = first.with_parameters(dict(hide.shape))
         return put(world.physics, name, known), Secret(hide.effect, hide.strength, name, known.size)
-    free = h[:, :, None]
-    if world.base_columns is not None:
-        free = np.concatenate([free, world.base_columns(course.reached[rows])], axis=2)
-    whitener = Whitener(row_covariance(plant, course, world.settings), free)
-    plain = world.residual(world.physics)
+    if raw is not None:
+        whitener = Whitener(raw.covariance(), raw.elastic_wrench()[:, :, None])
+        left = raw.residual
+    else:
+        free = h[:, :, None]
+        if world.base_columns is not None:
+            free = np.concatenate([free, world.base_columns(course.reached[rows])], axis=2)
+        whitener = Whitener(row_covariance(plant, course, world.settings), free)
+        left = world.residual
+    plain = left(world.physics)
 
     def effect(size: float) -> F:
-        return world.residual(put(world.physics, name, first.resized(size))) - plain
+        return left(put(world.physics, name, first.resized(size))) - plain
 
     try:
         size = calibrate(effect, whitener, first.size, hide.strength)
@@ -101,3 +110,14 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         check_size(hide.effect, hide.strength, size, first.unit, scale)
     physics = put(world.physics, name, first.resized(size))
     return physics, Secret(hide.effect, hide.strength, name, size)
+
+
+def _raw(hide: Hidden, world: World) -> RawStream:
+    """The stream that shows what acts in motion alone."""
+    if world.raw is None:
+        raise CannotHide(
+            f"--hide {hide.effect}={hide.strength:g}: it acts only while the arm moves, and this "
+            "rig keeps readings at rest alone. Set [rig] stream_Hz (5, say), which writes the raw "
+            "stream"
+        )
+    return world.raw

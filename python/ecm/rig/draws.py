@@ -40,6 +40,7 @@ from ecm.rig.physics.sensor_warm_up import SensorWarmUp
 from ecm.rig.physics.softening import Softening
 from ecm.rig.physics.stop import Stop
 from ecm.rig.physics.temperature import Temperature
+from ecm.rig.physics.time_skew import TimeSkew
 from ecm.rig.physics.tip_target import TipTarget
 
 Random = np.random.Generator
@@ -282,6 +283,12 @@ def _leds(random: Random, scale: Scale) -> Sized:
     return Leds(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
 
 
+def _time_skew(random: Random, scale: Scale) -> Sized:
+    return TimeSkew(
+        _sign(random) * 0.02, creep=float(random.uniform(-0.3, 0.3)), end_s=scale.duration_s
+    )
+
+
 Draw = Callable[[Random, Scale], Sized]
 
 DRAWS: dict[str, tuple[str, Draw]] = {
@@ -321,6 +328,9 @@ DRAWS: dict[str, tuple[str, Draw]] = {
 }
 """What can be hidden: id, field of `Physics`, and how its shape is drawn."""
 
+MOVING: dict[str, tuple[str, Draw]] = {"time_skew": ("time_skew", _time_skew)}
+"""What acts only while the arm moves: it can be hidden where the rig keeps the raw stream."""
+
 GRADES: dict[str, tuple[str, ...]] = {
     "anisotropy": (COS2, SIN2),
     "taper": (TAPER,),
@@ -332,7 +342,7 @@ GRADES: dict[str, tuple[str, ...]] = {
 
 def draw(effect: str, random: Random, scale: Scale) -> tuple[str, Sized]:
     """Field of `Physics` and a first guess of the truth behind an id."""
-    name, shape = DRAWS[effect]
+    name, shape = (DRAWS | MOVING)[effect]
     return name, shape(random, scale)
 
 

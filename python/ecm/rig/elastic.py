@@ -75,6 +75,11 @@ class Elastic:
             self._s = smooth.predict(anchors.poses)
             self._slope = smooth.stiffness(anchors.poses)
 
+    @property
+    def smooth(self) -> Smooth | None:
+        """The smooth map through the anchors, where they are enough for one."""
+        return self._smooth
+
     def wrench(self, anchor: NDArray[np.int64], poses: F) -> F:
         """h at (N, 6) poses, each near the anchor of its index (N,)."""
         step = poses - self.anchors.poses[anchor]

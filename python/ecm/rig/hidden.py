@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
-from ecm.rig.draws import DRAWS, Random
+from ecm.rig.draws import DRAWS, MOVING, Random
 from ecm.rig.fields import nearest
 from ecm.rig.truth import reveal
 
@@ -68,10 +68,11 @@ class Hidden:
     def _one(text: str) -> Hidden:
         name, equals, rest = text.strip().partition("=")
         name = name.strip()
-        if name not in (*DRAWS, "random", NOTHING):
+        known = {**DRAWS, **MOVING}
+        if name not in (*known, "random", NOTHING):
             raise InputError(
-                f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(DRAWS))} "
-                f"Expected random, none or one of {', '.join(sorted(DRAWS))}"
+                f"--hide {text}: the plant has no effect `{name}`{nearest(name, list(known))} "
+                f"Expected random, none or one of {', '.join(sorted(known))}"
             )
         if not equals:
             return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0, plausible=True)
@@ -88,16 +89,22 @@ class Hidden:
         return Hidden(name, strength, plausible=True)
 
     def drawn(
-        self, random: Random, taken: tuple[str, ...] = (), impossible: tuple[str, ...] = ()
+        self,
+        random: Random,
+        taken: tuple[str, ...] = (),
+        impossible: tuple[str, ...] = (),
+        *,
+        streamed: bool = False,
     ) -> Hidden:
         """`random` becomes an id that is not `taken`, and a strength where none was given.
 
         With no strength asked for it may become `none`; not any more where an effect was drawn
-        already that was `impossible` with the plan.
+        already that was `impossible` with the plan. `streamed`: a raw stream shows what moves.
         """
         if self.effect != "random":
             return self
-        left = sorted(set(DRAWS) - set(taken) - set(impossible))
+        known = {*DRAWS, *(MOVING if streamed else ())}
+        left = sorted(known - set(taken) - set(impossible))
         if not left:
             raise InputError("--hide random: the plan can show no effect at such a strength")
         effect = str(random.choice(left))

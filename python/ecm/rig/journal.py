@@ -7,6 +7,7 @@ after them; when the last one is there the table is written and the journal goes
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -21,6 +22,21 @@ def journal_path(out: Path) -> Path:
     return out.with_name(out.stem + ".journal.csv")
 
 
+def raw_path(out: Path) -> Path:
+    """Where the raw stream of a table lies."""
+    return out.with_suffix(".raw.parquet")
+
+
+BESIDE = (".truth.json", ".raw.parquet", ".raw.toml", ".robot.json")
+"""Suffixes of what belongs to a table, and goes when another takes its place."""
+
+
+def clear_beside(out: Path, kept: Iterable[str]) -> None:
+    """Takes away what belonged to the table that was replaced."""
+    for suffix in set(BESIDE) - set(kept):
+        out.with_suffix(suffix).unlink(missing_ok=True)
+
+
 def keep_data(out: Path, *, overwrite: bool) -> None:
     """What was measured is not lost by a wrong name, nor by one that cannot be written.
 
@@ -32,11 +48,14 @@ def keep_data(out: Path, *, overwrite: bool) -> None:
     """
     if out.suffix == ".parquet":
         raise InputError(f"{out}: tables are written as CSV; give a name that ends in .csv")
-    if out.exists() and not overwrite and not journal_path(out).exists():
-        raise InputError(
-            f"{out}: a table stands there, and measurements are not overwritten. Choose another "
-            "name, or say --overwrite (in Python: overwrite=True)"
-        )
+    if overwrite or journal_path(out).exists():
+        return
+    for path in (out, raw_path(out)):
+        if path.exists():
+            raise InputError(
+                f"{path}: a table stands there, and measurements are not overwritten. Choose "
+                "another name, or say --overwrite (in Python: overwrite=True)"
+            )
 
 
 class Journal:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from ecm.errors import InputError, MissingExtra
 from ecm.rig.elastic import Progress
-from ecm.rig.journal import keep_data
+from ecm.rig.journal import clear_beside, keep_data
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import RigSettings
 from ecm.stages import write_atomically
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 _CONNECT_S = 10.0
-TRUTH = ".truth.json"
 
 
 def ledger_path(out: Path) -> Path:
@@ -87,8 +86,7 @@ def run_campaigns(
             write_atomically(
                 paths[i] if suffix == ".csv" else paths[i].with_suffix(suffix), content
             )
-        if TRUTH not in files:  # one that stands there belongs to what was overwritten
-            paths[i].with_suffix(TRUTH).unlink(missing_ok=True)
+        clear_beside(paths[i], files)
         done.add(i)
         ledger.save()
         if progress is not None:

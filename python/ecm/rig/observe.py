@@ -72,15 +72,17 @@ def residual(plant: Plant, course: Course, physics: Physics, offset: F, settings
     return difference
 
 
-def row_covariance(plant: Plant, course: Course, settings: RigSettings) -> F:
+def row_covariance(
+    plant: Plant, course: Course, settings: RigSettings, window_s: float | None = None
+) -> F:
     """Sigma_i = B Sigma_sensor B' + K_s Sigma_pose K_s' of pose rows, (N, 6, 6).
 
-    Pose noise is a translation and a rotation in base axes, so it goes through
-    K_s = K diag(I, J^-1).
+    Rows are means over window_s, by default the rig's. Pose noise is a translation and a rotation
+    in base axes, so it goes through K_s = K diag(I, J^-1).
     """
     rows = np.asarray([v.kind == POSE for v in course.visits])
     poses = course.reached[rows]
-    window = settings.rig.window_s
+    window = settings.rig.window_s if window_s is None else window_s
     sensor = ForceTorqueSensor(settings.instrument).row_covariance(window, plant.top_from_sensor)
     turn = np.zeros((len(poses), 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = rotation(poses[:, 3:])

@@ -47,6 +47,7 @@ LARGEST: dict[str, tuple[float, str]] = {
     "stress_relaxation": (0.6, "several dwells, from 2 to 60 s"),
     "taper": (0.5, "bending and shear on all sides"),
     "temperature_modulus": (0.1, "a warm-up between the poses"),
+    "time_skew": (0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"),
     "tip_frame_misalignment": (0.1, "poses that bend and turn on all sides"),
 }
 """id: largest size in shares of the unit's measure (`measure`), and what shows the effect."""
@@ -59,6 +60,7 @@ def measure(unit: str, scale: Scale) -> float:
         "1": 1.0,
         "rad": 1.0,
         "1/K": 1.0,
+        "s": 1.0,
         "m": scale.length_m,
         "N": force,
         "N/K": force,

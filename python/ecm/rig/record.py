@@ -17,6 +17,7 @@ from ecm.rig.streams import stream
 from ecm.rig.timeline import OFFSET
 
 if TYPE_CHECKING:
+    from ecm.meta import Meta
     from ecm.rig.campaign import Campaign
     from ecm.table import Table
 
@@ -132,7 +133,7 @@ def table_of(campaign: Campaign, readings: list[Reading], truth_sha256: str) -> 
     skipped = tuple(
         f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in campaign.skipped
     )
-    return Table(columns, _meta(campaign, truth_sha256), "campaign", skipped)
+    return Table(columns, described(campaign, truth_sha256), "campaign", skipped)
 
 
 def _stamps(campaign: Campaign, rows: list[int]) -> F:
@@ -149,12 +150,13 @@ def _stamps(campaign: Campaign, rows: list[int]) -> F:
     return stamps
 
 
-def _meta(campaign: Campaign, truth_sha256: str) -> Any:
+def described(campaign: Campaign, truth_sha256: str, window_s: float | None = None) -> Meta:
+    """What stands beside a table whose rows are means over window_s, by default the rig's."""
     from ecm.meta import FileMeta, Instrument, Meta, Scene
 
     settings = campaign.settings
     instrument, plant = settings.instrument, settings.plant
-    window = settings.rig.window_s
+    window = settings.rig.window_s if window_s is None else window_s
     sensor = ForceTorqueSensor(instrument).row_covariance(window, campaign.plant.top_from_sensor)
     position, angle = Camera(instrument).row_sd(window)
     variance = np.diag(sensor)

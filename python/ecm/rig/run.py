@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ecm.errors import InputError
+from ecm.parquet import need_arrow, write_parquet
 from ecm.rig import truth
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import NOTHING, Hidden
-from ecm.rig.journal import Journal, journal_path, keep_data
+from ecm.rig.journal import Journal, clear_beside, journal_path, keep_data, raw_path
 from ecm.rig.plan import outside, requests
 from ecm.rig.record import HEADER, Reading
 from ecm.rig.settings import RigSettings
@@ -67,8 +68,7 @@ def run_campaign(
     InputError
         A finished table stands at `out`, or the journal of another campaign.
     """
-    if out is not None:
-        keep_data(out, overwrite=overwrite)
+    _possible(rig, out, overwrite=overwrite)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -101,20 +101,39 @@ def run_campaign(
             if progress is not None:
                 progress(i + 1, len(campaign), "measuring")
         readings = [Reading.parse(line, str(path)) for line in journal.lines]
+    raw = campaign.raw_stream()
+    if raw is not None:
+        write_parquet(raw.table(campaign, readings), raw_path(out))
     table = _written(campaign, campaign.table(readings), out)
     journal.remove()
     return table
+
+
+def _possible(rig: RigSettings, out: Path | None, *, overwrite: bool) -> None:
+    """InputError or MissingExtra, before the work, where it could not be written."""
+    if out is not None:
+        keep_data(out, overwrite=overwrite)
+    if not rig.rig.stream_Hz:
+        return
+    if rig.rig.mode == "robot":
+        raise InputError(
+            "[rig] stream_Hz: the arm keeps no raw stream, only the quasi-static rig does. Set "
+            'mode = "quasi_static", or stream_Hz = 0'
+        )
+    if out is not None:
+        need_arrow(f"[rig] stream_Hz writes {raw_path(out)}, which")
 
 
 def _written(campaign: Campaign, table: Table, out: Path) -> Table:
     """The table on disk, and the truth beside it where something was hidden."""
     table = replace(table, source=str(out))
     text = campaign.truth_text()
+    own = [".robot.json"] if campaign.settings.rig.mode == "robot" else []
+    own += [".raw.parquet", ".raw.toml"] if campaign.settings.rig.stream_Hz else []
     if text is not None:
         write_atomically(truth.truth_path(out), text)
-    else:
-        # A truth that stands there belongs to data that are overwritten now.
-        truth.truth_path(out).unlink(missing_ok=True)
+        own.append(".truth.json")
+    clear_beside(out, own)
     table.write(out)
     return table
 

@@ -52,6 +52,8 @@ class Procedure:
     """Time to free the sensor, and to connect it again."""
     handling_s: float = setting(600.0, low=0.0, high=1e6)
     """Time of a remount, of a payload taken off, of a dead weight."""
+    stream_Hz: float = setting(0.0, low=0.0, high=1e4)
+    """Samples a second of the raw stream while the arm moves, NAME.raw.parquet; 0: none."""
     rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
     stretch_limit: float = setting(0.8, low=0.0, high=10.0)
     """Limit of |r - r0| over the length of the mechanism; poses outside are skipped."""

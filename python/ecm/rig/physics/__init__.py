@@ -36,6 +36,7 @@ from ecm.rig.physics.shape import Sized
 from ecm.rig.physics.softening import Softening
 from ecm.rig.physics.stop import Stop
 from ecm.rig.physics.temperature import Temperature
+from ecm.rig.physics.time_skew import TimeSkew
 from ecm.rig.physics.tip_target import TipTarget
 
 __all__ = ["Physics", "Sized"]
@@ -78,6 +79,7 @@ class Physics:
     taper: Graded | None = None
     temperature: Temperature | None = None
     thickness: Graded | None = None
+    time_skew: TimeSkew | None = None
     tip_target: TipTarget | None = None
 
     def parameters(self) -> dict[str, Any]:

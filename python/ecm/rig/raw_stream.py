@@ -1,0 +1,265 @@
+"""The raw stream: what camera and sensor read while the arm moves, `NAME.raw.parquet`.
+
+[rig] stream_Hz samples a second, from the departure of each leg to one second after it ends; one
+row is one image and the mean of the sensor's samples between two images. On its way from a to b
+the mechanism holds
+
+    h(p) = s(p) + (1 - u) (h_a - s(a)) + u (h_b - s(b)),    u the share of the way,
+
+s the smooth map through the anchors: at both ends it is the FEM's. What is hidden in the plant acts
+here too, each sample being a visit of its own on the way; a rest is entered by its samples, so a
+set that grows with the time at rest grows a little faster than it does for the readings at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.rig.climate import Climate
+from ecm.rig.compensation import zero_at
+from ecm.rig.elastic import Anchors, Elastic, Grading
+from ecm.rig.frames import rotation, turn_wrench
+from ecm.rig.instruments import ForceTorqueSensor
+from ecm.rig.observe import row_covariance, zero_readings
+from ecm.rig.optics import Optics
+from ecm.rig.physics import Physics
+from ecm.rig.plant import REST_ANCHOR, Course, Plant, course_of
+from ecm.rig.record import POSE_NAMES, WRENCH_NAMES, Reading, described
+from ecm.rig.settings import RigSettings
+from ecm.rig.streams import stream
+from ecm.rig.timeline import POSE, Visit
+
+if TYPE_CHECKING:
+    from ecm.rig.campaign import Campaign
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+REST_S = 1.0
+"""Of rest after each leg that is streamed."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The last leg to a pose, and the rest after it."""
+
+    visit: Visit
+    start: F
+    end: F
+    """Poses (6,)."""
+    anchors: tuple[int, int]
+    departs_s: float
+
+    def share(self, time_s: F) -> F:
+        """u of the cubic timing law at (n,) times; 0 before the departure, 1 at rest."""
+        s = np.clip((time_s - self.departs_s) / max(self.visit.travel_s, 1e-9), 0.0, 1.0)
+        share: F = s * s * (3.0 - 2.0 * s)
+        return share
+
+    def speed(self, time_s: F) -> F:
+        """du/dt, 1/s."""
+        travel = max(self.visit.travel_s, 1e-9)
+        s = np.clip((time_s - self.departs_s) / travel, 0.0, 1.0)
+        speed: F = 6.0 * s * (1.0 - s) / travel
+        return speed
+
+    def times(self, rate_Hz: float) -> F:
+        """Of the samples."""
+        span = self.visit.travel_s + min(self.visit.dwell_s, REST_S)
+        count = max(1, int(span * rate_Hz))
+        times: F = self.departs_s + (np.arange(count, dtype=np.float64) + 0.5) / rate_Hz
+        return times
+
+
+class RawStream:
+    """The samples of a campaign, and what they would read under any physics."""
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        plant: Plant,
+        course: Course,
+        air: Climate,
+        offset: F,
+    ) -> None:
+        smooth = plant.elastic.smooth
+        if smooth is None:
+            raise InputError(
+                "[rig] stream_Hz: the way between poses needs a smooth map, and this plan has too "
+                "few poses for one. Plan 20 or more, or set stream_Hz = 0"
+            )
+        self._settings, self._air, self._offset = settings, air, offset
+        self._plant, self._smooth = plant, smooth
+        self.legs = list(_legs(plant, course))
+        times = [leg.times(settings.rig.stream_Hz) for leg in self.legs]
+        self.leg = np.repeat(np.arange(len(times)), [len(t) for t in times])
+        self.time_s: F = np.concatenate(times)
+        self.window_s = 1.0 / settings.instrument.camera_rate_Hz
+        self._still = self._at(self.time_s)
+
+    def velocities(self) -> F:
+        """(N, 6) by the arm's encoders."""
+        speed = np.concatenate(
+            [leg.speed(self.time_s[self.leg == i]) for i, leg in enumerate(self.legs)]
+        )
+        ways = np.stack([leg.end - leg.start for leg in self.legs])
+        velocities: F = speed[:, None] * ways[self.leg]
+        return velocities
+
+    def elastic_wrench(self) -> F:
+        """(N, 6) at the true poses."""
+        plant, course = self._still
+        return plant.elastic.wrench(course.anchor, course.reached)
+
+    def covariance(self) -> F:
+        """(N, 6, 6) of a row: one image, the sensor's samples between two images."""
+        plant, course = self._still
+        return row_covariance(plant, course, self._settings, self.window_s)
+
+    def truth(self, physics: Physics) -> tuple[F, F]:
+        """Poses that the camera would see and readings of the sensor with its zero, (N, 6) each."""
+        plant, course = self._still
+        seen = plant.truth(course, physics, self._offset)
+        if physics.time_skew is None:
+            return seen.pose_seen, seen.sensor
+        plant, course = self._at(physics.time_skew.read_s(self.time_s))
+        return seen.pose_seen, plant.truth(course, physics, self._offset).sensor
+
+    def residual(self, physics: Physics) -> F:
+        """Noise-free wrench less the elastic one, both at the seen pose; the zero is known."""
+        seen, sensor = self.truth(physics)
+        plant, course = self._still
+        wrench = turn_wrench(rotation(seen[:, 3:]), plant.zeroed(sensor - self._offset))
+        left: F = wrench - plant.elastic.wrench(course.anchor, seen)
+        return left
+
+    def table(self, campaign: Campaign, readings: list[Reading]) -> Table:
+        """The samples with the noise of one row each."""
+        from ecm.table import Table
+
+        seen, sensor = self.truth(campaign.physics)
+        instrument = self._settings.instrument
+        gauge = ForceTorqueSensor(instrument)
+        for i, leg in enumerate(self.legs):
+            random = stream(campaign.seed, "raw", *leg.visit.serial)
+            for row in np.flatnonzero(self.leg == i):
+                sensor[row] = gauge.read(sensor[row], self.window_s, random).mean(axis=0)
+                seen[row] = campaign.image(
+                    seen[row], self.time_s[row], self.window_s, (random, random)
+                ).mean
+        air, course = self._air, campaign.course
+        reads = zero_readings(course)
+        warm = campaign.physics.sensor_warm_up
+        zero = zero_at(
+            self.time_s,
+            course.time_s[reads],
+            np.stack([r.sensor for r in readings])[reads],
+            self._settings.rig.offset_compensation,
+            temperature_degC=air.at(air.sensor_degC, self.time_s),
+            reading_temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings])[
+                reads
+            ],
+            later_readings_lost=warm is not None and warm.later_readings_lost,
+        )
+        wrench = turn_wrench(rotation(seen[:, 3:]), self._plant.zeroed(sensor - zero))
+        columns: dict[str, NDArray[Any]] = {
+            "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
+            "time_s": (1.0 + instrument.clock_skew) * self.time_s,
+        }
+        columns |= dict(zip(POSE_NAMES, seen.T.copy(), strict=True))
+        columns |= dict(zip(WRENCH_NAMES, wrench.T.copy(), strict=True))
+        names = (f"v_{name}" for name in POSE_NAMES)
+        columns |= dict(zip(names, self.velocities().T.copy(), strict=True))
+        columns["leds_visible"] = Optics(instrument).visible(seen).sum(axis=1).astype(np.float64)
+        columns["temperature_degC"] = air.at(air.probe_degC, self.time_s)
+        columns["sensor_temperature_degC"] = air.at(air.sensor_degC, self.time_s)
+        meta = described(campaign, "", window_s=self.window_s)
+        return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")
+
+    def _on_the_way(self, time_s: F) -> tuple[F, F]:
+        """Poses (N, 6) and shares (N,) of the way at moments of the samples' legs."""
+        share = np.concatenate(
+            [leg.share(time_s[self.leg == i]) for i, leg in enumerate(self.legs)]
+        )
+        start = np.stack([leg.start for leg in self.legs])[self.leg]
+        end = np.stack([leg.end for leg in self.legs])[self.leg]
+        return start + share[:, None] * (end - start), share
+
+    def _at(self, time_s: F) -> tuple[Plant, Course]:
+        """A plant whose anchors are the samples themselves at these moments, and their course."""
+        poses, share = self._on_the_way(time_s)
+        known = self._plant.elastic.anchors
+        ends = np.asarray([leg.anchors for leg in self.legs])[self.leg]
+        u = share[:, None]
+        missed = known.wrenches - self._smooth.predict(known.poses)
+        slope = known.stiffness - self._smooth.stiffness(known.poses)
+        wrenches = self._smooth.predict(poses) + _between(missed, ends, u)
+        stiffness = self._smooth.stiffness(poses) + _between(slope, ends, u[:, :, None])
+        anchors = Anchors(
+            np.concatenate([known.poses[:1], poses]),
+            np.concatenate([known.wrenches[:1], wrenches]),
+            np.concatenate([known.stiffness[:1], stiffness]),
+            ("solved",) * (1 + len(poses)),
+        )
+        gradings: Mapping[str, Grading] = {
+            name: Grading(
+                np.concatenate([g.wrenches[:1], _between(g.wrenches, ends, u)]),
+                np.concatenate([g.stiffness[:1], _between(g.stiffness, ends, u[:, :, None])]),
+            )
+            for name, g in self._plant.gradings.items()
+        }
+        plant = Plant(self._settings, Elastic(anchors), self._plant.length_m, gradings)
+        plant.believed = self._plant.believed
+        index = 1 + np.arange(len(poses))
+        return plant, course_of(self._visits(time_s, poses), poses, index, self._air)
+
+    def _visits(self, time_s: F, poses: F) -> tuple[Visit, ...]:
+        visits = []
+        before = -1
+        for row, i in enumerate(self.leg.tolist()):
+            leg = self.legs[i]
+            first = i != before
+            before = i
+            way = [*leg.visit.way[:-1], poses[row]] if first else [poses[row - 1], poses[row]]
+            moved = float(np.clip(time_s[row] - leg.departs_s, 0.0, leg.visit.travel_s))
+            rested = float(max(0.0, time_s[row] - leg.departs_s - leg.visit.travel_s))
+            sample = replace(
+                leg.visit, pose=poses[row], time_s=float(time_s[row]), window_s=self.window_s,
+                travel_s=moved, dwell_s=rested, way=np.stack(way),
+                rested=leg.visit.rested and first,
+            )  # fmt: skip
+            visits.append(sample)
+        return tuple(visits)
+
+
+def _legs(plant: Plant, course: Course) -> list[Leg]:
+    """The last legs to all poses."""
+    known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.anchors.poses)}
+    legs = []
+    for visit, reached, anchor in zip(course.visits, course.reached, course.anchor, strict=True):
+        if visit.kind != POSE or len(visit.way) < 2:
+            continue
+        start = visit.way[-2]
+        arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
+        legs.append(
+            Leg(
+                visit,
+                start,
+                reached,
+                (known.get(start.tobytes(), REST_ANCHOR), int(anchor)),
+                arrives - visit.travel_s,
+            )
+        )
+    return legs
+
+
+def _between(values: F, ends: NDArray[np.int64], share: F) -> F:
+    """Values of the anchors at both ends, blended by the share of the way."""
+    blended: F = (1.0 - share) * values[ends[:, 0]] + share * values[ends[:, 1]]
+    return blended
