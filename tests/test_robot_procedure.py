@@ -212,6 +212,8 @@ def test_friction_stops_the_impedance_phase_early_and_not_the_position_phase() -
     assert rough.reason == ""
     assert np.abs(rough.after_impedance - smooth.after_impedance)[3:].max() > 1e-3
     assert np.abs(rough.reached - GOAL).max() < 1e-4
+    stuck = only(machine(joint_friction=0.5).sortie([stop]))
+    assert "did not come to rest" in stuck.reason
 
 
 def test_limits_are_the_published_ones() -> None:

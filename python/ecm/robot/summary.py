@@ -106,9 +106,10 @@ def words(path: Path) -> list[str]:
             phase = found["phases"][name]
             share = " ".join(f"{100.0 * s:.0f}" for s in phase["fraction"].values())
             lines.append(
-                f"after the {name} phase: {phase['median_m'] * 1e3:.3g} mm and "
-                f"{phase['median_rad'] * 1e3:.3g} mrad from the goal (median), largest "
-                f"{phase['largest_m'] * 1e3:.3g} mm and {phase['largest_rad'] * 1e3:.3g} mrad; "
+                f"after the {name} phase: {_thousandths(phase['median_m'])} mm and "
+                f"{_thousandths(phase['median_rad'])} mrad from the goal (median), largest "
+                f"{_thousandths(phase['largest_m'])} mm and "
+                f"{_thousandths(phase['largest_rad'])} mrad; "
                 f"share of the way, x to theta_z: {share} %"
             )
         off, arm = found["off_known_m"], found["calibration"]
@@ -121,6 +122,11 @@ def words(path: Path) -> list[str]:
             f"{off['mean'] * 1e3:.1f} mm on average"
         )
     return [*lines, f"{path}: the record of the arm"]
+
+
+def _thousandths(value: float) -> str:
+    """In mm or mrad; rounding errors of the simulation are no figures."""
+    return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
 
 
 def _phases(reached: list[Any], campaign: RobotCampaign) -> dict[str, Any]:
