@@ -18,12 +18,12 @@ import pytest
 
 import blind_parts
 from blind_parts.analysis import oracle, our_answer, parameters, same_verdicts, worked_answer
-from blind_parts.data import Data, data_of, shared_model
+from blind_parts.data import Data, data_of, shared_model, shared_plan
 from blind_parts.once import Work
 from blind_parts.plans import rod_samples
 from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section, turn, turn_back
-from blind_parts.rod_tables import EFFECTS, asked_of
+from blind_parts.rod_tables import EFFECTS, asked_of, rod_table
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
 from blind_parts.second import BY_HAND, second_answer
 from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
@@ -98,11 +98,30 @@ def test_two_effects_are_both_found(folder: Path) -> None:
     assert all_right(result_of(asked, folder))
 
 
-def test_what_is_not_in_the_library_is_not_given_a_clean_wrong_name(folder: Path) -> None:
-    removed = Set(3, 900, "rod", hidden=(("anisotropy", 1.0),), removed=("anisotropy",))
-    foreign = Set(3, 901, "rod", strange="gear_ripple", strength=1.0)
-    assert not clean_wrong(result_of(removed, folder))
-    assert not clean_wrong(result_of(foreign, folder))
+def test_what_is_not_in_the_library_is_unknown(folder: Path) -> None:
+    removed = Set(3, 920, "rod", hidden=(("hysteresis", 1.0),), removed=("hysteresis",))
+    foreign = Set(3, 903, "rod", strange="mains_beat", strength=1.0)
+    for asked in (removed, foreign):
+        result = result_of(asked, folder)
+        assert result["ours"]["verdict"] == "unknown", result["ours"]["answer"]
+        assert not clean_wrong(result)
+
+
+def test_the_noise_of_a_row_is_the_generator_s(folder: Path) -> None:
+    """W Sigma W' of the rod's own covariance is 1 in every direction, not only on its diagonal."""
+    asked = Set(0, 900, "rod")
+    problem = _worked(asked, folder)[1].problem
+    base = shared_model("rod", folder).base
+    made = rod_table(
+        shared_plan("rod", "diagnosable", folder), (), asked.seed, base_columns=base.columns
+    )
+    whitener = problem.whitener[problem.scored]
+    found = np.linalg.eigvalsh(whitener @ made.covariance @ np.swapaxes(whitener, 1, 2))
+    assert found.shape == (len(problem.scored.nonzero()[0]), 6)
+    assert np.quantile(found, 0.02) > 0.5
+    assert np.quantile(found, 0.98) < 1.6
+    # The four figures are estimated, their ratio with them; the directions are not.
+    assert np.quantile(found[:, -1] / found[:, 0], 0.9) < 2.3
 
 
 def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path) -> None:

@@ -42,6 +42,8 @@ class Made:
     table: Table
     quiet: Table
     sizes: dict[str, float]
+    covariance: F
+    """(n, 6, 6) of the noise of rows that measure a pose, outliers aside."""
 
 
 def rod_mechanism() -> dict[str, Any]:
@@ -87,8 +89,8 @@ def rod_table(
     course = lay_out(asked, rest, random)
     world = World(course, Section())
     rows = np.asarray([kind == "pose" for kind in asked.kind])
-    of_loaded = rows[world.loaded]
-    strength = Strength(world.covariance()[of_loaded], base_columns(course.poses[rows]))
+    covariance = world.covariance()[rows[world.loaded]]
+    strength = Strength(covariance, base_columns(course.poses[rows]))
     plain = _excess(world, Physics())[rows]
     physics, found = Physics(), {}
     for id, s in hidden:
@@ -106,7 +108,7 @@ def rod_table(
     meta = _meta(plan)
     quiet_poses, quiet_wrenches = world.readings(physics)
     build = _Build(plan, world, meta, seed)
-    return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found)
+    return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found, covariance)
 
 
 def asked_of(plan: Table) -> Asked:
