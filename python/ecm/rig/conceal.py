@@ -14,7 +14,7 @@ from ecm.rig.hidden import Hidden
 from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose
-from ecm.rig.plant import Course, Plant
+from ecm.rig.plant import REST_ANCHOR, Course, Plant
 from ecm.rig.plausible import check_size
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
@@ -78,6 +78,8 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         tilts_rad=tuple(np.sort(np.arccos(np.clip(turn[:, 0, 0], -1.0, 1.0))).tolist()),
         far_m=float(np.median(np.linalg.norm(moved * metric, axis=1))),
         loads=tuple(np.abs(felt).max(axis=0).tolist()),
+        ranges=world.settings.instrument.fts_range,
+        rest_stiffness=tuple(np.diag(plant.elastic.anchors.stiffness[REST_ANCHOR]).tolist()),
         length_m=plant.length_m,
         duration_s=duration_s,
         mean_temperature_degC=float(course.temperature_degC[rows].mean()),

@@ -62,6 +62,10 @@ class Scale:
     """Median distance from rest, rotation counted with the length."""
     loads: tuple[float, ...] = (50.0, 30.0, 30.0, 1.0, 2.0, 2.0)
     """Largest load of each axis of the sensor, N and N m."""
+    ranges: tuple[float, ...] = (400.0, 200.0, 200.0, 20.0, 20.0, 20.0)
+    """Of the sensor, N and N m."""
+    rest_stiffness: tuple[float, ...] = (24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0)
+    """Diagonal of K of the mechanism at rest, N/m and N m/rad."""
 
 
 def _unit(random: Random, count: int) -> tuple[float, ...]:

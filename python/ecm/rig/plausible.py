@@ -3,8 +3,8 @@
 A strength s is what is left after the base is projected out. Where the plan hardly shows an effect
 beside the modulus (relaxation with a single rest), a wanted strength asks for an absurd size: a
 rubber that loses more than all of its stress. Such a wish is refused, with what would make it
-possible. The largest sizes are shares of what the mechanism itself shows in the campaign (its
-length, its largest force and moment), so that they serve a finger as well as a neck.
+possible. The largest sizes are shares of what the rig is built for (length and stiffness of the
+mechanism, range of the sensor), so that they serve a finger as well as a neck.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ LARGEST: dict[str, tuple[float, str]] = {
     "anisotropy": (0.5, "a remount by 90 degrees"),
     "base_compliance": (0.4, "larger poses"),
     "base_frame_misalignment": (0.1, "poses that bend and turn on all sides"),
-    "cable_drag": (1.0, "larger poses on all sides"),
+    "cable_drag": (0.3, "larger poses on all sides"),
     "camera_scale": (0.2, "larger translations"),
-    "contact_stop": (1e3, "larger tilts"),
+    "contact_stop": (300.0, "larger tilts"),
     "debonding": (0.6, "a push-pull pair of poses"),
     "diameter_error": (0.2, "bending and shear as well as stretch"),
     "face_tilt": (0.15, "a remount by 180 degrees"),
     "fts_crosstalk": (0.1, "loads on every axis"),
-    "fts_drift": (0.5, "a longer campaign"),
+    "fts_drift": (0.25, "a longer campaign"),
     "fts_frame": (0.2, "larger forces"),
     "fts_gain": (0.3, "loads on every axis"),
     "fts_hysteresis": (0.4, "approaches from several sides"),
-    "fts_offset": (0.5, "poses that turn on all sides"),
-    "fts_saturation": (2.0, "larger loads"),
-    "fts_thermal_drift": (0.1, "a warm-up between the poses"),
+    "fts_offset": (0.25, "poses that turn on all sides"),
+    "fts_saturation": (4.0, "larger loads"),
+    "fts_thermal_drift": (0.05, "a warm-up between the poses"),
     "hysteresis": (0.05, "approaches from several sides, poses measured twice"),
     "led_occlusion": (0.1, "larger tilts"),
     "length_error": (0.1, "poses at which the axial force differs"),
     "marker_motion": (0.05, "a longer campaign, poses measured again at its end"),
     "mullins_softening": (0.6, "small poses again after large ones"),
-    "own_weight": (0.5, "poses that bend on all sides"),
-    "payload": (0.5, "poses that turn on all sides"),
+    "own_weight": (0.25, "poses that bend on all sides"),
+    "payload": (0.25, "poses that turn on all sides"),
     "permanent_set": (0.3, "home checks, small poses after large ones"),
     "platform_slip": (0.05, "poses measured again at the end"),
     "pre_curvature": (0.15, "a remount by 180 degrees"),
@@ -54,8 +54,9 @@ LARGEST: dict[str, tuple[float, str]] = {
 
 
 def measure(unit: str, scale: Scale) -> float:
-    """One of a unit, as the mechanism and its loads measure it."""
-    force, moment = max(scale.loads[:3]), max(scale.loads[3:])
+    """One of a unit, as the rig measures it."""
+    force = min(scale.ranges[:3])
+    lateral, bending = min(scale.rest_stiffness[1:3]), min(scale.rest_stiffness[4:])
     return {
         "1": 1.0,
         "rad": 1.0,
@@ -64,10 +65,10 @@ def measure(unit: str, scale: Scale) -> float:
         "m": scale.length_m,
         "N": force,
         "N/K": force,
-        "N/m": force / scale.length_m,
-        "rad/(N m)": 1.0 / moment,
         "kg": force / GRAVITY_M_S2,
         "1/N or 1/(N m)": 1.0 / force,
+        "N/m": lateral,
+        "rad/(N m)": 1.0 / bending,
     }[unit]
 
 
