@@ -15,10 +15,10 @@ from browser import open_page
 from conftest import ROOT, Done
 from ecm.config import Config, read_config, with_rig
 from ecm.design import Design
-from ecm.identify import DESIGNS, Console, Job, _measure
+from ecm.identify import DESIGNS, Console, Job, _measure, measure
 from ecm.report.arm import arm_section
 from ecm.report.page import write_page
-from ecm.rig import HiddenTable
+from ecm.rig import HiddenTable, RigSettings
 from ecm.simulate import simulate
 from ecm.table import Table
 from robot_rig import FAST, settings
@@ -110,6 +110,16 @@ def test_a_finished_campaign_is_read_again(measured: Step3) -> None:
     assert {path: path.stat().st_mtime_ns for path in files} == before
     assert summary == step
     assert np.array_equal(again["d"].wrenches, tables["d"].wrenches)
+
+
+def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:
+    job = Job(Config(), tmp_path, seed=1, threads=1, console=Console())
+    pairs = simulate(job.config.mechanism, 3, job.config.workspace, seed=2, threads=2)
+    other = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
+    tables = [measure(job, pairs.table(), "measured-d", rig) for rig in (RigSettings(), other)]
+    again = measure(job, pairs.table(), "measured-d", RigSettings())
+    assert np.array_equal(again.wrenches, tables[0].wrenches)
+    assert not np.array_equal(again.wrenches, tables[1].wrenches)
 
 
 @pytest.mark.browser

@@ -30,7 +30,7 @@ from ecm.models.physics import reach_of
 from ecm.report.page import require_report
 from ecm.rig import HiddenTable, RigSettings, run_campaign
 from ecm.simulate import Simulated, simulate
-from ecm.stages import Stage, hash_of, write_json
+from ecm.stages import Stage, hash_of, sum_of, write_json
 from ecm.table import Table, read_table
 
 F = NDArray[np.float64]
@@ -335,7 +335,10 @@ def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
 
 
 def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
-    """A campaign on the simulated rig; one that is finished is read again."""
+    """A campaign on the simulated rig; one that is finished is read again.
+
+    Its table may have been overwritten by another rig's since then: the sum tells.
+    """
     out = job.out / f"{name}.csv"
     stage = job.stage(name, hash_of(dict(plan.columns)), rig.to_dict())
 
@@ -350,9 +353,9 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
             folder=job.out / "stages" / "anchors",
             overwrite=True,  # the job's own, of other settings or of a stage that was cut
         )
-        return {"data": out.name}
+        return {"data": out.name, "sum": sum_of(out)}
 
-    if not out.exists() or not stage.done():
+    if not out.exists() or not stage.done() or stage.load().get("sum") != sum_of(out):
         stage.save(run())
     return read_table(out)
 

@@ -67,6 +67,11 @@ def hash_of(*values: Any) -> str:
     return hashlib.sha256(document.encode()).hexdigest()
 
 
+def sum_of(path: Path) -> str:
+    """sha256 (hex) of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def cache_directory() -> Path:
     """Where results outlive a command: ECM_CACHE, else XDG_CACHE_HOME/ecm, else ~/.cache/ecm."""
     own = os.environ.get("ECM_CACHE")
