@@ -72,7 +72,8 @@ def data_of(
     asked: Set, folder: Path, plan: Table | None = None, truth: dict[str, Any] | None = None
 ) -> Data:
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
-    plan = shared_plan(asked.source, asked.protocol, folder) if plan is None else plan
+    usual = shared_plan(asked.source, asked.protocol, folder)
+    plan = usual if plan is None else plan
     model = shared_model(asked.source, folder)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
     if asked.source == "arm":
@@ -87,7 +88,7 @@ def data_of(
             base_columns=base.columns,
             uneven_noise=uneven,
             sizes=truth,
-            visit=0 if truth is None else 1,
+            before=None if truth is None else usual,
         )
         table, quiet, truth = made.table, made.quiet, dict(made.sizes)
     else:

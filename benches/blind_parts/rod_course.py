@@ -103,6 +103,36 @@ def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Course:
     )
 
 
+def gone_on(a: Course, b: Course, pause_s: float = 600.0) -> Course:
+    """The first campaign and a second one on the same rod, after a pause, as one course."""
+    n = len(a.poses)
+    x, y = a.asked, b.asked
+    asked = Asked(
+        poses=np.concatenate([x.poses, y.poses]),
+        pose_id=np.concatenate([x.pose_id, y.pose_id]),
+        approach=[*x.approach, *y.approach],
+        dwell_s=np.concatenate([x.dwell_s, y.dwell_s]),
+        run=np.concatenate([x.run, y.run]),
+        kind=[*x.kind, *y.kind],
+        mount_rad=np.concatenate([x.mount_rad, y.mount_rad]),
+        payload_on=np.concatenate([x.payload_on, y.payload_on]),
+        dead_weight_kg=np.concatenate([x.dead_weight_kg, y.dead_weight_kg]),
+    )
+    ways = [tuple((k if k < 0 else k + n, t, d) for k, t, d in way) for way in b.ways]
+    return Course(
+        asked,
+        np.concatenate([a.poses, b.poses]),
+        np.concatenate([a.time_s, b.time_s + a.time_s[-1] + pause_s]),
+        np.concatenate([a.dwell_s, b.dwell_s]),
+        np.concatenate([a.travel_s, b.travel_s]),
+        (*a.ways, *ways),
+        np.concatenate([a.rested, b.rested]),
+        np.concatenate([a.temperature_degC, b.temperature_degC]),
+        np.concatenate([a.sensor_degC, b.sensor_degC]),
+        a.rest,
+    )
+
+
 def _weather(time: F, random: np.random.Generator) -> tuple[F, F]:
     grid = np.arange(0.0, time[-1] + 60.0, 30.0)
     walk = np.cumsum(random.standard_normal(len(grid))) * 0.08

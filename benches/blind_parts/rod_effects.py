@@ -110,7 +110,7 @@ def debonding(random: np.random.Generator, world: World) -> Made:
 # --- history ------------------------------------------------------------------------------------
 def temperature_modulus(random: np.random.Generator, world: World) -> Made:
     """Williams, Landel and Ferry: a shift of the modulus, bent in T."""
-    mean = float(world.course.temperature_degC.mean())
+    mean = float(world.first.temperature_degC.mean())
 
     def law(size: float, c: Course) -> F:
         change = c.temperature_degC - mean
@@ -120,7 +120,7 @@ def temperature_modulus(random: np.random.Generator, world: World) -> Made:
 
 
 def ageing(random: np.random.Generator, world: World) -> Made:
-    end = float(world.course.time_s[-1]) * float(random.uniform(0.5, 1.5))
+    end = float(world.first.time_s[-1]) * float(random.uniform(0.5, 1.5))
     sign = _sign(random)
     return _factor(0.02, lambda size, c: 1.0 - sign * size * np.expm1(-c.time_s / end))
 
@@ -192,7 +192,8 @@ def mullins_softening(random: np.random.Generator, world: World) -> Made:
     bend = np.linalg.norm(world.course.poses[:, 3:], axis=1)
     bend = np.where(world.loaded, bend, 0.0)
     largest = np.maximum.accumulate(bend)
-    width = float(random.uniform(0.2, 0.5)) * float(largest.max())
+    first = len(world.first.poses)
+    width = float(random.uniform(0.2, 0.5)) * float(largest[:first].max())
     return _factor(0.03, lambda size, c: 1.0 - size * np.tanh((largest - bend) / width))
 
 
@@ -203,17 +204,17 @@ def permanent_set(random: np.random.Generator, world: World) -> Made:
     metric = np.array([1.0, 1.0, 1.0, length, length, length])
     away = (course.poses - course.rest) * world.loaded[:, None]
     far = np.linalg.norm(away * metric, axis=1)
-    limit = float(np.quantile(far[world.loaded], random.uniform(0.6, 0.8)))
+    first = len(world.first.poses)
+    limit = float(np.quantile(far[:first][world.loaded[:first]], random.uniform(0.6, 0.8)))
     flow = np.maximum(0.0, 1.0 - limit / np.maximum(far, 1e-12))[:, None] * away
     total = np.cumsum(flow, axis=0)
     total = np.concatenate([np.zeros((1, 6)), total[:-1]])
-    total /= max(float(np.abs(total * metric).max()), 1e-12)
+    total /= max(float(np.abs((total * metric)[:first]).max()), 1e-12)
     return 1e-4, lambda size: Physics(felt=[lambda p, _, c: p - size * total])
 
 
 def platform_slip(random: np.random.Generator, world: World) -> Made:
-    course = world.course
-    at = float(random.uniform(0.3, 0.7)) * float(course.time_s[-1])
+    at = float(random.uniform(0.3, 0.7)) * float(world.first.time_s[-1])
     direction = _unit(random, 6) * np.repeat([1.0, 10.0], 3)
 
     def physics(size: float) -> Physics:
@@ -231,9 +232,9 @@ def platform_slip(random: np.random.Generator, world: World) -> Made:
 # --- surroundings -------------------------------------------------------------------------------
 def contact_stop(random: np.random.Generator, world: World) -> Made:
     """A ring that the platform's rim meets beyond a tilt: a true kink, with Coulomb friction."""
-    poses = world.course.poses
+    poses = world.first.poses
     tilt = np.linalg.norm(poses[:, 4:], axis=1)
-    limit = float(np.quantile(tilt[world.loaded], random.uniform(0.5, 0.75)))
+    limit = float(np.quantile(tilt[world.first.loaded], random.uniform(0.5, 0.75)))
     friction, radius = float(random.uniform(0.1, 0.3)), 0.033
 
     def physics(size: float) -> Physics:

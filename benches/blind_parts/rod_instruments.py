@@ -38,7 +38,7 @@ def fts_drift(random: np.random.Generator, world: World) -> Made:
     """Creep of the gauges' glue: a power of time, zeroed once at the beginning."""
     direction = _unit(random, 6) * _ARM
     power = float(random.uniform(0.7, 1.2))
-    end = float(world.course.time_s[-1])
+    end = float(world.first.time_s[-1])
 
     def make(size: float) -> Change:
         return lambda raw, top, c: raw + size * np.outer((c.time_s / end) ** power, direction)
@@ -81,7 +81,8 @@ def fts_crosstalk(random: np.random.Generator, world: World) -> Made:
 
 def fts_saturation(random: np.random.Generator, world: World) -> Made:
     """An amplifier that bends before it clips: the stated range is not reached."""
-    raw = world.raw(Physics())[world.loaded]
+    first = len(world.first.poses)
+    raw = world.raw(Physics())[:first][world.loaded[:first]]
     axis = int(random.choice([0, 1, 2]))
     knee = 0.6 * float(np.abs(raw[:, axis]).max())
 
@@ -179,7 +180,7 @@ def camera_scale(random: np.random.Generator, world: World) -> Made:
 def marker_motion(random: np.random.Generator, world: World) -> Made:
     """The base marker is knocked, or sags: everything seems to move the other way."""
     direction = _unit(random, 6) * np.repeat([1.0, 1.0 / 0.15], 3)
-    end = float(world.course.time_s[-1])
+    end = float(world.first.time_s[-1])
     at, width = float(random.uniform(0.3, 0.7)) * end, float(random.choice([0.01, 0.3])) * end
 
     def make(size: float) -> Change:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind_parts.rod import Section
-from blind_parts.rod_course import Asked, lay_out
+from blind_parts.rod_course import Asked, Course, gone_on, lay_out
 from blind_parts.rod_effects import BODY
 from blind_parts.rod_instruments import INSTRUMENTS, occluded
 from blind_parts.rod_world import (
@@ -68,7 +68,7 @@ def rod_table(
     base_columns: Callable[[F], F],
     uneven_noise: float = 0.0,
     sizes: Mapping[str, float] | None = None,
-    visit: int = 0,
+    before: Table | None = None,
 ) -> Made:
     """A campaign on the rod.
 
@@ -80,34 +80,39 @@ def rod_table(
         (N, 6) poses to the (N, 6, k) change of the wrench per base parameter.
     sizes
         Of what is hidden, where it is that of an earlier campaign.
-    visit
-        Number of the campaign on the same rod: noise and weather are new.
+    before
+        Plan of that campaign: the same rod goes on where it ended, what it remembers included;
+        noise and weather are new.
     """
-    random = np.random.default_rng([seed, 77, visit])
-    asked = asked_of(plan)
+    visit = 0 if before is None else 1
     rest = np.array([Section().length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    course = lay_out(asked, rest, random)
-    world = World(course, Section())
-    rows = np.asarray([kind == "pose" for kind in asked.kind])
+    course = lay_out(asked_of(plan), rest, np.random.default_rng([seed, 77, visit]))
+    first = course
+    if before is not None:
+        first = lay_out(asked_of(before), rest, np.random.default_rng([seed, 77, 0]))
+        course = gone_on(first, course)
+    own_rows = slice(0 if before is None else len(first.poses), None)
+    world = World(course, Section(), first)
+    rows = np.asarray([kind == "pose" for kind in course.asked.kind])
     covariance = world.covariance()[rows[world.loaded]]
     strength = Strength(covariance, base_columns(course.poses[rows]))
     plain = _excess(world, Physics())[rows]
     physics, found = Physics(), {}
     for id, s in hidden:
         own = np.random.default_rng([seed, 79, sorted(EFFECTS).index(id)])
-        first, make = EFFECTS[id](own, world)
+        start, make = EFFECTS[id](own, world)
 
         def change(size: float, make: Callable[[float], Physics] = make) -> F:
             return np.asarray(_excess(world, make(size))[rows] - plain)
 
         known = sizes is not None and id in sizes
-        found[id] = sizes[id] if sizes and known else strength.size(change, first, s)
+        found[id] = sizes[id] if sizes and known else strength.size(change, start, s)
         physics = _joined(physics, make(found[id]))
     noise = np.random.default_rng([seed, 78, visit])
     poses, wrenches = measured(world, physics, noise, uneven_noise=uneven_noise)
     meta = _meta(plan)
     quiet_poses, quiet_wrenches = world.readings(physics)
-    build = _Build(plan, world, meta, seed)
+    build = _Build(course, own_rows, meta, seed)
     return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found, covariance)
 
 
@@ -179,8 +184,8 @@ def _joined(a: Physics, b: Physics) -> Physics:
 class _Build:
     """The columns that a table has whatever was measured."""
 
-    def __init__(self, plan: Table, world: World, meta: Meta, seed: int) -> None:
-        course = world.course
+    def __init__(self, course: Course, rows: slice, meta: Meta, seed: int) -> None:
+        self._rows = rows
         asked = course.asked
         seen: dict[tuple[str, int], int] = {}
         repeat = []
@@ -205,7 +210,8 @@ class _Build:
             "leds_visible": 9.0 - hidden,
         }
         runs: dict[int, dict[str, Any]] = {}
-        for i, run in enumerate(asked.run):
+        for i in range(*rows.indices(len(asked.run))):
+            run = asked.run[i]
             different: dict[str, Any] = {}
             if asked.mount_rad[i]:
                 different["mount_angle_rad"] = float(asked.mount_rad[i])
@@ -224,7 +230,8 @@ class _Build:
         columns = dict(self._columns)
         columns |= {name: poses[:, j].copy() for j, name in enumerate(POSE)}
         columns |= {name: wrenches[:, j].copy() for j, name in enumerate(WRENCH)}
-        return Table(columns, self._meta, "rod campaign")
+        own = {name: values[self._rows] for name, values in columns.items()}
+        return Table(own, self._meta, "rod campaign")
 
 
 def _meta(plan: Table) -> Meta:

@@ -44,8 +44,10 @@ class Physics:
 class World:
     """A course with a rod in it; solved once, then changed little by little."""
 
-    def __init__(self, course: Course, section: Section) -> None:
+    def __init__(self, course: Course, section: Section, first: Course | None = None) -> None:
         self.course = course
+        self.first = course if first is None else first
+        """The first campaign, whose rows are the course's first: what is drawn refers to it."""
         self.section = section
         self.loaded = course.loaded
         self._solved: Solved = Rod(section).solve(self._poses, self._mount)
@@ -82,9 +84,12 @@ class World:
         return poses, self.table_wrench(sensor, poses)
 
     def table_wrench(self, sensor: F, poses: F) -> F:
-        """Zeroed at the first unloaded row, moved to the top, turned with the measured pose."""
-        free = np.flatnonzero(~self.loaded)
-        zero = sensor[free[0]] if len(free) else np.zeros(6)
+        """Zeroed at a campaign's first unloaded row, moved to the top, turned with the pose."""
+        zero = np.zeros_like(sensor)
+        n = len(self.first.poses)
+        for own in (slice(0, n), slice(n, len(sensor))):
+            free = np.flatnonzero(~self.loaded[own])
+            zero[own] = sensor[own][free[0]] if len(free) else 0.0
         top = (sensor - zero) @ self.top_from_sensor.T
         matrices = turn(poses[:, 3:])
         return np.concatenate(
