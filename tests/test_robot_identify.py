@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from browser import open_page
-from conftest import ROOT, Done
+from conftest import ROOT, Done, csv_text, neck_columns
 from ecm.config import Config, read_config, with_rig
 from ecm.design import Design
 from ecm.identify import DESIGNS, Console, Job, _measure, measure
@@ -40,9 +40,11 @@ def test_what_the_other_file_hides_goes_before_the_jobs(tmp_path: Path) -> None:
     assert config.rig.hidden == HiddenTable("cable_drag")
 
 
+@pytest.mark.parametrize("command", ["identify", "campaign"])
 @pytest.mark.parametrize("missing", ["mujoco", "compiler"])
 def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     missing: str,
+    command: str,
     tmp_path: Path,
     ecm_command: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
@@ -51,13 +53,17 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:
         monkeypatch.setattr("ecm.robot.feed_forward.shutil.which", lambda _name: None)
-    done = ecm_command(
-        "identify", ROOT / "examples" / "quick.toml", "--rig", ROOT / "examples" / "robot.toml",
-        "--out", tmp_path / "out",
-    )  # fmt: skip
+    (tmp_path / "plan.csv").write_text(csv_text(neck_columns(3)))
+    job = ROOT / "examples" / "quick.toml" if command == "identify" else tmp_path / "plan.csv"
+    (tmp_path / "plan.toml").write_text(
+        (ROOT / "examples" / "quick.toml").read_text().split("[sim")[0]
+    )
+    out = tmp_path / ("out" if command == "identify" else "out.csv")
+    done = ecm_command(command, job, "--rig", ROOT / "examples" / "robot.toml", "--out", out)
     assert done.code != 0
     assert ("ecm-stiffness[robot]" if missing == "mujoco" else "C compiler") in done.err
     assert not (tmp_path / "out" / "stages").exists()
+    assert not list(tmp_path.glob("out*.csv"))
 
 
 class Step3:

@@ -53,6 +53,7 @@ def run_robot(
     threads: int = 0,
 ) -> tuple[RobotCampaign, Table, Journal | None]:
     """All visits, read and in a table; the journal, where there is one, is still there."""
+    need_arm()
     campaign = RobotCampaign(
         plan,
         rig,
