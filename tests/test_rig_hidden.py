@@ -94,7 +94,7 @@ def test_a_strength_that_asks_for_an_absurd_size_is_refused() -> None:
         Campaign(one_dwell(), RigSettings(), StandIn(), hide=hide)
     text = str(caught.value)
     assert "stress_relaxation=3" in text
-    assert "nothing real exceeds 0.6" in text
+    assert "nothing real exceeds 60 %" in text
     assert "several dwells" in text
     # What it names as possible is.
     possible = float(text.split("at most at s = ")[1].split(",", maxsplit=1)[0])

@@ -82,13 +82,17 @@ def check_size(effect: str, strength: float, size: float, unit: str, scale: Scal
     largest = largest_size(effect, unit, scale)
     if abs(size) <= largest:
         return
-    shown = "" if unit == "1" else f" {unit}"
     raise CannotHide(
         f"--hide {effect}={strength:g}: with this plan that strength asks for a size of "
-        f"{abs(size):.3g}{shown}, and nothing real exceeds {largest:.3g}{shown}. Hide it at most "
-        f"at s = {_down(strength * largest / abs(size))}, or plan {LARGEST[effect][1]} "
+        f"{_words(abs(size), unit)}, and nothing real exceeds {_words(largest, unit)}. Hide it at "
+        f"most at s = {_down(strength * largest / abs(size))}, or plan {LARGEST[effect][1]} "
         f"(`ecm design … --preset diagnosable --effects {effect}`)"
     )
+
+
+def _words(size: float, unit: str) -> str:
+    """A size with its unit; a share in percent."""
+    return f"{100.0 * size:.3g} %" if unit == "1" else f"{size:.3g} {unit}"
 
 
 def _down(value: float) -> str:
