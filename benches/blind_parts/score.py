@@ -205,7 +205,8 @@ def beside(results: Sequence[Result]) -> list[dict[str, Any]]:
         )
     inside, of = sum(p["inside"] for p in fitted), sum(p["of"] for p in fitted)
     if of:
-        sd = np.sqrt(0.09 / of)
+        # Numbers of one set hang together: the band is that of the number of fits.
+        sd = np.sqrt(0.09 / len(fitted))
         value = inside / of
         low, high = 0.9 - 2.576 * sd, 0.9 + 2.576 * sd
         line(
