@@ -7,8 +7,9 @@ G_g = Z_g' Z_g, c_g = Z_g' y_g and s_g = y_g' y_g of each group g of rows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,17 @@ _RIDGE = 1e-10
 
 @dataclass(frozen=True)
 class Gram:
-    """Normal equations per group of rows."""
+    """Normal equations per group of rows; those of each group are formed when they are asked for.
 
-    matrices: F
-    """(g, k, k)."""
-    vectors: F
-    """(g, k)."""
+    With hundreds of columns the matrices of all groups are larger than the rows by far.
+    """
+
+    rows: F
+    """(r, k) weighted rows, group after group."""
+    response: F
+    """(r,)."""
+    bounds: I
+    """(g + 1,) where each group begins."""
     squares: F
     """(g,)."""
     counts: F
@@ -37,22 +43,26 @@ class Gram:
         """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on."""
         n, m, k = design.shape
         root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
-        z = design * root[:, None, None]
-        y = response * root[:, None]
         count = int(groups.max()) + 1
-        matrices = np.zeros((count, k, k))
-        vectors = np.zeros((count, k))
         order = np.argsort(groups, kind="stable")
-        bounds = np.searchsorted(groups[order], np.arange(count + 1))
-        for g in range(count):
-            rows = order[bounds[g] : bounds[g + 1]]
-            block = z[rows].reshape(-1, k)
-            matrices[g] = block.T @ block
-            vectors[g] = block.T @ y[rows].ravel()
+        rows = (design[order] * root[order, None, None]).reshape(n * m, k)
+        y = response * root[:, None]
+        bounds = np.searchsorted(groups[order], np.arange(count + 1)) * m
         squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
         members = (root > 0.0) * float(m)
         counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
-        return Gram(matrices, vectors, squares, counts)
+        return Gram(rows, y[order].ravel(), bounds.astype(np.int64), squares, counts)
+
+    @cached_property
+    def matrices(self) -> F:
+        """(g, k, k)."""
+        return np.stack([self.rows[a:b].T @ self.rows[a:b] for a, b in pairwise(self.bounds)])
+
+    @cached_property
+    def vectors(self) -> F:
+        """(g, k)."""
+        parts = [self.response[a:b] @ self.rows[a:b] for a, b in pairwise(self.bounds)]
+        return np.stack(parts)
 
     def total(self, weights: F | None = None) -> tuple[F, F, float]:
         """G, c, s summed over groups, each with its weight."""
@@ -64,12 +74,11 @@ class Gram:
     def only(self, columns: Sequence[int]) -> Gram:
         """The same of some of the columns, in their order."""
         take = np.asarray(columns, dtype=np.int64)
-        matrices = self.matrices[:, take[:, None], take[None, :]]
-        return Gram(matrices, self.vectors[:, take], self.squares, self.counts)
+        return replace(self, rows=self.rows[:, take])
 
     @cached_property
     def _whole(self) -> tuple[F, F, float]:
-        return self.matrices.sum(axis=0), self.vectors.sum(axis=0), float(self.squares.sum())
+        return self.rows.T @ self.rows, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
         """(g,) held-out sum of squares of each group, fitted without its fold.

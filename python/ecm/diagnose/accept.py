@@ -109,7 +109,7 @@ def _bootstrap_winners(
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
     weights = drawn.astype(np.float64)
     small, others = _only(problem, others, contenders)
-    size = small.gram.vectors.shape[1]
+    size = small.gram.rows.shape[1]
     matrices = (weights @ small.gram.matrices.reshape(count, -1)).reshape(-1, size, size)
     vectors = weights @ small.gram.vectors
     won: dict[str, float] = {}

@@ -53,6 +53,8 @@ _MINUTES = (
 _RESOLVED = {"m": 5e-5, "rad": 5e-4, "1": 1e-3, "N": 0.5, "N m": 0.02, "kg": 0.01, "kg m": 1e-3}
 """What a measurement by hand resolves, by unit."""
 _BY_HAND = "calliper|detached|survey|gauge|re-seat|dead weight|look at|zero without"
+_MOST_COMPARED = 6
+"""Of a longer class the nearest rivals are compared."""
 _PAUSE_S = 600.0
 _DIFFERENT = (("cable", {"cable_attached": 0.0}),)
 """What is different in the run of an action that is done by hand before poses are repeated."""
@@ -64,6 +66,7 @@ def next_experiments(
     """Actions that separate the members of each class, the largest gain per minute first."""
     known = {effect.id: effect for effect in all_effects()}
     found: dict[str, dict[str, Any]] = {}
+    campaigns: dict[str, Rows | None] = {}
     for item, members in zip(chosen, classes, strict=True):
         if len(members) < 2:
             continue
@@ -74,8 +77,14 @@ def next_experiments(
                 if other in rivals:
                     entry = found.setdefault(rivals[other], {"separates": set(), "odds": []})
                     entry["separates"].add(f"{id} or {other}")
+        near = members[:_MOST_COMPARED]
         for action, entry in found.items():
-            odds = _odds(problem, others, item, members, action)
+            by_hand = re.search(_BY_HAND, action) is not None
+            if action not in campaigns:
+                campaigns[action] = None if by_hand else _new_rows(problem, action)
+            if campaigns[action] is None and not by_hand:
+                continue
+            odds = _odds(problem, others, near, campaigns[action])
             if odds is not None:
                 entry["odds"].append(odds)
     listed = [_entry(action, entry) for action, entry in found.items()]
@@ -104,31 +113,44 @@ def _minutes(action: str) -> int:
 
 
 def _odds(
-    problem: Problem,
-    others: Sequence[Candidate],
-    item: Candidate,
-    members: Sequence[str],
-    action: str,
+    problem: Problem, others: Sequence[Candidate], members: Sequence[str], new: Rows | None
 ) -> tuple[float, float] | None:
-    """Chance of the right name before and after, the least over the pairs of the class."""
+    """Chance of the right name before and after, the least over the pairs of the class.
+
+    Parameters
+    ----------
+    new
+        What the campaign would record; None for a measurement by hand.
+    """
     best = [_best_of(problem, others, id) for id in members]
     able = [candidate for candidate in best if candidate is not None]
     if len(able) < 2:
         return None
-    new = None if re.search(_BY_HAND, action) else _new_rows(problem, action)
-    if new is None and not re.search(_BY_HAND, action):
-        return None
+    added = None if new is None else _added(problem, (*others, *able), new)
     before, after = [], []
     for truth in able:
         for rival in able:
             if rival is truth:
                 continue
-            now, gained = _distances(problem, others, truth, rival, new)
+            now, gained = _distances(problem, others, truth, rival, added)
             before.append(_chance(now))
             after.append(_chance(now + gained))
     # Each member is as likely as the other: the mean over truths of the least sure rival.
     size = len(able) - 1
     return _mean_of_least(before, size), _mean_of_least(after, size)
+
+
+def _added(problem: Problem, candidates: Sequence[Candidate], new: Rows) -> F:
+    """(K, K) normal equations that new rows add, of the base's and the candidates' columns."""
+    whitener = whiteners(problem.noise.covariance(new, problem.base.error))
+    parts = [base_columns(new, problem.base)] if problem.n_base else []
+    blocks = [np.einsum("nij,njk->nik", whitener, part) for part in parts]
+    blocks += [tangent(new, whitener, candidate.effect) for candidate in candidates]
+    use = np.array([*problem.base_index, *(c for item in candidates for c in item.columns)])
+    design = np.concatenate(blocks, axis=2).reshape(-1, len(use)) / problem.norms[use]
+    found = np.zeros((len(problem.norms), len(problem.norms)))
+    found[np.ix_(use, use)] = design.T @ design / problem.scale
+    return found
 
 
 def _mean_of_least(chances: list[float], size: int) -> float:
@@ -155,7 +177,7 @@ def _distances(
     others: Sequence[Candidate],
     truth: Candidate,
     rival: Candidate,
-    new: Rows | None,
+    added: F | None,
 ) -> tuple[float, float]:
     """Squared distance of the truth's fit from all that the rival can imitate: now, and gained."""
     equations = normal_equations(problem)
@@ -166,14 +188,9 @@ def _distances(
     use = np.array((*fixed, *truth.columns))
     matrix = equations[0][np.ix_(use, use)]
     now = _unimitated(matrix, len(fixed), own)
-    if new is None:
+    if added is None:
         return now, _by_hand(problem, truth, own)
-    parts = [base_columns(new, problem.base)] if problem.n_base else []
-    whitener = whiteners(problem.noise.covariance(new, problem.base.error))
-    block = [np.einsum("nij,njk->nik", whitener, part) for part in parts]
-    block += [tangent(new, whitener, c.effect) for c in (*others, rival, truth)]
-    design = np.concatenate(block, axis=2).reshape(-1, len(use)) / problem.norms[use]
-    more = matrix + design.T @ design / problem.scale
+    more = matrix + added[np.ix_(use, use)]
     return now, max(_unimitated(more, len(fixed), own) - now, 0.0)
 
 
