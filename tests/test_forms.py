@@ -1,0 +1,172 @@
+"""Forms with a shape of their own: limits in which they must be another, known one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.columns import POSE
+from ecm.compare.gram import Gram, explained, gains, without
+from ecm.compare.lack_of_fit import captured
+from ecm.diagnose.base import choose_base
+from ecm.diagnose.problem import assemble
+from ecm.diagnose.search import fall, material, normal_equations, rank, search
+from ecm.effects import Rows, all_effects
+from ecm.effects.boundary import BaseCompliance
+from ecm.effects.contact import Debonding
+from ecm.effects.friction import Hysteresis
+from ecm.effects.geometry import DiameterError
+from ecm.effects.history import order_of_visits, pose_before
+from ecm.effects.load import CableDrag
+from ecm.effects.material import StrainStiffening
+from ecm.effects.modulus import MullinsSoftening
+from ecm.effects.relaxation import StressRelaxation
+from ecm.meta import Meta
+from ecm.rig import RigSettings, run_campaign
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics, plan
+from test_rig_stand_in import L, StandIn
+
+F = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def rows() -> Rows:
+    return Rows(campaign(), physics())
+
+
+def at(*poses: tuple[float, ...]) -> Rows:
+    """Rows at given changes of the rest pose."""
+    values = np.array(poses) + np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
+    columns = {name: values[:, j] for j, name in enumerate(POSE)}
+    return Rows(Table(columns, Meta(mechanism={"length_m": L}), "poses"), physics())
+
+
+def test_a_thicker_beam_grows_by_2_along_and_4_in_bending_and_torsion() -> None:
+    small = at((1e-5, 0, 0, 0, 0, 0), (0, 0, 0, 1e-4, 0, 0), (0, 0, 0, 0, 0, 1e-4))
+    change = DiameterError("beam").correction(small, np.array([1.0]))
+    ratio = change / np.where(np.abs(small.wrench) > 1e-6, small.wrench, np.inf)
+    assert ratio[0, 0] == pytest.approx(2.0, abs=0.02)
+    assert ratio[1, 3] == pytest.approx(4.0, abs=0.02)
+    # A turn of the top alone bends and, by half its lever, shifts: between 2 of shear and 4.
+    assert 3.0 < ratio[2, 5] <= 4.01
+
+
+def test_an_open_joint_is_a_yielding_base(rows: Rows) -> None:
+    """With all of it open the hinge is the bending compliance of the base, wrench turned too."""
+    hinge = Debonding("hinge", 0.0, 1e6, 1e-6).jacobian(rows, np.zeros(2))[:, :, 0]
+    yields = BaseCompliance().jacobian(rows, np.zeros(3))[:, :, 0]
+    assert np.abs(hinge - yields).max() < 0.01 * np.abs(yields).max()
+
+
+def test_a_gap_opens_in_tension_alone(rows: Rows) -> None:
+    column = Debonding("gap_base").columns(rows)[:, :, 0]
+    pulled = rows.wrench[:, 0] > 0.0
+    assert np.abs(column[pulled]).max() > 0.0
+    assert np.abs(column[~pulled]).max() == 0.0
+
+
+def test_yielding_elements_slip_behind_the_way(rows: Rows) -> None:
+    """After a way much longer than that to the slip they stand full, towards where it went."""
+    column = Hysteresis("each", 1e-6).columns(rows)
+    came = pose_before(rows.table, rows.rest_pose)
+    step = rows.poses - came
+    known = np.isfinite(step).all(axis=1)
+    force = column[known, 0, 0]
+    moved = np.abs(step[known, 0]) > 2e-6
+    assert known.sum() > 100
+    assert np.all(np.sign(force[moved]) == np.sign(step[known, 0][moved]))
+    assert np.ptp(np.abs(force[moved])) < 1e-9 * np.abs(force).max()
+
+
+def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: Rows) -> None:
+    """With a time constant far below the pause between visits only the last approach counts."""
+    tau = 1.0
+    visits = StressRelaxation(tau, path="visits").columns(rows)[:, :, 0]
+    dwell = rows.table.column("dwell_s")
+    compared = 0
+    for before, now in pairwise(order_of_visits(rows.table)[0].tolist()):
+        travel = rows.table.column("time_s")[now] - dwell[now] - rows.table.column("time_s")[before]
+        if not np.isfinite(dwell[now]) or travel < 10.0 * tau or rows.unloaded[now]:
+            continue
+        # What the last leg added and a leg at constant speed has kept of it.
+        leg = 0.5 * travel
+        came = pose_before(rows.table, rows.rest_pose)[now]
+        from_ = physics().predict(came[None, :])[0] if np.isfinite(came).all() else rows.wrench[now]
+        kept = tau / leg * (1.0 - np.exp(-leg / tau))
+        wanted = (rows.wrench[now] - from_) * kept * np.exp(-dwell[now] / tau)
+        assert np.abs(visits[now] - wanted).max() < 1e-2 * np.abs(rows.wrench[now]).max()
+        compared += 1
+    assert compared > 5
+
+
+@pytest.mark.parametrize("measure", ["energy", "bend", "reach"])
+def test_mullins_loss_is_zero_at_the_largest_load(rows: Rows, measure: str) -> None:
+    for width in (0.0, 0.7):
+        column = MullinsSoftening(width, measure).columns(rows)[:, :, 0]
+        first = order_of_visits(rows.table)[0]
+        loaded = [i for i in first if np.abs(rows.wrench[i]).max() > 1.0]
+        # The first loaded row is the largest so far; some later ones are not.
+        assert np.abs(column[loaded[0]]).max() < 1e-6 * np.abs(rows.wrench[loaded[0]]).max()
+        assert np.abs(column).max() > 0.05 * np.abs(rows.wrench).max()
+
+
+def test_a_cable_at_the_rim_pulls_along_its_side(rows: Rows) -> None:
+    columns = CableDrag(0.0).columns(rows)
+    assert np.allclose(columns[:, [0, 2], 3], 0.0)
+    # Opposite sides: a spring is the same, its growth changes sign.
+    other = CableDrag(np.pi).columns(rows)
+    assert np.abs(columns[:, 1, 3] - other[:, 1, 3]).max() < 0.5 * np.abs(columns[:, 1, 3]).max()
+
+
+def test_the_series_holds_the_odd_law(rows: Rows) -> None:
+    """psi = (e^2 + gamma^2 / 3)^2 / 4 is e^4 / 4 + e^2 gamma^2 / 6 + gamma^4 / 36."""
+    series = StrainStiffening("series").columns(rows)
+    odd = StrainStiffening("odd").columns(rows)[:, :, 0]
+    left = odd - series[:, :, :3] @ np.array([1.0, 1.0 / 3.0, 1.0 / 9.0])
+    assert np.abs(left).max() < 1e-9 * np.abs(odd).max()
+
+
+# --- arithmetic of the search -------------------------------------------------------------------
+def test_what_dependent_columns_explain_does_not_depend_on_their_order() -> None:
+    random = np.random.default_rng(0)
+    a = random.standard_normal((120, 12))
+    a = np.concatenate([a[:, :6], a[:, :4] @ random.standard_normal((4, 5)), a[:, 6:]], axis=1)
+    y = random.standard_normal(120)
+    fitted = a @ np.linalg.lstsq(a, y, rcond=1e-10)[0]
+    for order in (np.arange(17), random.permutation(17)):
+        found, rank = captured(a[:, order], y)
+        assert rank == 12
+        assert found == pytest.approx(float(fitted @ fitted), rel=1e-9)
+
+
+def test_gains_beside_fixed_columns_are_those_of_whole_fits() -> None:
+    random = np.random.default_rng(1)
+    design, y = random.standard_normal((40, 2, 9)), random.standard_normal((40, 2))
+    groups = np.repeat(np.arange(10), 4)
+    gram = Gram.of(design, y, groups, random.uniform(0.5, 1.0, 40))
+    matrix, vector, _ = gram.total()
+    assert np.allclose(gram.matrices.sum(axis=0), matrix)
+    assert np.allclose(gram.only((3, 1)).matrices, gram.matrices[:, [3, 1]][:, :, [3, 1]])
+    left = without(matrix, vector, (0, 1))
+    found = gains((matrix, vector), left, [(2,), (3, 4), (5, 6), (8,)])
+    for gain, block in zip(found, [(2,), (3, 4), (5, 6), (8,)], strict=True):
+        whole = explained(matrix, vector, (0, 1, *block)) - explained(matrix, vector, (0, 1))
+        assert gain == pytest.approx(whole, rel=1e-6)
+
+
+def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
+    """A taper and a wrong length look like six other effects first."""
+    hide = "taper=1,length_error=1"
+    table = run_campaign(plan(), RigSettings(), None, hide=hide, seed=5, source=StandIn())
+    problem = assemble(choose_base(model(), table), table, list(all_effects()), None)
+    assert not {"taper", "length_error"} & {item.candidate.id for item in rank(problem)[:5]}
+    chosen = search(problem)
+    assert {item.id for item in chosen} == {"taper", "length_error"}
+    equations = normal_equations(problem)
+    assert material(equations, problem, chosen)
+    best_single = max(fall(equations, problem, (c,)) for c in problem.candidates)
+    assert fall(equations, problem, chosen) > 1.03 * best_single
