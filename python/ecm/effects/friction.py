@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.columns import POSE
-from ecm.effects.history import known_before, order_of_visits, pose_before, sides
+from ecm.effects.history import known_before, order_of_visits, sides
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
@@ -105,7 +105,7 @@ class Hysteresis(LinearEffect):
         """K p^; zero where the approach is unknown or nothing moved."""
         if self._yield_m > 0.0:
             return self._with_memory(rows)
-        step = rows.poses - pose_before(rows.table, rows.rest_pose)
+        step = rows.poses - rows.came_from
         step = np.where(np.isfinite(step), step, 0.0)
         metric = np.array([1.0, 1.0, 1.0] + [rows.length_m**2] * 3)
         size = np.sqrt((step**2) @ metric)

@@ -36,7 +36,7 @@ def pose_before(table: Table, rest_pose: F) -> F:
 
 def known_before(rows: Rows) -> F:
     """(N, 6) pose from which each row was approached; its own where that is unknown."""
-    before = pose_before(rows.table, rows.rest_pose)
+    before = rows.came_from
     known = np.isfinite(before).all(axis=1) & ~rows.unloaded
     return np.ascontiguousarray(np.where(known[:, None], before, rows.poses))
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.effects.history import pose_before
 from ecm.errors import InputError
 
 if TYPE_CHECKING:
@@ -140,6 +141,11 @@ class Rows:
     def rest_pose(self) -> F:
         """(6,) the undeformed pose."""
         return np.array([self.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    @cached_property
+    def came_from(self) -> F:
+        """(N, 6) pose from which each row was approached; NaN where that is unknown."""
+        return pose_before(self.table, self.rest_pose)
 
     def time_s(self) -> F:
         """(N,) time since the campaign began: the same origin for any part of its table."""
