@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -21,8 +23,10 @@ from ecm.rig.frames import (
 from ecm.rig.physics.base_frame import BaseFrame
 from ecm.rig.physics.base_plate import BasePlate
 from ecm.rig.physics.cable import Cable
+from ecm.rig.physics.face_tilt import FaceTilt
 from ecm.rig.physics.hysteresis import Hysteresis
 from ecm.rig.physics.marker_motion import MarkerMotion
+from ecm.rig.physics.natural_bend import NaturalBend
 from ecm.rig.physics.payload import Payload
 from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.physics.relaxation import Relaxation
@@ -213,6 +217,17 @@ def test_softening_spares_first_visits_and_takes_later_ones() -> None:
     factor = Softening(0.1, energy_J=0.3).factor(np.array([0.1, 0.5, 1.5, 0.5, 1.5]))
     assert factor[[0, 1, 2, 4]] == pytest.approx(1.0)
     assert 0.9 < factor[3] < 0.95
+
+
+@pytest.mark.parametrize("part", [FaceTilt(0.01, 0.7), NaturalBend(0.01, 0.7)])
+def test_a_remount_turns_what_is_the_mechanisms_own(part: FaceTilt | NaturalBend) -> None:
+    # A body that is turned by a half turn with its defect looks as one with the opposite defect.
+    poses, h = some_poses(10, 3), np.random.default_rng(4).normal(size=(10, 6))
+    opposite = replace(part, size=-part.size)
+    half, straight = np.full(10, np.pi), np.zeros(10)
+    assert part.felt(poses, half) == pytest.approx(opposite.felt(poses, straight), abs=1e-12)
+    assert part.turned(h, half) == pytest.approx(opposite.turned(h, straight), abs=1e-12)
+    assert not np.allclose(part.felt(poses, half), part.felt(poses, straight), atol=1e-4)
 
 
 def test_linear_compensation_leaves_only_the_curvature_of_the_warm_up() -> None:

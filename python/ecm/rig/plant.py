@@ -213,7 +213,7 @@ class Plant:
             poses = platform if slip is None else slip.felt(platform, time)
             poses = poses - sets
             if physics.face_tilt is not None:
-                poses = physics.face_tilt.felt(poses)
+                poses = physics.face_tilt.felt(poses, mount)
             if physics.natural_bend is not None:
                 poses = physics.natural_bend.felt(poses, mount)
             if physics.mounting_gap is not None:
@@ -229,7 +229,7 @@ class Plant:
             if physics.natural_bend is not None:
                 h = physics.natural_bend.turned(h, mount)
             if physics.face_tilt is not None:
-                h = physics.face_tilt.turned(h)
+                h = physics.face_tilt.turned(h, mount)
             return h if slip is None else slip.moved(h, platform, slip.felt(platform, time))
 
         reached = course.reached[rows]

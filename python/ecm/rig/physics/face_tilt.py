@@ -1,4 +1,7 @@
-"""The clamped face is not square to the axis: the mechanism stands tilted, exact in SE(3)."""
+"""The clamped face is not square to the axis: the mechanism stands tilted, exact in SE(3).
+
+The face is the mechanism's own: a remount turns the tilt about x.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +22,20 @@ class FaceTilt(Sized):
     """`size`: tilt of the face."""
 
     azimuth_rad: float = 0.0
-    """Direction of its axis from y; fixed to the base plate."""
+    """Direction of its axis from y, in the body."""
 
     unit: ClassVar[str] = "rad"
 
-    @property
-    def _frame(self) -> F:
-        axis = [0.0, np.cos(self.azimuth_rad), np.sin(self.azimuth_rad)]
-        return np.concatenate([np.zeros(3), self.size * np.asarray(axis)])
+    def _frame(self, mount_rad: F) -> F:
+        angle = self.azimuth_rad + mount_rad
+        frame = np.zeros((len(mount_rad), 6))
+        frame[:, 4], frame[:, 5] = np.cos(angle), np.sin(angle)
+        return self.size * frame
 
-    def felt(self, poses: F) -> F:
+    def felt(self, poses: F, mount_rad: F) -> F:
         """(N, 6) poses in the axes of the tilted face."""
-        return seen_from(np.tile(self._frame, (len(poses), 1)), poses)
+        return seen_from(self._frame(mount_rad), poses)
 
-    def turned(self, wrenches: F) -> F:
+    def turned(self, wrenches: F, mount_rad: F) -> F:
         """Wrenches of the tilted mechanism in base axes."""
-        return turn_wrench(rotation(self._frame[None, 3:]), wrenches)
+        return turn_wrench(rotation(self._frame(mount_rad)[:, 3:]), wrenches)
