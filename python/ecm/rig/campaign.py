@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,6 +85,8 @@ class Campaign:
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
         self.timeline: Timeline = lay_out(kept, settings.rig, length)
         smooth = source.surrogate(anchors)
+        self._solve = partial(solve_cached, source, grade=PLAIN, folder=folder, progress=progress)
+        self._raw: tuple[Plant, RawStream] | None = None
         lottery = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
         named = tuple(h.effect for h in hide if h.effect != "random")
@@ -171,7 +174,13 @@ class Campaign:
         """What is read while the arm moves, where [rig] stream_Hz asks for it."""
         if not self.settings.rig.stream_Hz:
             return None
-        return RawStream(self.settings, self.plant, self.course, self._air, self._offset)
+        if self._raw is None or self._raw[0] is not self.plant:
+            raw = RawStream(
+                self.settings, self.plant, self.course, self._air,
+                offset=self._offset, solve=self._solve,
+            )  # fmt: skip
+            self._raw = (self.plant, raw)
+        return self._raw[1]
 
     def table(self, readings: list[Reading]) -> Table:
         """The measurement table of all readings, compensated."""

@@ -88,7 +88,7 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     )
     name, first = draw(hide.effect, stream(seed, "hidden shape", hide.effect), scale)
     if hide.shape:
-        known = first.with_parameters(dict(hide.shape))
+        known = first.with_parameters(dict(hide.shape)).afterwards()
         return put(world.physics, name, known), Secret(hide.effect, hide.strength, name, known.size)
     if raw is not None:
         whitener = Whitener(raw.covariance(), raw.elastic_wrench()[:, :, None])

@@ -1,19 +1,21 @@
 """The raw stream: what camera and sensor read while the arm moves, `NAME.raw.parquet`.
 
-[rig] stream_Hz samples a second, from the departure of each leg to one second after it ends; one
-row is one image and the mean of the sensor's samples between two images. On its way from a to b
+[rig] stream_Hz samples a second, on the way to each pose, for a second of its rest, and on the way
+home again (what follows the velocity changes its sign, what relaxes does not); one row is one image
+and the mean of the sensor's samples between two images. On its way from a to b, of which u is done,
 the mechanism holds
 
-    h(p) = s(p) + (1 - u) (h_a - s(a)) + u (h_b - s(b)),    u the share of the way,
+    h(p) = s(p) + sum_k L_k(u) [h_k - s(c_k) + (K_k - S(c_k)) (p - c(u))],    c(u) = a + u (b - a)
 
-s the smooth map through the anchors: at both ends it is the FEM's. What is hidden in the plant acts
+s with slope S the smooth map through the anchors, c_k the commanded poses at u = 0, 1/3, 2/3, 1,
+FEM wrench h_k and stiffness K_k, L_k Lagrange's polynomials. What is hidden in the plant acts
 here too, each sample being a visit of its own on the way; a rest is entered by its samples, so a
 set that grows with the time at rest grows a little faster than it does for the readings at rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 from ecm.errors import InputError
 from ecm.rig.climate import Climate
 from ecm.rig.compensation import zero_at
-from ecm.rig.elastic import Anchors, Elastic, Grading
+from ecm.rig.elastic import Anchors, Elastic, Grading, unique_poses
 from ecm.rig.frames import rotation, turn_wrench
 from ecm.rig.instruments import ForceTorqueSensor
 from ecm.rig.observe import row_covariance, zero_readings
@@ -31,9 +33,9 @@ from ecm.rig.optics import Optics
 from ecm.rig.physics import Physics
 from ecm.rig.plant import REST_ANCHOR, Course, Plant, course_of
 from ecm.rig.record import POSE_NAMES, WRENCH_NAMES, Reading, described
-from ecm.rig.settings import RigSettings
+from ecm.rig.settings import Procedure, RigSettings
 from ecm.rig.streams import stream
-from ecm.rig.timeline import POSE, Visit
+from ecm.rig.timeline import POSE, Visit, travel_s
 
 if TYPE_CHECKING:
     from ecm.rig.campaign import Campaign
@@ -41,20 +43,31 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
+NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
+"""Shares of a leg at which FEM is solved."""
 REST_S = 1.0
 """Of rest after each leg that is streamed."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """The last leg to a pose, and the rest after it."""
+    """The last leg to a pose and the rest after it, or the way home."""
 
     visit: Visit
     start: F
     end: F
     """Poses (6,)."""
     anchors: tuple[int, int]
+    commanded: tuple[F, F]
+    """Where it was to begin and to end, poses of these anchors."""
     departs_s: float
+
+    def inner(self) -> F:
+        """Commanded poses (2, 6) at a third and two thirds; the same ones there and back."""
+        (a, b), back = self.commanded, self.anchors[1] == REST_ANCHOR
+        first, last = (b, a) if back else (a, b)
+        thirds = np.stack([first + (last - first) * u for u in NODES[1:3]])
+        return thirds[::-1] if back else thirds
 
     def share(self, time_s: F) -> F:
         """u of the cubic timing law at (n,) times; 0 before the departure, 1 at rest."""
@@ -86,8 +99,11 @@ class RawStream:
         plant: Plant,
         course: Course,
         air: Climate,
+        *,
         offset: F,
+        solve: Callable[[F], Anchors],
     ) -> None:
+        """offset: constant zero of the sensor (6,); solve: FEM at poses (N, 6)."""
         smooth = plant.elastic.smooth
         if smooth is None:
             raise InputError(
@@ -96,10 +112,11 @@ class RawStream:
             )
         self._settings, self._air, self._offset = settings, air, offset
         self._plant, self._smooth = plant, smooth
-        self.legs = list(_legs(plant, course))
+        self.legs = _legs(plant, course, settings.rig)
         times = [leg.times(settings.rig.stream_Hz) for leg in self.legs]
         self.leg = np.repeat(np.arange(len(times)), [len(t) for t in times])
         self.time_s: F = np.concatenate(times)
+        self._miss, self._slope = self._misses(solve)
         self.window_s = 1.0 / settings.instrument.camera_rate_Hz
         self._still = self._at(self.time_s)
 
@@ -147,7 +164,7 @@ class RawStream:
         instrument = self._settings.instrument
         gauge = ForceTorqueSensor(instrument)
         for i, leg in enumerate(self.legs):
-            random = stream(campaign.seed, "raw", *leg.visit.serial)
+            random = stream(campaign.seed, "raw", i, *leg.visit.serial)
             for row in np.flatnonzero(self.leg == i):
                 sensor[row] = gauge.read(sensor[row], self.window_s, random).mean(axis=0)
                 seen[row] = campaign.image(
@@ -197,10 +214,13 @@ class RawStream:
         known = self._plant.elastic.anchors
         ends = np.asarray([leg.anchors for leg in self.legs])[self.leg]
         u = share[:, None]
-        missed = known.wrenches - self._smooth.predict(known.poses)
-        slope = known.stiffness - self._smooth.stiffness(known.poses)
-        wrenches = self._smooth.predict(poses) + _between(missed, ends, u)
-        stiffness = self._smooth.stiffness(poses) + _between(slope, ends, u[:, :, None])
+        starts, goals = (np.stack([leg.commanded[k] for leg in self.legs]) for k in (0, 1))
+        off = poses - starts[self.leg] - u * (goals - starts)[self.leg]
+        weights = _lagrange(share)
+        slope = np.einsum("nk,nkij->nij", weights, self._slope[self.leg])
+        missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
+        wrenches = self._smooth.predict(poses) + missed + np.einsum("nij,nj->ni", slope, off)
+        stiffness = self._smooth.stiffness(poses) + slope
         anchors = Anchors(
             np.concatenate([known.poses[:1], poses]),
             np.concatenate([known.wrenches[:1], wrenches]),
@@ -218,6 +238,30 @@ class RawStream:
         plant.believed = self._plant.believed
         index = 1 + np.arange(len(poses))
         return plant, course_of(self._visits(time_s, poses), poses, index, self._air)
+
+    def _misses(self, solve: Callable[[F], Anchors]) -> tuple[F, F]:
+        """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
+        known = self._plant.elastic.anchors
+        inner, index = unique_poses(np.concatenate([leg.inner() for leg in self.legs]))
+        found = solve(inner)
+
+        def miss(anchors: Anchors) -> tuple[F, F]:
+            return (
+                anchors.wrenches - self._smooth.predict(anchors.poses),
+                anchors.stiffness - self._smooth.stiffness(anchors.poses),
+            )
+
+        ends = np.asarray([leg.anchors for leg in self.legs])
+        ok = np.asarray([s == "solved" for s in found.status])[index].reshape(-1, 2).all(axis=1)
+        parts = []
+        for at_ends, at_inner in zip(miss(known), miss(found), strict=True):
+            a, b = at_ends[ends[:, 0]], at_ends[ends[:, 1]]
+            c, d = np.moveaxis(at_inner[index].reshape(-1, 2, *at_inner.shape[1:]), 1, 0)
+            solved = ok.reshape(-1, *(1,) * (a.ndim - 1))
+            # A straight line where FEM finds nothing stable on the way.
+            c, d = np.where(solved, c, (2 * a + b) / 3), np.where(solved, d, (a + 2 * b) / 3)
+            parts.append(np.stack([a, c, d, b], axis=1))
+        return parts[0], parts[1]
 
     def _visits(self, time_s: F, poses: F) -> tuple[Visit, ...]:
         visits = []
@@ -238,25 +282,39 @@ class RawStream:
         return tuple(visits)
 
 
-def _legs(plant: Plant, course: Course) -> list[Leg]:
-    """The last legs to all poses."""
+def _legs(plant: Plant, course: Course, procedure: Procedure) -> list[Leg]:
+    """The last legs to all poses, and the ways home from there."""
     known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.anchors.poses)}
+    rest = plant.elastic.anchors.poses[REST_ANCHOR]
     legs = []
-    for visit, reached, anchor in zip(course.visits, course.reached, course.anchor, strict=True):
-        if visit.kind != POSE or len(visit.way) < 2:
+    following = [*course.visits[1:], None]
+    for visit, reached, anchor, after in zip(
+        course.visits, course.reached, course.anchor.tolist(), following, strict=True
+    ):
+        if visit.kind != POSE:
             continue
-        start = visit.way[-2]
-        arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
-        legs.append(
-            Leg(
-                visit,
-                start,
-                reached,
-                (known.get(start.tobytes(), REST_ANCHOR), int(anchor)),
-                arrives - visit.travel_s,
-            )
-        )
+        if len(visit.way) > 1:
+            start = visit.way[-2]
+            ends = (known.get(start.tobytes(), REST_ANCHOR), anchor)
+            arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
+            way = (start, visit.pose)
+            legs.append(Leg(visit, start, reached, ends, way, arrives - visit.travel_s))
+        if after is not None and len(after.way) > 1 and np.array_equal(after.way[1], rest):
+            home = replace(
+                visit, way=np.stack([reached, rest]), rested=False, dwell_s=0.0,
+                travel_s=travel_s(rest - visit.pose, procedure),
+            )  # fmt: skip
+            departs = visit.time_s + 0.5 * visit.window_s
+            way = (visit.pose, rest)
+            legs.append(Leg(home, reached, rest, (anchor, REST_ANCHOR), way, departs))
     return legs
+
+
+def _lagrange(share: F) -> F:
+    """Lagrange's polynomials of the nodes at (N,) shares: (N, 4)."""
+    columns = [np.prod([(share - m) / (n - m) for m in NODES if m != n], axis=0) for n in NODES]
+    weights: F = np.stack(columns, axis=1)
+    return weights
 
 
 def _between(values: F, ends: NDArray[np.int64], share: F) -> F:

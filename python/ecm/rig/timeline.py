@@ -72,6 +72,14 @@ def lay_out(wanted: Iterable[Request], procedure: Procedure, length_m: float) ->
     return _Rig(procedure, length_m).through(list(wanted))
 
 
+def travel_s(way: F, procedure: Procedure) -> float:
+    """Duration of a leg (6,) by the cubic timing law."""
+    return 1.5 * max(
+        float(np.linalg.norm(way[:3])) / procedure.speed_m_s,
+        float(np.linalg.norm(way[3:])) / procedure.speed_rad_s,
+    )
+
+
 class _Rig:
     """State of the rig while the plan is laid out."""
 
@@ -204,12 +212,7 @@ class _Rig:
         self._last_id = HOME
 
     def _go(self, pose: F) -> float:
-        way = pose - self._at
-        procedure = self._procedure
-        duration = 1.5 * max(
-            float(np.linalg.norm(way[:3])) / procedure.speed_m_s,
-            float(np.linalg.norm(way[3:])) / procedure.speed_rad_s,
-        )
+        duration = travel_s(pose - self._at, self._procedure)
         self._clock += duration
         self._at = pose
         self._way.append(pose)

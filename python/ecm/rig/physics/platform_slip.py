@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +25,10 @@ class PlatformSlip(Sized):
     at_s: float = 1800.0
 
     unit: ClassVar[str] = "m"
+
+    def afterwards(self) -> PlatformSlip:
+        """Slipped from the begin."""
+        return replace(self, at_s=0.0)
 
     def felt(self, poses: F, time_s: F) -> F:
         """(N, 6) poses of the mechanism's own top when the platform is at `poses`."""

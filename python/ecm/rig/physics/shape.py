@@ -44,6 +44,10 @@ class Sized:
             )
         return replace(self, **{name: _tuples(known[name]) for name in own})
 
+    def afterwards(self: T) -> T:
+        """The same truth in a later campaign: what happens once has happened."""
+        return self
+
 
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
