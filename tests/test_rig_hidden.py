@@ -15,6 +15,7 @@ from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.draws import DRAWS, MOVING
 from ecm.rig.frames import rotate, rotation
 from ecm.rig.observe import residual, wrench_in_base
+from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.plausible import LARGEST
 from ecm.table import Table, read_table
 from test_rig_campaign import error_of, whitener_of
@@ -181,7 +182,14 @@ def test_another_campaign_can_measure_the_same_rig(effect: str, tmp_path: Path) 
     second = Campaign(both_sides(), RigSettings(), StandIn(), hide=again, seed=6)
     assert second.secrets == first.secrets
     name = first.secrets[0].name
-    assert getattr(second.physics, name) == getattr(first.physics, name)
+    assert getattr(second.physics, name) == getattr(first.physics, name).afterwards()
+
+
+def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
+    slip = PlatformSlip(1e-3, at_s=600.0)
+    poses, times = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (2, 1)), np.array([10.0, 700.0])
+    assert slip.felt(poses, times)[:, 1] == pytest.approx([0.0, 1e-3])
+    assert slip.afterwards().felt(poses, times)[:, 1] == pytest.approx([1e-3, 1e-3])
 
 
 def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
