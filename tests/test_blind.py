@@ -268,13 +268,14 @@ def test_a_remount_turns_the_body_and_a_dead_weight_is_a_run_of_its_own(folder: 
     assert not set(asked.run[hung].tolist()) & set(asked.run[~hung].tolist())
 
 
-def test_a_second_campaign_alone_gives_no_name(folder: Path) -> None:
-    """Nothing hidden: the joined data of a remount are as clean as the first."""
+@pytest.mark.parametrize("experiment", ["remount turned by 180 degrees", "dead weights"])
+def test_a_second_campaign_alone_gives_no_name(experiment: str, folder: Path) -> None:
+    """Nothing hidden: the joined data of a remount or of weights are as clean as the first."""
     from blind_parts.second import _joined
 
     asked = Set(5, 902, "rod", protocol="plain")
     data = _data(asked, folder)
-    plan = follow_up_plan(data.table, "remount turned by 180 degrees")
+    plan = follow_up_plan(data.table, experiment)
     more = data_of(asked, folder, plan, data.truth)
     joined = replace(data, table=_joined(data.table, more.table))
     assert our_answer(asked, joined)["answer"] == []

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from ecm.columns import POSE
 from ecm.design import drivable, follow_up_plan
-from ecm.effects import all_effects
+from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.rig import RigSettings, run_campaign
 from ecm.table import read_table
-from stand_in_campaign import campaign
+from stand_in_campaign import campaign, physics
 from test_rig_stand_in import StandIn
 
 EXPERIMENTS = sorted({text for effect in all_effects() for text in effect.rivals.values()})
@@ -47,21 +49,35 @@ def test_the_plan_revisits_known_poses_in_a_run_of_its_own(experiment: str) -> N
     ],
 )
 def test_the_rig_runs_the_plan_and_its_data_join_the_first(
-    experiment: str, sign: str, tmp_path: object
+    experiment: str, sign: str, tmp_path: Path
 ) -> None:
-    from pathlib import Path
-
-    folder = Path(str(tmp_path))
     first = campaign(seed=3)
-    first.write(folder / "first.csv")
+    first.write(tmp_path / "first.csv")
     plan = follow_up_plan(first, experiment)
     assert sign in [str(a) for a in plan.text("action")]
-    second = run_campaign(plan, RigSettings(), folder / "second.csv", seed=4, source=StandIn())
+    second = run_campaign(plan, RigSettings(), tmp_path / "second.csv", seed=4, source=StandIn())
     assert len(second) > 0
-    joined = read_table([folder / "first.csv", folder / "second.csv"])
+    joined = read_table([tmp_path / "first.csv", tmp_path / "second.csv"])
     assert len(joined) == len(first) + len(second)
     assert len(set(joined.column("run"))) > len(set(first.column("run")))
     assert np.all(np.diff(joined.column("time_s")) > 0.0)
+
+
+def test_dead_weights_load_the_sensor_and_not_the_mechanism(tmp_path: Path) -> None:
+    first = campaign(seed=3)
+    plan = follow_up_plan(first, "dead weights")
+    quiet = {"force_noise_N": 0.0, "torque_noise_Nm": 0.0, "fts_resolution": [0.0] * 6}
+    silent = RigSettings.from_dict({"instrument": quiet})
+    second = run_campaign(plan, silent, tmp_path / "second.csv", seed=4, source=StandIn())
+    rows = Rows(second, physics())
+    hung = np.array([0.5, 1.0, 2.0, 4.0, 2.0, 1.0, 0.5]) * 9.81
+    carried = np.flatnonzero(np.abs(rows.sensor_load - rows.wrench).max(axis=1))
+    assert rows.sensor_load[carried, 0] == pytest.approx(hung)
+    assert second.wrenches[carried] == pytest.approx(rows.sensor_load[carried], abs=0.1)
+    # Compensation leaves some hundredths of a newton of drift. A gain acts on what the sensor carries; a modulus only on the mechanism.
+    gain = get_effect("fts_gain").columns(rows)
+    assert gain[carried, 0, 0] == pytest.approx(hung)
+    assert not get_effect("ageing").columns(rows)[carried].any()
 
 
 def test_holds_and_both_sides_have_what_they_are_named_for() -> None:

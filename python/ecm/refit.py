@@ -180,7 +180,7 @@ def _linearised(
     free_base: int,
 ) -> tuple[F, F]:
     """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
-    prediction = rows.wrench.copy()
+    prediction = rows.sensor_load.copy()
     blocks = [base_columns(rows, base)] if free_base else []
     for item in fitted:
         correction = item.effect.correction(rows, item.values)

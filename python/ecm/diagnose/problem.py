@@ -127,7 +127,7 @@ def assemble(
     if noise is None:
         base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
         rows = Rows(table, base)
-        noise = estimate_noise(rows, rows.wrench, fallback=declared_or_fitted(base, table))
+        noise = estimate_noise(rows, rows.sensor_load, fallback=declared_or_fitted(base, table))
     fit = joint_fit(base, (), table, noise)
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
@@ -207,7 +207,7 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
         return declared_noise(table)
     rows = Rows(table, base)
     measured = np.stack([table.column(name) for name in base.outputs], axis=1)
-    left = measured - rows.wrench
+    left = measured - rows.sensor_load
     dof = max(1, len(left) - len(base.coefficients) // len(base.outputs))
     spread = np.sqrt((left**2).sum(axis=0) / dof)
     return Noise(source="assumed", components=usable_sd(spread, measured))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.columns import WRENCH
 from ecm.effects.history import pose_before
 from ecm.errors import InputError
 
@@ -77,6 +78,31 @@ class Rows:
     def wrench(self) -> F:
         """(N, m) base wrench at the measured poses."""
         return self.predict(self.poses)
+
+    @cached_property
+    def sensor_load(self) -> F:
+        """(N, m) wrench that loads the sensor: the mechanism's, or on a free sensor a dead weight.
+
+        A run in which nothing but the free sensor was read, with a payload_mass_kg in [run.N], is a
+        weight that hangs on a line through the origin of the top frame.
+        """
+        hung = self._dead_weight_kg
+        if not hung.any():
+            return self.wrench
+        force = -hung[:, None] * np.asarray(self.table.meta.scene.gravity_m_s2)
+        load: F = self.wrench.copy()
+        for j, name in enumerate(self.base.outputs):
+            if name in WRENCH[:3]:
+                load[:, j] += force[:, WRENCH.index(name)]
+        return load
+
+    @cached_property
+    def _dead_weight_kg(self) -> F:
+        if not self.unloaded.any() or not self.table.has("run"):
+            return np.zeros(len(self))
+        with_mechanism = np.unique(self.table.column("run")[~self.unloaded])
+        alone = ~np.isin(self.table.column("run"), with_mechanism)
+        return np.asarray(alone * self.of_run("payload_mass_kg", 0.0))
 
     @cached_property
     def stiffness(self) -> F:

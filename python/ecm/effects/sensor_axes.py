@@ -28,9 +28,9 @@ _KNEES = (0.3, 0.6, 0.85)
 
 
 def in_sensor(rows: Rows, wrench: F | None = None) -> tuple[F, F]:
-    """(N, 6, 6) base from sensor, and the base map's wrench (N, 6) in the sensor's frame."""
+    """(N, 6, 6) base from sensor; a wrench, its load by default, (N, 6) in its own frame."""
     top_from_sensor = adjoint(rows.table.meta.instrument.top_from_sensor)
-    own = rows.wrench if wrench is None else wrench
+    own = rows.sensor_load if wrench is None else wrench
     in_top = np.einsum("nji,nj->ni", rows.base_from_top, own)
     return rows.base_from_top @ top_from_sensor, in_top @ np.linalg.inv(top_from_sensor).T
 
@@ -115,7 +115,7 @@ class FtsFrame(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Change of the wrench per unit of d and w, in body axes turned to base axes."""
-        in_top = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
+        in_top = np.einsum("nji,nj->ni", rows.base_from_top, rows.sensor_load)
         columns = np.zeros((len(rows), 6, 6))
         for j, axis in enumerate(np.eye(3)):
             columns[:, 3:, j] = np.cross(axis, in_top[:, :3])

@@ -83,7 +83,7 @@ class Model:
         if isinstance(data, np.ndarray):
             return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
         rows = Rows(data, self.base)
-        wrench: F = rows.wrench.copy()
+        wrench: F = rows.sensor_load.copy()
         lacking = self.left_out(data)
         for item in self.effects:
             if item.id not in lacking:
