@@ -19,6 +19,7 @@ from ecm.robot.impedance import Impedance
 from ecm.robot.inverse import flange, joints_at, swivel
 from ecm.robot.procedure import Outcome, Sortie, Stop
 from ecm.robot.scene import scene
+from ecm.robot.simulation import Diverged
 from ecm.robot.summary import errors, fractions
 from robot_rig import REST, library, machine, mechanism, settings
 from test_rig_stand_in import L, some_poses
@@ -179,6 +180,13 @@ def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
     control.simulation.mechanism = sound
     assert only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)])).reason == ""
     assert not list(tmp_path.iterdir())
+
+
+def test_a_pose_that_is_no_number_is_a_divergence() -> None:
+    simulation = machine().simulation
+    simulation.joints_rad[:] = np.nan
+    with pytest.raises(Diverged):
+        simulation.sense()
 
 
 def test_joints_that_yield_hang_behind_their_encoders() -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.errors import EcmError
 from ecm.robot.scene import Scene, mujoco
 
 F = NDArray[np.float64]
@@ -83,7 +84,12 @@ class Simulation:
         library.mju_mat2Quat(self.quaternion, self._site_axes)
         library.mju_quat2Vel(self._turn, self.quaternion, 1.0)
         self.position[:] = self._site_position
-        self.wrench = self.mechanism(self._row)[0]
+        try:
+            self.wrench = self.mechanism(self._row)[0]
+        except EcmError:
+            if np.isfinite(self._row).all():
+                raise
+            raise Diverged from None
         if self._drift is not None:
             self.wrench = self.wrench + self.beside
 
