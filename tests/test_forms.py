@@ -24,6 +24,7 @@ from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
 from ecm.effects.modulus import MullinsSoftening
 from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.slip import PlatformSlip
 from ecm.meta import Meta
 from ecm.rig import RigSettings, run_campaign
 from ecm.table import Table
@@ -101,6 +102,23 @@ def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: 
         assert np.abs(visits[now] - wanted).max() < 1e-2 * np.abs(rows.wrench[now]).max()
         compared += 1
     assert compared > 5
+
+
+def test_a_slip_carries_the_force_along(rows: Rows) -> None:
+    """The end stands at r - R d, and its force acts there: tau' = tau - R d x f."""
+    d = np.array([3e-6, -2e-6, 1e-6])
+    column = PlatformSlip(-1.0).columns(rows)[:, :, :3] @ d
+    moved = rows.rotation @ d
+    felt = rows.poses.copy()
+    felt[:, :3] -= moved
+    wrench = rows.predict(felt)
+    wrench[:, 3:] -= np.cross(moved, wrench[:, :3])
+    change = wrench - rows.wrench
+    assert np.abs(column - change).max(axis=0) == pytest.approx(
+        np.zeros(6), abs=2e-3 * np.abs(change).max()
+    )
+    lever = np.abs(np.cross(moved, rows.wrench[:, :3])).max()
+    assert np.abs(column - change)[:, 3:].max() < 0.05 * lever
 
 
 @pytest.mark.parametrize("measure", ["energy", "bend", "reach"])

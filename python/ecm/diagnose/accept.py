@@ -171,7 +171,10 @@ def _scored_groups(problem: Problem) -> F:
 def _robust(
     problem: Problem, others: Sequence[Candidate], item: Candidate, members: Sequence[str]
 ) -> bool:
-    """Whether the effect, or its class, still comes first without its most influential rows."""
+    """Whether the effect, or its class, still stands without its most influential rows.
+
+    These rows speak for it most, so that a rival that gains less than a name needs may pass it.
+    """
     equations = normal_equations(problem)
     rows = np.arange(len(problem.response))
     gains = _row_squares(problem, equations, others) - _row_squares(
@@ -190,8 +193,8 @@ def _robust(
     tried = [c for c in problem.candidates if c.id not in present]
     drops = further_falls(reduced, problem, others, tried)
     drops -= np.log(problem.size) * np.array([c.parameters for c in tried])
-    best = int(np.argmax(drops))
-    return bool(drops[best] > LEAST_BIC and tried[best].id in members)
+    own = max((float(d) for d, c in zip(drops, tried, strict=True) if c.id in members), default=0.0)
+    return bool(own > LEAST_BIC and own > float(drops.max()) - LEAST_BIC)
 
 
 def _row_squares(problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]) -> F:

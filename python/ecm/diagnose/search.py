@@ -52,9 +52,16 @@ def further_falls(
     chosen: Sequence[Candidate],
     candidates: Sequence[Candidate],
 ) -> F:
-    """(c,) what each candidate explains beyond base and chosen."""
+    """(c,) what each candidate explains beyond base and chosen, with the sign that it may have."""
     left = without(*equations, _columns(problem, chosen))
-    return gains(equations, left, [candidate.columns for candidate in candidates])
+    found = gains(equations, left, [candidate.columns for candidate in candidates])
+    for i, candidate in enumerate(candidates):
+        if len(candidate.columns) == 1:
+            # The slope of the sum of squares, base and chosen fitted: its sign is known.
+            slope = float(left[1][candidate.columns[0]])
+            if not candidate.effect.parameters[0].allows(slope):
+                found[i] = 0.0
+    return found
 
 
 def fall(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
@@ -96,21 +103,14 @@ def best_shapes(
     tried = [
         c for c in problem.candidates if c.id not in present and (only is None or c.id in only)
     ]
-    left = without(*equations, _columns(problem, chosen))
-    drops = gains(equations, left, [candidate.columns for candidate in tried])
+    drops = further_falls(equations, problem, chosen, tried)
     penalty = float(np.log(problem.size))
     best: dict[str, tuple[Candidate, float, float]] = {}
     for candidate, drop in zip(tried, drops.tolist(), strict=True):
-        allowed = True
-        if len(candidate.columns) == 1:
-            # The slope of the sum of squares, base and chosen fitted: its sign is known.
-            slope = float(left[1][candidate.columns[0]])
-            allowed = candidate.effect.parameters[0].allows(slope)
-        explains = drop if allowed else 0.0
-        gain = explains - candidate.parameters * penalty
+        gain = drop - candidate.parameters * penalty
         old = best.get(candidate.id)
         if old is None or gain > old[2]:
-            best[candidate.id] = (candidate, explains, gain)
+            best[candidate.id] = (candidate, drop, gain)
     return list(best.values())
 
 

@@ -49,7 +49,10 @@ def base_twist_columns(rows: Rows) -> F:
 
 
 class PlatformSlip(LinearEffect):
-    """From t* on the mechanism's end stands elsewhere on the platform: -K_s B (d, w)."""
+    """From t* on the mechanism's end stands elsewhere on the platform: -K_s B (d, w).
+
+    Its force then acts beside the platform's centre: the torque changes by -(B d) x f.
+    """
 
     id = "platform_slip"
     physics = "The platform slips on the mechanism once and stays where it is then."
@@ -87,9 +90,12 @@ class PlatformSlip(LinearEffect):
         return needs_full(table) or needs_varying(table, "time_s", 1.0)
 
     def columns(self, rows: Rows) -> F:
-        """-K_s B after the jump."""
+        """-K_s B and the lever of the force, after the jump."""
         after = (rows.time_s() > self._at_s).astype(np.float64)
-        return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) * after[:, None, None])
+        columns = -(rows.screw_stiffness @ rows.base_from_top)
+        for j in range(3):
+            columns[:, 3:, j] -= np.cross(rows.rotation[:, :, j], rows.wrench[:, :3])
+        return np.asarray(columns * after[:, None, None])
 
 
 class MarkerMotion(LinearEffect):
