@@ -32,8 +32,10 @@ def test_the_plan_revisits_known_poses_in_a_run_of_its_own(experiment: str) -> N
     assert actions[0] == actions[-1] == "unload"
     assert set(plan.column("run")) == {float(first.column("run").max()) + 1.0}
     own = {int(i) for i in first.column("pose_id")}
-    assert {int(i) for i in plan.column("pose_id")} <= own
-    for pose_id in {int(i) for i in plan.measured().column("pose_id")}:
+    planned = {int(i) for i in plan.measured().column("pose_id")}
+    assert planned & own
+    assert planned <= own or "sweep" in experiment
+    for pose_id in planned & own:
         then = first.poses[first.column("pose_id") == pose_id].mean(axis=0)
         now = plan.poses[plan.column("pose_id") == pose_id]
         assert np.abs(now - then).max() < 1e-12
@@ -61,6 +63,30 @@ def test_the_rig_runs_the_plan_and_its_data_join_the_first(
     assert len(joined) == len(first) + len(second)
     assert len(set(joined.column("run"))) > len(set(first.column("run")))
     assert np.all(np.diff(joined.column("time_s")) > 0.0)
+
+
+def test_a_sweep_stops_on_the_straight_ways_to_known_poses() -> None:
+    first = campaign(seed=3)
+    sweep = follow_up_plan(first, "fine sweep through the kink").measured()
+    home = np.array([first.meta.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+    own = {int(i) for i in first.column("pose_id")}
+    ids, moved = sweep.column("pose_id").astype(int), sweep.poses - home
+    ends = [moved[k] for k in range(len(ids)) if ids[k] in own]
+    assert len(ends) == 6
+    assert len(set(ids)) == len(ids) == 54
+    for way, end in zip(np.split(moved, 6), ends, strict=True):
+        assert way == pytest.approx(np.linspace(0.2, 1.0, 9)[:, None] * end)
+
+
+def test_push_and_pull_takes_both_signs_of_the_axial_stretch() -> None:
+    first = campaign(seed=3)
+    plan = follow_up_plan(first, "a pair of push and pull poses").measured()
+    fx = {
+        int(i): first.wrenches[first.column("pose_id") == i, 0].mean()
+        for i in plan.column("pose_id")
+    }
+    assert len(fx) == 12
+    assert min(fx.values()) < -20.0 < 5.0 < max(fx.values())
 
 
 def test_dead_weights_load_the_sensor_and_not_the_mechanism(tmp_path: Path) -> None:

@@ -182,7 +182,10 @@ def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_pose_that_is_no_number_is_a_divergence() -> None:
+def test_a_pose_that_is_no_number_is_a_divergence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
     simulation = machine().simulation
     simulation.joints_rad[:] = np.nan
     with pytest.raises(Diverged):

@@ -1,7 +1,7 @@
 """The campaign of a proposed experiment: what `diagnose` wants measured next, as a plan.
 
 The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
-so that both tables together are one campaign.
+so that both tables together are one campaign; a sweep also stops on the straight ways to them.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ class _Visit:
 
     action: str
     pose: int = -1
+    share: float = 1.0
+    """Of the straight way from home to the pose."""
     approach: str = "initial"
     dwell_s: float = _DWELL_S
 
@@ -96,7 +98,7 @@ def _spread_out(poses: F, count: int) -> list[int]:
 def _measure(
     poses: Iterable[int], *, approach: str = "initial", dwell_s: float = _DWELL_S
 ) -> list[_Visit]:
-    return [_Visit("measure", i, approach, dwell_s) for i in poses]
+    return [_Visit("measure", i, approach=approach, dwell_s=dwell_s) for i in poses]
 
 
 def _between(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
@@ -173,6 +175,20 @@ def _repeated(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
     return _measure([i for _ in range(4) for i in some])
 
 
+def _push_and_pull(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    """The poses of the most stretched and the most compressed bodies, as arcs, three times."""
+    half = 0.5 * np.linalg.norm(poses[:, 3:], axis=1)
+    arc = np.linalg.norm(poses[:, :3], axis=1) / np.sinc(half / np.pi)
+    order = np.argsort(arc)
+    return _measure([*order[:6].tolist(), *order[-6:].tolist()] * 3)
+
+
+def _sweep(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
+    """Nine stops each on the straight ways to six poses that lie far apart."""
+    shares = np.linspace(0.2, 1.0, 9)
+    return [_Visit("measure", i, share=float(s)) for i in _spread_out(poses, 6) for s in shares]
+
+
 _RECIPES: tuple[tuple[str, Callable[[F, NDArray[np.int64]], list[_Visit]]], ...] = (
     (r"remount.*\b90\b", _turned(90)),
     (r"remount.*\b180\b", _turned(180)),
@@ -182,6 +198,8 @@ _RECIPES: tuple[tuple[str, Callable[[F, NDArray[np.int64]], list[_Visit]]], ...]
     (r"\bhold\b|dwell", _holds),
     (r"payload", _without_payload),
     (r"dead weight", _dead_weights),
+    (r"push and pull", _push_and_pull),
+    (r"sweep", _sweep),
     (r"home", _homes),
     (r"unloaded|\bzero\b", _zeros),
     (r"repeat the first", _first_ten),
@@ -190,17 +208,30 @@ _RECIPES: tuple[tuple[str, Callable[[F, NDArray[np.int64]], list[_Visit]]], ...]
 """First match wins."""
 
 
+def _pose_ids(visits: list[_Visit], ids: NDArray[np.int64]) -> list[int]:
+    """-1 at home; a stop on the way to a pose is a pose of its own."""
+    on_the_way: dict[tuple[int, float], int] = {}
+    found = []
+    for v in visits:
+        if v.pose < 0 or v.share == 1.0:
+            found.append(-1 if v.pose < 0 else int(ids[v.pose]))
+        else:
+            new = int(ids.max()) + 1 + len(on_the_way)
+            found.append(on_the_way.setdefault((v.pose, v.share), new))
+    return found
+
+
 def _plan(data: Table, poses: F, ids: NDArray[np.int64], visits: list[_Visit]) -> Table:
     length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
     home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
-    at = np.stack([home if v.pose < 0 else poses[v.pose] for v in visits])
+    at = np.stack([home if v.pose < 0 else home + v.share * (poses[v.pose] - home) for v in visits])
     kinds = {"measure": "pose", "unload": "unloaded"}
     run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
     columns: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
         name: at[:, j] for j, name in enumerate(POSE)
     }
     columns |= {
-        "pose_id": np.array([-1.0 if v.pose < 0 else float(ids[v.pose]) for v in visits]),
+        "pose_id": np.array(_pose_ids(visits, ids), dtype=np.float64),
         "kind": np.array([kinds.get(v.action, "home") for v in visits], dtype=object),
         "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
         "dwell_s": np.array([v.dwell_s for v in visits]),
