@@ -160,6 +160,14 @@ def test_the_jacobian_is_the_derivative_and_zero_is_nothing(item, everything) ->
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
+def test_every_variant_names_each_of_its_parameters_once(item, everything) -> None:  # type: ignore[no-untyped-def]
+    """A report keeps values by name: one that stands twice would be lost."""
+    for variant in item.variants(rows_for(item.id, everything).table):
+        names = [p.name for p in variant.parameters]
+        assert len(set(names)) == len(names), variant.shape
+
+
+@pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
 def test_a_bare_table_is_no_error_but_a_reason(item) -> None:  # type: ignore[no-untyped-def]
     """One displacement and one force: what cannot be tested says why and what to record."""
     table = Table({"x_m": np.arange(5.0), "fx_N": np.arange(5.0)}, Meta(), "bare")

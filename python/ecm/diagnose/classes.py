@@ -18,6 +18,10 @@ MOST_IN_CLASS = 3
 _FORM = 0.06
 """What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
 no more than this may be the truth."""
+_REFUTED = 0.3
+_REFUTED_BY = 12.0
+"""A run that was measured later refutes a rival which leaves this share of what the effect explains
+in that run, and so much in squares: a few rows of a chosen experiment count for themselves."""
 NEAR = 0.3
 NEAR_IN_DOUBT = 0.6
 """Share of what an effect explains that a rival may lose and still stand for it: beside another
@@ -73,13 +77,39 @@ def answer_class(
         if rival in problem.shadows:
             # The data cannot show its true form: half of what the named one explains is enough.
             alike = alike or loss < 0.5 * own
-        if loss < least or alike:
+        if (loss < least or alike) and not _refuted(problem, equations, others, item, rival):
             found[rival.id] = min(loss, found.get(rival.id, np.inf))
     ordered = sorted(found, key=lambda id: found[id])
     near = [id for id in ordered if found[id] < least]
     # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
     alike_only = [id for id in ordered if id not in near][: max(0, MOST_IN_CLASS - 1 - len(near))]
     return [item.id, *near, *alike_only]
+
+
+def _refuted(
+    problem: Problem,
+    equations: tuple[F, F],
+    others: Sequence[Candidate],
+    item: Candidate,
+    rival: Candidate,
+) -> bool:
+    """Whether one of several runs, by itself, speaks against a rival."""
+    if not problem.table.has("run"):
+        return False
+    _, runs = np.unique(problem.table.column("run"), return_inverse=True)
+    if runs.max(initial=0) == 0:
+        return False
+
+    def squares(chosen: Sequence[Candidate]) -> F:
+        theta, _, columns = estimate(problem, equations, chosen)
+        left = problem.response - problem.design[:, :, list(columns)] @ theta
+        rows = problem.weights * (left**2).sum(axis=1) / problem.scale
+        return np.asarray(np.bincount(runs, rows))
+
+    with_item = squares((*others, item))
+    excess = squares((*others, rival)) - with_item
+    explained = np.maximum(squares(others) - with_item, 0.0)
+    return bool(np.any(excess > np.maximum(_REFUTED_BY, _REFUTED * explained)))
 
 
 def widened(
@@ -103,6 +133,9 @@ def widened(
     for rival, loss in zip(rivals, lost.tolist(), strict=True):
         losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
     within = near * (own - rest)
+    for rival, loss in zip(rivals, lost.tolist(), strict=True):
+        if loss < within and _refuted(problem, equations, others, item, rival):
+            losses[rival.id] = np.inf
     nearest = sorted((id for id in losses if losses[id] < within), key=losses.__getitem__)
     return [*members, *nearest[: max(0, MOST_IN_CLASS - len(members))]]
 

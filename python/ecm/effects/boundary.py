@@ -62,6 +62,9 @@ class BaseCompliance(EffectBase):
             "robot_compliance": "the same pose with another elbow",
             "taper": "turn the mechanism end for end",
             "camera_scale": "gauge bar",
+            "debonding": "a pair of push and pull poses",
+            "diameter_error": "calliper",
+            "payload": "remove the payload",
         }
 
     def correction(self, rows: Rows, values: F) -> F:

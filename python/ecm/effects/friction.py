@@ -51,9 +51,9 @@ class Hysteresis(LinearEffect):
     def __init__(self, stiffness: str = "local", yield_m: float = 0.0) -> None:
         self._stiffness, self._yield_m = stiffness, yield_m
         if stiffness == "each":
-            self.parameters = tuple(
-                replace(Hysteresis.parameters[0], name=f"c_{name.split('_')[0]}") for name in POSE
-            )
+            coordinates = (name.rsplit("_", 1)[0] for name in POSE)
+            c = Hysteresis.parameters[0]
+            self.parameters = tuple(replace(c, name=f"c_{name}") for name in coordinates)
 
     @property
     def rivals(self) -> dict[str, str]:
