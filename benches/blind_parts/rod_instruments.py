@@ -197,12 +197,11 @@ def marker_motion(random: np.random.Generator, world: World) -> Made:
 
 def led_occlusion(random: np.random.Generator, world: World) -> Made:
     """Beyond an angle some LEDs are hidden: the mean of the rest lies off the centre."""
-    azimuth = float(random.uniform(0.0, 2.0 * np.pi))
     offset = _unit(random, 6) * np.repeat([1.0, 1.0 / 0.05], 3)
 
     def make(size: float) -> Change:
         def change(p: F, raw: F, c: Course) -> F:
-            hidden = occluded(p, azimuth) / 9.0
+            hidden = occluded(p, world.lens_azimuth_rad) / 9.0
             matrices = turn(p[:, 3:])
             move = np.outer(hidden, size * offset)
             place = p[:, :3] + np.einsum("nij,nj->ni", matrices, move[:, :3])

@@ -92,7 +92,8 @@ def rod_table(
         first = lay_out(asked_of(before), rest, np.random.default_rng([seed, 77, 0]))
         course = gone_on(first, course)
     own_rows = slice(0 if before is None else len(first.poses), None)
-    world = World(course, Section(), first)
+    lens_azimuth_rad = float(np.random.default_rng(seed).uniform(0.0, 6.28))
+    world = World(course, Section(), first, lens_azimuth_rad)
     rows = np.asarray([kind == "pose" for kind in course.asked.kind])
     covariance = world.covariance()[rows[world.loaded]]
     strength = Strength(covariance, base_columns(course.poses[rows]))
@@ -112,7 +113,7 @@ def rod_table(
     poses, wrenches = measured(world, physics, noise, uneven_noise=uneven_noise)
     meta = _meta(plan)
     quiet_poses, quiet_wrenches = world.readings(physics)
-    build = _Build(course, own_rows, meta, seed)
+    build = _Build(course, own_rows, meta, lens_azimuth_rad)
     return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found, covariance)
 
 
@@ -184,7 +185,7 @@ def _joined(a: Physics, b: Physics) -> Physics:
 class _Build:
     """The columns that a table has whatever was measured."""
 
-    def __init__(self, course: Course, rows: slice, meta: Meta, seed: int) -> None:
+    def __init__(self, course: Course, rows: slice, meta: Meta, lens_azimuth_rad: float) -> None:
         self._rows = rows
         asked = course.asked
         seen: dict[tuple[str, int], int] = {}
@@ -196,7 +197,7 @@ class _Build:
             source if kind == "pose" else "initial"
             for source, kind in zip(asked.approach, asked.kind, strict=True)
         ]
-        hidden = occluded(course.poses, float(np.random.default_rng(seed).uniform(0.0, 6.28)))
+        hidden = occluded(course.poses, lens_azimuth_rad)
         self._columns: dict[str, Any] = {
             "pose_id": asked.pose_id.astype(np.float64),
             "run": asked.run.astype(np.float64),

@@ -44,8 +44,16 @@ class Physics:
 class World:
     """A course with a rod in it; solved once, then changed little by little."""
 
-    def __init__(self, course: Course, section: Section, first: Course | None = None) -> None:
+    def __init__(
+        self,
+        course: Course,
+        section: Section,
+        first: Course | None = None,
+        lens_azimuth_rad: float = 0.0,
+    ) -> None:
         self.course = course
+        self.lens_azimuth_rad = lens_azimuth_rad
+        """Towards which the target turns its LEDs out of the lenses' sight."""
         self.first = course if first is None else first
         """The first campaign, whose rows are the course's first: what is drawn refers to it."""
         self.section = section

@@ -53,7 +53,7 @@ class Candidate:
 
     @property
     def parameters(self) -> int:
-        """Fitted numbers, a shape that was chosen among several counted as one."""
+        """Fitted numbers; which of several shapes it is, is not counted."""
         return len(self.columns)
 
 
