@@ -102,6 +102,13 @@ def test_numbers_have_significant_digits(value: float, text: str) -> None:
 
 
 @pytest.mark.browser
+def test_columns_of_words_stand_left_and_numbers_right() -> None:
+    rows = [["fts_gain", "1e-3", "1", "0.2 to 0.9"], ["payload", "–", "kg m", "1 to 2"]]
+    assert TableBlock("", ("effect", "size", "unit", "range"), rows).words == [
+        True, False, True, False,
+    ]  # fmt: skip
+
+
 def test_a_row_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"
     write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from ecm.compare import Comparison
+    from ecm.report import TableBlock, TextBlock
 
 
 def write_comparison(path: Path, found: Comparison) -> None:
@@ -81,6 +82,7 @@ def write_diagnosis(
             [
                 TextBlock(document["sentence"], strong=True),
                 TableBlock("RMSE in the unit of each column.", ("component", *steps), rows),
+                *_found(document),
             ],
         )
     ]
@@ -103,7 +105,35 @@ def write_diagnosis(
         block = TableBlock("Effects that these data cannot test.", header, listed)
         sections.append(Section("Not testable", [block]))
     if document["next_experiment"]:
-        listed = [[item["action"], str(item["minutes"])] for item in document["next_experiment"]]
-        block = TableBlock("What would tell more.", ("action", "minutes"), listed)
+        listed = [_proposal(item) for item in document["next_experiment"]]
+        columns = ("action", "minutes", "tells apart", "chance of the right name")
+        block = TableBlock("What would tell more.", columns, listed)
         sections.append(Section("Next experiment", [block]))
     write_page(path, "Which effect is missing", f"verdict: {document['verdict']}", sections)
+
+
+def _found(document: Mapping[str, Any]) -> list[TableBlock | TextBlock]:
+    """Sizes of what is named, and what the data cannot tell apart."""
+    from ecm.report import TableBlock, TextBlock
+    from ecm.report.page import number
+
+    rows = [
+        [item["id"], name, number(p["value"]), number(p["sd"], 2), p["unit"]]
+        for item in document["effects"]
+        for name, p in item["parameters"].items()
+    ]
+    blocks: list[TableBlock | TextBlock] = []
+    if rows:
+        header = ("effect", "parameter", "value", "± sd", "unit")
+        blocks.append(TableBlock("What the answer's effects measure.", header, rows))
+    if document["confusable"]:
+        pairs = "; ".join(" = ".join(pair) for pair in document["confusable"])
+        blocks.append(TextBlock(f"These data cannot tell apart: {pairs}."))
+    return blocks
+
+
+def _proposal(item: Mapping[str, Any]) -> list[str]:
+    """One line of the next experiments."""
+    known = item.get("p_correct") is not None
+    chance = f"{item['p_correct_before']:.2f} to {item['p_correct']:.2f}" if known else "not known"
+    return [item["action"], str(item["minutes"]), "; ".join(item.get("separates", ())), chance]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,9 @@ from typing import Any
 
 from ecm.errors import MissingExtra
 from ecm.stages import write_atomically
+
+_WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
+"""Numbers have one letter at the most (1e-3), and intervals the word `to`."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +31,21 @@ class TextBlock:
 
 @dataclass(frozen=True)
 class TableBlock:
-    """A table: the first column is text, numbers are right-aligned."""
+    """A table; numbers are right-aligned, columns with words in them left."""
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     link: str = ""
     """Rows whose first cell is the row of a point in figures whose traces have this `meta`."""
+
+    @property
+    def words(self) -> list[bool]:
+        """Whether a column holds words; the first counts as one."""
+        return [
+            j == 0 or any(_WORD.search(row[j]) is not None for row in self.rows)
+            for j in range(len(self.header))
+        ]
 
 
 @dataclass(frozen=True)
@@ -150,7 +162,7 @@ table { border-collapse: collapse; font-size: 14px; margin: 6px 0 4px;
 th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--line);
   white-space: nowrap; }
 th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
-th:first-child, td:first-child { text-align: left; }
+th.words, td.words { text-align: left; }
 tr[data-row] { cursor: pointer; }
 tr.marked td { font-weight: 700; background: var(--wash); }
 figure { margin: 18px 0; }
@@ -176,10 +188,13 @@ figure.table { margin: 22px 0; }
 {% elif e.kind == "TableBlock" %}
 <figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
 <div class="scroll"><table>
-<thead><tr>{% for h in e.block.header %}<th scope="col">{{ h }}</th>{% endfor %}</tr></thead>
+{% set words = e.block.words %}
+<thead><tr>{% for h in e.block.header %}<th scope="col"
+ {%- if words[loop.index0] %} class="words"{% endif %}>{{ h }}</th>{% endfor %}</tr></thead>
 <tbody>{% for row in e.block.rows %}
 <tr{% if e.block.link %} data-link="{{ e.block.link }}" data-row="{{ row[0] }}" tabindex="0"
- {% endif %}>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}
+ {% endif %}>{% for cell in row %}<td{% if words[loop.index0] %} class="words"{% endif %}>
+ {{- cell }}</td>{% endfor %}</tr>{% endfor %}
 </tbody></table></div>
 {% else %}
 <figure><div id="figure-{{ e.index }}" style="height:{{ e.height }}px"></div>
