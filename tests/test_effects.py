@@ -168,6 +168,12 @@ def test_every_variant_names_each_of_its_parameters_once(item, everything) -> No
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
+def test_no_variant_stands_twice(item, everything) -> None:  # type: ignore[no-untyped-def]
+    shapes = [str(v.shape) for v in item.variants(rows_for(item.id, everything).table)]
+    assert len(set(shapes)) == len(shapes)
+
+
+@pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
 def test_a_bare_table_is_no_error_but_a_reason(item) -> None:  # type: ignore[no-untyped-def]
     """One displacement and one force: what cannot be tested says why and what to record."""
     table = Table({"x_m": np.arange(5.0), "fx_N": np.arange(5.0)}, Meta(), "bare")

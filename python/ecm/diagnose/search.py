@@ -194,13 +194,22 @@ def search(problem: Problem) -> tuple[Candidate, ...]:
             for candidate, _, _ in _best_beside(problem, equations, chosen)
         ]
     best = _swapped(problem, equations, best)
-    while len(best) > 1 and not material(equations, problem, best):
-        # What was exchanged may have left a member that is not needed.
+    while len(best) > 1 and not _stands(problem, equations, best):
+        # What was exchanged may have left a member that is not needed, or may not be there.
         fewer = [(*best[:i], *best[i + 1 :]) for i in range(len(best))]
         best = _swapped(
             problem, equations, max(fewer, key=lambda chosen: bic(equations, problem, chosen))
         )
     return best
+
+
+def _stands(problem: Problem, equations: tuple[F, F], chosen: tuple[Candidate, ...]) -> bool:
+    """Whether a set meets all that the forward search asks of one of its size."""
+    return (
+        material(equations, problem, chosen)
+        and _allowed(equations, problem, chosen)
+        and (len(chosen) != 2 or _beyond_one(problem, equations, chosen))
+    )
 
 
 def _best_beside(

@@ -90,7 +90,7 @@ class Hysteresis(LinearEffect):
         ways = _ways(table)
         found = [Hysteresis("middle", way) for way in ways]
         found += [Hysteresis("each", way) for way in ways]
-        return (Hysteresis("local"), found[1], Hysteresis("rest"), *found)
+        return (Hysteresis("local"), found[1], Hysteresis("rest"), found[0], *found[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Ways between this one and its neighbours."""

@@ -183,7 +183,8 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     """
     table = rows.table
     time = table.column("time_s")
-    dwell = np.nan_to_num(table.column("dwell_s"))
+    dwell = table.column("dwell_s")
+    known = np.nan_to_num(dwell)
     came = rows.predict(known_before(rows))
     came[rows.unloaded] = 0.0
     goals = np.stack([came, rows.wrench], axis=1)
@@ -191,12 +192,13 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     for order in order_of_visits(table):
         state, here, last = np.zeros(6), np.zeros(6), -np.inf
         for i in order:
-            leg = 0.5 * max(float(time[i] - dwell[i] - last), 0.0)
+            leg = 0.5 * max(float(time[i] - known[i] - last), 0.0)
             fade, kept = np.exp(-leg / tau_s), _kept(min(leg, 1e6), tau_s)
             for goal in goals[i]:
                 state = state * fade + (goal - here) * (kept if np.isfinite(last) else 1.0)
                 here = goal
-            state = state * np.exp(-dwell[i] / tau_s)
+            # Nothing is left of what rested for an unknown time, as in the dwell form.
+            state = state * (np.exp(-dwell[i] / tau_s) if np.isfinite(dwell[i]) else 0.0)
             last = float(time[i])
             found[i] = state
     found[rows.unloaded] = 0.0
