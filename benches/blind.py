@@ -78,23 +78,25 @@ def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
     return result
 
 
-def run_task(task: Task, out: Path, folder: Path) -> None:
+def run_task(task: Task, folder: Path) -> None:
     """Run a set and write its file; in whichever process."""
-    result = run_set(task.asked, out, simple=task.simple)
+    result = run_set(task.asked, folder, simple=task.simple)
     write_atomically(folder / f"{task.asked.name}.json", json.dumps(result))
 
 
 def code_hash() -> str:
-    """Of the sources that a result depends on: library and benchmark."""
+    """Of all that a result depends on: library, its compiled part, and benchmark."""
     import ecm
+    from ecm import _native
 
     library = Path(ecm.__file__).parent
-    parts = ("design", "diagnose", "effects", "compare", "models", "rig", "robot")
-    files = [f for part in parts for f in sorted((library / part).rglob("*.py"))]
+    not_run = (library / "cli", library / "report")
+    files = [f for f in sorted(library.rglob("*.py")) if not set(not_run) & set(f.parents)]
     own = ("print_table.py", "score.py", "workers.py")  # what they make of results, not results
     bench = sorted((Path(__file__).parent / "blind_parts").glob("*.py"))
     files += [f for f in bench if f.name not in own]
-    sums = [hashlib.sha256(f.read_bytes()).hexdigest() for f in (*files, library / "refit.py")]
+    files += [Path(_native.__file__), Path(__file__)]
+    sums = [hashlib.sha256(f.read_bytes()).hexdigest() for f in files]
     return hashlib.sha256("".join(sums).encode()).hexdigest()[:12]
 
 
@@ -107,11 +109,11 @@ def kept(task: Task, folder: Path) -> dict[str, Any] | None:
     return None if task.simple and "simple" not in found else found
 
 
-def prepared(sets: list[Set], out: Path) -> None:
+def prepared(sets: list[Set], folder: Path) -> None:
     """Plans and bases that all sets share, before several processes ask for them."""
     for source, protocol in sorted({(one.source, one.protocol) for one in sets}):
-        shared_plan(source, protocol, out)
-        shared_model(source, out)
+        shared_plan(source, protocol, folder)
+        shared_model(source, folder)
 
 
 def _told(total: int, done: int, left_s: float) -> None:
@@ -168,8 +170,8 @@ def main() -> int:
     failed: list[Task] = []
     if not given.table:
         todo = [task for task in tasks if kept(task, folder) is None]
-        prepared([task.asked for task in todo], given.out)
-        work = partial(run_task, out=given.out, folder=folder)
+        prepared([task.asked for task in todo], folder)
+        work = partial(run_task, folder=folder)
         told = partial(_told, len(todo))
         failed = run_all(todo, work, workers=given.workers, seconds=given.seconds, told=told)
         print(file=sys.stderr)

@@ -7,6 +7,7 @@ ranking, acceptance, classes, what cannot be tested) does not meet them.
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -339,6 +340,21 @@ def _write(task: tuple[str, str]) -> None:
     if name == "2":
         raise ValueError("two")
     Path(folder, name).write_text(name * 3, encoding="utf-8")
+
+
+def _write_or_die(task: tuple[str, str]) -> None:
+    if task[1] == "2":
+        os._exit(1)
+    _write(task)
+
+
+def test_a_process_that_is_killed_costs_what_it_ran_and_no_more(tmp_path: Path) -> None:
+    tasks = [(str(tmp_path), str(i)) for i in range(7)]
+    failed = run_all(tasks, _write_or_die, workers=2)
+    assert tasks[2] in failed
+    assert len(failed) <= 2  # the other process ran a task of its own
+    lost = {name for _, name in failed}
+    assert {f.name for f in tmp_path.iterdir()} | lost == set("0123456")
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -69,7 +69,7 @@ def _by_hand(
         reading = abs(_size(data.truth.get(id)) + sd * random.standard_normal())
         least = max(_SEEN * sd, 1e-12)
         if id in _ONE_NUMBER:
-            least = max(0.5 * abs(first.get("sizes", {}).get(id, np.inf)), sd)
+            least = max(0.5 * abs(first.get("sizes", {}).get(id, np.inf)), 2.0 * sd)
             least = min(least, _SEEN * sd)
         if reading > least:
             seen.append(id)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import queue
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-_WAIT_S = 1.0
 
 
 def cores() -> int:
@@ -55,44 +55,65 @@ def run_all(
         spent = time.perf_counter() - began
         told(done, spent / done * (len(todo) - done))
 
-    if workers <= 1:
-        for task in todo:
-            if time.perf_counter() - began > seconds:
-                break
-            try:
+    def in_time() -> bool:
+        return time.perf_counter() - began <= seconds
+
+    try:
+        if workers <= 1:
+            for task in todo:
+                if not in_time():
+                    break
                 count(*_guarded(work, task))
-            except KeyboardInterrupt:
-                print("\nstopped; what is finished is kept", file=sys.stderr)
-                break
-        return failed
+        else:
+            _on_processes(todo, work, workers, in_time, count)
+    except KeyboardInterrupt:
+        print("\nstopped; what is finished is kept", file=sys.stderr)
+    return failed
+
+
+def _on_processes(
+    todo: list[T],
+    work: Callable[[T], Any],
+    workers: int,
+    in_time: Callable[[], bool],
+    count: Callable[[T, str], None],
+) -> None:
+    nxt = 0
+    running: dict[Future[tuple[T, str]], T] = {}
+    pool = _pool(workers)
+    try:
+        while True:
+            while in_time() and len(running) < workers and nxt < len(todo):
+                running[pool.submit(_guarded, work, todo[nxt])] = todo[nxt]
+                nxt += 1
+            if not running:
+                return
+            for ended in wait(running, return_when=FIRST_COMPLETED).done:
+                if ended not in running:
+                    continue
+                task, error = running.pop(ended), ended.exception()
+                if error is None:
+                    count(*ended.result())
+                    continue
+                count(task, repr(error))
+                if isinstance(error, BrokenProcessPool):
+                    # A process was killed: what ran beside it is lost with it.
+                    for other in running.values():
+                        count(other, repr(error))
+                    running.clear()
+                    pool = _pool(workers)
+    except KeyboardInterrupt:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
     # Spawned, not forked: threads of compiled code do not survive a fork.
     context = multiprocessing.get_context("spawn")
-    answers: queue.SimpleQueue[tuple[T, str]] = queue.SimpleQueue()
-    with context.Pool(workers, initializer=_deaf) as pool:
-        open_, nxt = 0, 0
-        try:
-            while True:
-                in_time = time.perf_counter() - began <= seconds
-                while in_time and open_ < workers and nxt < len(todo):
-                    task = todo[nxt]
-                    pool.apply_async(
-                        _guarded,
-                        (work, task),
-                        callback=answers.put,
-                        error_callback=lambda error, task=task: answers.put((task, repr(error))),
-                    )
-                    open_, nxt = open_ + 1, nxt + 1
-                if open_ == 0:
-                    break
-                try:
-                    answer = answers.get(timeout=_WAIT_S)
-                except queue.Empty:
-                    continue
-                open_ -= 1
-                count(*answer)
-        except KeyboardInterrupt:
-            print("\nstopped; what is finished is kept", file=sys.stderr)
-    return failed
+    return ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf)
 
 
 def _deaf() -> None:

@@ -77,8 +77,10 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
     if not best:
         return []
     shapes = Counter(c.id for c in problem.candidates)
-    extra = [c.parameters + (1 if shapes[c.id] > 1 else 0) for c, _, _ in best]
-    chances = _p_values(problem, np.array([drop for _, drop, _ in best]), np.array(extra))
+    own = np.array([c.parameters for c, _, _ in best])
+    chances = _p_values(problem, np.array([drop for _, drop, _ in best]), own)
+    # The best of so many shapes: Bonferroni, on the safe side since shapes look alike.
+    chances = np.minimum(1.0, chances * np.array([shapes[c.id] for c, _, _ in best]))
     found = [
         Ranked(candidate, drop, float(p), gain)
         for (candidate, drop, gain), p in zip(best, chances, strict=True)
