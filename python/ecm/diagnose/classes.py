@@ -126,7 +126,7 @@ class _Later:
         theta, _, columns = estimate(problem, self._equations, chosen)
         left = problem.response - problem.design[:, :, list(columns)] @ theta
         rows = problem.weights * (left**2).sum(axis=1) / problem.scale
-        return np.asarray(np.bincount(self._runs, rows))[1:]
+        return np.asarray(np.bincount(self._runs, rows)[1:], dtype=np.float64)
 
 
 def widened(

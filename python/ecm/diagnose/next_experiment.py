@@ -47,6 +47,8 @@ _MINUTES = (
     ("dwell", 20),
     ("re-seat", 20),
     ("both sides", 20),
+    ("push and pull", 20),
+    ("sweep", 30),
     ("end for end", 30),
     ("repeat", 20),
 )
