@@ -68,7 +68,7 @@ def run_campaign(
     InputError
         A finished table stands at `out`, or the journal of another campaign.
     """
-    _possible(rig, out, overwrite=overwrite)
+    need_possible(rig, out, overwrite=overwrite)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -109,7 +109,7 @@ def run_campaign(
     return table
 
 
-def _possible(rig: RigSettings, out: Path | None, *, overwrite: bool) -> None:
+def need_possible(rig: RigSettings, out: Path | None, *, overwrite: bool) -> None:
     """InputError or MissingExtra, before the work, where it could not be written."""
     if out is not None:
         keep_data(out, overwrite=overwrite)
