@@ -52,6 +52,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     ecm_command: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))  # no controller is kept there
     if missing == "mujoco":
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:

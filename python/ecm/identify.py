@@ -107,7 +107,7 @@ def identify(
     if config.rig.rig.mode == "robot":
         from ecm.robot.run import need_arm
 
-        need_arm()
+        need_arm(out / "stages" / "anchors")
     clean = _without_hidden(config.rig)
     need_free(out, out / "stages", _CLEAN, clean, seed)
     need_free(out, out / "stages", (_LOOP,), config.rig, seed)
@@ -332,7 +332,7 @@ def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     from ecm.robot.show import pose_on_its_way
     from ecm.robot.summary import digest
 
-    arrays, phases = pose_on_its_way(
+    arrays, phases, reason = pose_on_its_way(
         read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
         rig,
         seed=job.seed,
@@ -341,7 +341,7 @@ def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     )
     job.figures.update({f"arm_{name}": values for name, values in arrays.items()})
     records = {name: digest(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
-    return {"records": records, "phases_s": phases}
+    return {"records": records, "phases_s": phases, "not_reached": reason}
 
 
 def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
