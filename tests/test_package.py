@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -18,6 +19,22 @@ from conftest import csv_text, neck_columns
 def test_every_name_is_there(name: str) -> None:
     assert getattr(ecm, name) is not None
     assert name in dir(ecm)
+
+
+def test_the_names_and_their_homes_are_the_same_list() -> None:
+    assert set(ecm._MODULE_OF) == set(ecm.__all__)
+    assert ecm.__all__ == sorted(ecm.__all__)
+
+
+def test_a_name_is_looked_up_once_and_another_module_may_stand_in_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert ecm.simulate is vars(ecm)["simulate"]
+    stand_in = ModuleType("stand_in")
+    monkeypatch.setattr(ecm, "simulate", stand_in)
+    assert ecm.simulate is stand_in
+    monkeypatch.undo()
+    assert ecm.simulate is import_module("ecm.simulate").simulate
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
