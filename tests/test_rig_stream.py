@@ -286,6 +286,7 @@ def test_a_campaign_that_was_cut_ends_with_the_same_stream(tmp_path: Path) -> No
     assert set(files[0]) == {"data.csv", "data.toml", *beside}
     # A stream alone is not overwritten either, and goes with the table it belongs to.
     whole.unlink()
+    whole.with_suffix(".truth.json").unlink()
     with pytest.raises(InputError, match=r"data\.raw\.parquet: a table stands there"):
         run_campaign(plan, RigSettings(), whole, **kept)
     run_campaign(plan, RigSettings(), whole, overwrite=True, **kept)

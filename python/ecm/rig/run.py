@@ -75,7 +75,7 @@ def run_campaign(
     InputError
         A finished table stands at `out`, or the journal of another campaign.
     """
-    need_possible(rig, out, overwrite=overwrite)
+    need_possible(rig, out, overwrite=overwrite, resume=resume)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -117,10 +117,12 @@ def run_campaign(
     return table
 
 
-def need_possible(rig: RigSettings, out: Path | None, *, overwrite: bool) -> None:
+def need_possible(
+    rig: RigSettings, out: Path | None, *, overwrite: bool, resume: bool = True
+) -> None:
     """InputError or MissingExtra, before the work, where it could not be written."""
     if out is not None:
-        keep_data(out, overwrite=overwrite)
+        keep_data(out, overwrite=overwrite, resume=resume)
     if not rig.rig.stream_Hz:
         return
     if rig.rig.mode == "robot":
