@@ -249,6 +249,15 @@ def test_without_a_stream_a_skew_cannot_be_hidden() -> None:
         Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("time_skew"))
 
 
+def test_a_skew_that_is_absurd_is_refused_with_what_would_show_it() -> None:
+    slow = RigSettings.from_dict(
+        {"rig": {"stream_Hz": 1.0, "speed_m_s": 2e-3, "speed_rad_s": 1.5e-2}}
+    )
+    with pytest.raises(InputError, match=r"time_skew=3.*estimate.*\[rig\] stream_Hz") as caught:
+        Campaign(plan_of(some_poses(24)), slow, StandIn(), hide=Hidden.parse("time_skew=3"))
+    assert "ecm design" not in str(caught.value)
+
+
 def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ecm.rig.hidden.DRAWS", {"payload": DRAWS["payload"]})
     drawn: dict[bool, set[str]] = {True: set(), False: set()}

@@ -15,7 +15,7 @@ from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import REST_ANCHOR, Course, Plant
-from ecm.rig.plausible import check_size
+from ecm.rig.plausible import LARGEST, check_size
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
@@ -107,7 +107,8 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     try:
         size = calibrate(effect, whitener, first.size, hide.strength)
     except CannotHide as error:
-        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}") from None
+        more = "" if raw is None else f" More shows it: {LARGEST[hide.effect][1]}"
+        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}{more}") from None
     if hide.plausible:
         check_size(hide.effect, hide.strength, size, first.unit, scale)
     physics = put(world.physics, name, first.resized(size))
