@@ -173,10 +173,20 @@ def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: P
     with pytest.raises(KeyboardInterrupt):
         measure(job(out, Stops(3)), plan, "measured-d", OTHER)
     assert (out / "measured-d.journal.csv").exists()
-    with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
-        need_free(out, out / "stages", ("measured-d",), RigSettings(), 1)
+    need_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
+    assert len(measure(job(out), plan, "measured-d", RigSettings()).measured()) == 3
+    third = RigSettings.from_dict({"rig": {"dwell_s": 3.0}})
+    for refused in (
+        lambda: need_free(out, out / "stages", ("measured-d",), third, 1),
+        lambda: measure(job(out), plan, "measured-d", third),
+    ):
+        with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
+            refused()
     with pytest.raises(InputError, match="another seed"):
         need_free(out, out / "stages", ("measured-d",), OTHER, 2)
+    (out / "stages" / "measured-d.begun.json").unlink()
+    with pytest.raises(InputError, match="journal of another campaign"):
+        measure(job(out), plan, "measured-d", third)
     need_free(out, out / "stages", ("measured-d",), OTHER, 1)
     rest = Stops()
     again = measure(job(out, rest), plan, "measured-d", OTHER)

@@ -69,7 +69,8 @@ def measured(
     if not _finished(path, stage, rig):
         _need_own(path, stage.directory)
         _need_same_rig(path, stage.directory, rig, seed)
-        write_json(_begun_path(path, stage.directory), {"rig": _identity(rig, seed)})
+        if not journal_path(path).exists():  # else it says whose that is
+            write_json(_begun_path(path, stage.directory), {"rig": _identity(rig, seed)})
         run_campaign(
             plan,
             rig,
@@ -80,7 +81,7 @@ def measured(
             folder=stage.directory / "anchors",
             overwrite=True,  # the job's own
         )
-        stage.save({"data": path.name, "sum": sum_of(path)})
+        stage.save({"data": path.name, "sum": sum_of(path), "rig": _identity(rig, seed)})
     return read_table(path)
 
 
@@ -94,30 +95,34 @@ def _finished(path: Path, stage: Stage, rig: RigSettings) -> bool:
 
 
 def _need_own(path: Path, stages: Path) -> None:
-    if path.exists() and sum_of(path) not in _sums(stages, path.stem):
+    if path.exists() and not _records(path, stages):
         raise InputError(
             f"{path}: this table is not the one that the job measured there, and measurements are "
             "not overwritten. Move it away, or choose another --out"
         )
 
 
-def _sums(stages: Path, name: str) -> set[str]:
-    """Of all tables of that name that stages have measured, under whatever settings."""
-    found: set[str] = set()
-    for record in stages.glob(f"{name}-*.json"):
+def _records(path: Path, stages: Path) -> list[dict[str, Any]]:
+    """Of the stages, under whatever settings, that have measured the table that stands there."""
+    total, found = sum_of(path), []
+    for file in stages.glob(f"{path.stem}-*.json"):
         with suppress(OSError, ValueError, KeyError, TypeError):
-            found.add(json.loads(record.read_bytes())["result"]["sum"])
+            record: dict[str, Any] = json.loads(file.read_bytes())["result"]
+            if record["sum"] == total:
+                found.append(record)
     return found
 
 
 def _need_same_rig(path: Path, stages: Path, rig: RigSettings, seed: int) -> None:
-    journal = journal_path(path)
+    journal, asked = journal_path(path), _identity(rig, seed)
     if not journal.exists():
         return
+    if path.exists() and any(record.get("rig") == asked for record in _records(path, stages)):
+        return  # on this rig it is finished
     begun: dict[str, Any] = {}
     with suppress(OSError, ValueError):
         begun = json.loads(_begun_path(path, stages).read_bytes())
-    if begun and begun.get("rig") != _identity(rig, seed):
+    if begun and begun.get("rig") != asked:
         raise InputError(
             f"{journal}: a campaign that was interrupted, on another rig or with another seed. "
             "Finish it with those, remove the journal to measure anew, or choose another --out"
