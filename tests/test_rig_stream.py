@@ -406,3 +406,11 @@ def test_a_way_point_that_nothing_is_known_of_is_no_guess() -> None:
         campaign.plant.anew().truth(
             replace(course, visits=visits), campaign.physics, campaign.offset
         )
+
+
+def test_the_arm_cannot_remember_wrenches_that_no_map_knows() -> None:
+    arm = RigSettings.from_dict({"rig": {"mode": "robot"}})
+    hide = [Hidden("fts_hysteresis", 1.0)]
+    Campaign(plan_of(some_poses(8)), arm, StandIn(), hide=hide)
+    with pytest.raises(InputError, match=r"fts_hysteresis=1: the arm's own way.*Plan 20"):
+        Campaign(plan_of(some_poses(8)), arm, StandIn(curvature=False), hide=hide)

@@ -25,6 +25,10 @@ from ecm.rig.timeline import POSE
 F = NDArray[np.float64]
 
 
+PLAY = "fts_hysteresis"
+"""Remembers the wrenches that were passed, not only the poses."""
+
+
 @dataclass(frozen=True)
 class World:
     """A plant with its visits, before something is hidden in it."""
@@ -67,6 +71,12 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
     course, plant = world.course, world.plant
+    if hide.effect == PLAY and world.settings.rig.mode == "robot" and plant.elastic.smooth is None:
+        raise CannotHide(
+            f"--hide {hide.effect}={hide.strength:g}: the arm's own way leads between the solved "
+            "poses, and this plan has too few of them for a smooth map. Plan 20 or more, or set "
+            '[rig] mode = "quasi_static"'
+        )
     raw = _raw(hide, world) if hide.effect in MOVING else None
     rows = np.asarray([v.kind == POSE for v in course.visits])
     h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
