@@ -147,6 +147,7 @@ def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:
 
 OTHERWISE = {
     # effect: share of it by which the stream may differ from the readings at rest, and why.
+    "fts_hysteresis": 0.3,  # at rest it follows commanded poses, in the stream those reached
     "permanent_set": 0.5,  # a reading comes before its own rest has added, the stream is in it
     "stress_relaxation": 0.6,  # at rest each way begins relaxed, the stream carries what was before
 }
@@ -179,7 +180,7 @@ def test_every_truth_of_the_plant_acts_in_motion_too(effect: str) -> None:
         acts = acts or bool(size.max() > 1e-6)
         for samples, rows in ends:
             off = np.abs(moving[samples] - still[rows]).max(axis=0)
-            assert np.all(off <= OTHERWISE.get(effect, 0.3) * size + 1e-9)
+            assert np.all(off <= OTHERWISE.get(effect, 0.2) * size + 1e-9)
     assert acts
 
 
