@@ -12,9 +12,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from browser import open_page
+from conftest import Done
+from ecm.config import Config
+from ecm.errors import InputError
+from ecm.identify import Console, Job, measure
+from ecm.measured import need_free
+from ecm.rig import RigSettings
+from ecm.simulate import simulate
+from ecm.table import Table
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "examples" / "quick.toml"
@@ -101,6 +110,110 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < end, "nothing was kept in two minutes"
         time.sleep(0.05)
+
+
+class Stops(Console):
+    """Ctrl-C after so many readings; counts those that were taken."""
+
+    def __init__(self, after: int = 1000) -> None:
+        self.taken = 0
+        self.after = after
+
+    def bar(self, title: str) -> Callable[..., None]:
+        def tell(_done: int, _total: int, word: str = "") -> None:
+            self.taken += word == "measuring"
+            if self.taken >= self.after:
+                raise KeyboardInterrupt
+
+        return tell
+
+
+@pytest.fixture(scope="module")
+def plan() -> Table:
+    """Three poses of the job's mechanism."""
+    config = Config()
+    return simulate(config.mechanism, 3, config.workspace, seed=2, threads=2).table()
+
+
+OTHER = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
+
+
+def job(out: Path, console: Console | None = None) -> Job:
+    """A job on the default rig."""
+    return Job(Config(), out, seed=1, threads=1, console=console or Console())
+
+
+@pytest.mark.parametrize("change", ["edited", "of a real rig", "no table"])
+def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
+    plan: Table, tmp_path: Path, change: str
+) -> None:
+    measure(job(tmp_path), plan, "measured-d", RigSettings())
+    measure(job(tmp_path), plan, "measured-d", OTHER)  # its own: that it may replace
+    path = tmp_path / "measured-d.csv"
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(
+        {"edited": b"".join(lines[:-1]), "of a real rig": b"a,b\n1,2\n", "no table": b""}[change]
+    )
+    before = {file: file.read_bytes() for file in tmp_path.glob("measured-d*")}
+    for rig in (RigSettings(), OTHER):
+        with pytest.raises(InputError, match=r"measured-d\.csv: .*Move it away, or .* --out"):
+            measure(job(tmp_path), plan, "measured-d", rig)
+        with pytest.raises(InputError, match="Move it away"):
+            need_free(tmp_path, tmp_path / "stages", ("measured-d",), rig, 1)
+    assert {file: file.read_bytes() for file in tmp_path.glob("measured-d*")} == before
+    path.rename(tmp_path / "mine.csv")
+    assert len(measure(job(tmp_path), plan, "measured-d", OTHER).measured()) == 3
+
+
+def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: Path) -> None:
+    whole = Stops()
+    table = measure(job(tmp_path / "whole", whole), plan, "measured-d", OTHER)
+    out = tmp_path / "cut"
+    measure(job(out), plan, "measured-d", RigSettings())
+    with pytest.raises(KeyboardInterrupt):
+        measure(job(out, Stops(3)), plan, "measured-d", OTHER)
+    assert (out / "measured-d.journal.csv").exists()
+    need_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
+    assert len(measure(job(out), plan, "measured-d", RigSettings()).measured()) == 3
+    third = RigSettings.from_dict({"rig": {"dwell_s": 3.0}})
+    for refused in (
+        lambda: need_free(out, out / "stages", ("measured-d",), third, 1),
+        lambda: measure(job(out), plan, "measured-d", third),
+    ):
+        with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
+            refused()
+    with pytest.raises(InputError, match="another seed"):
+        need_free(out, out / "stages", ("measured-d",), OTHER, 2)
+    (out / "stages" / "measured-d.begun.json").unlink()
+    with pytest.raises(InputError, match="journal of another campaign"):
+        measure(job(out), plan, "measured-d", third)
+    need_free(out, out / "stages", ("measured-d",), OTHER, 1)
+    rest = Stops()
+    again = measure(job(out, rest), plan, "measured-d", OTHER)
+    assert rest.taken == whole.taken - 3
+    assert np.array_equal(again.wrenches, table.wrenches)
+    assert (out / "measured-d.csv").read_bytes() == (
+        tmp_path / "whole" / "measured-d.csv"
+    ).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"), [("robot", "the arm keeps no raw stream"), ("quasi_static", "pyarrow")]
+)
+def test_a_stream_that_cannot_be_kept_is_refused_before_any_work(
+    mode: str,
+    words: str,
+    tmp_path: Path,
+    ecm_command: Callable[..., Done],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    (tmp_path / "rig.toml").write_text(f'[rig]\nmode = "{mode}"\nstream_Hz = 50.0\n')
+    out = tmp_path / "out"
+    done = ecm_command("identify", CONFIG, "--rig", tmp_path / "rig.toml", "--out", out)
+    assert done.code == 2
+    assert words in done.err
+    assert not (out / "stages").exists()
 
 
 @pytest.mark.browser

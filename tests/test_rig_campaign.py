@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
 from ecm.rig import Campaign, RigSettings, campaign_minutes, run_campaign
+from ecm.rig.journal import BESIDE
 from ecm.rig.observe import residual, row_covariance
 from ecm.rig.strength import Whitener
 from ecm.table import Table, read_table
@@ -138,8 +139,22 @@ def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_p
     before = out.read_bytes()
     with pytest.raises(InputError, match=r"data\.csv: a table stands there.*overwrite=True"):
         run_campaign(plan, RigSettings(), out, seed=1, **kept)
-    with pytest.raises(InputError, match="written as CSV"):
-        run_campaign(plan, RigSettings(), tmp_path / "data.parquet", **kept)
+    for name in ("data.parquet", "data", "data.v2"):  # all would share data.truth.json
+        with pytest.raises(InputError, match="written as CSV"):
+            run_campaign(plan, RigSettings(), tmp_path / name, **kept)
+    # A journal that names no campaign opens no door, nor does another's, nor this one's own
+    # where it is not to go on.
+    journal = tmp_path / "data.journal.csv"
+    for text in ("", "# campaign 12", "# campaign \n", "anything\n"):
+        journal.write_text(text)
+        with pytest.raises(InputError, match="a table stands there"):
+            run_campaign(plan, RigSettings(), out, **kept)
+    journal.write_text("# campaign 12\n")
+    with pytest.raises(InputError, match="another campaign"):
+        run_campaign(plan, RigSettings(), out, **kept)
+    with pytest.raises(InputError, match="a table stands there"):
+        run_campaign(plan, RigSettings(), out, resume=False, **kept)
+    journal.unlink()
     assert out.read_bytes() == before
 
     def stop(done: int, total: int, word: str) -> None:
@@ -151,6 +166,16 @@ def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_p
     assert out.read_bytes() == before  # until the new one is whole
     run_campaign(plan, RigSettings(), out, seed=1, **kept)
     assert out.read_bytes() != before
+
+
+@pytest.mark.parametrize("suffix", sorted(BESIDE))
+def test_what_belongs_to_a_table_is_kept_without_it(tmp_path: Path, suffix: str) -> None:
+    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    theirs = tmp_path / f"data{suffix}"
+    theirs.write_text("sealed yesterday")
+    with pytest.raises(InputError, match=rf"data\{suffix}: .* stands there.*overwrite=True"):
+        run_campaign(plan_of(some_poses(12)), RigSettings(), tmp_path / "data.csv", **kept)
+    assert theirs.read_text() == "sealed yesterday"
 
 
 def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:

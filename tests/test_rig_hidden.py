@@ -15,9 +15,11 @@ from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.draws import DRAWS, MOVING
 from ecm.rig.frames import rotate, rotation
 from ecm.rig.observe import residual, wrench_in_base
+from ecm.rig.physics.marker_motion import MarkerMotion
 from ecm.rig.physics.platform_slip import PlatformSlip
 from ecm.rig.plausible import LARGEST
 from ecm.table import Table, read_table
+from stand_in_campaign import plan as diagnosable_plan
 from test_rig_campaign import error_of, whitener_of
 from test_rig_plan import plan_of
 from test_rig_stand_in import F, StandIn, some_poses, wrench
@@ -97,6 +99,8 @@ def test_a_strength_that_asks_for_an_absurd_size_is_refused() -> None:
     assert "stress_relaxation=3" in text
     assert "nothing real exceeds 60 %" in text
     assert "several dwells" in text
+    assert "an estimate" in text
+    assert "ecm design" in text
     # What it names as possible is.
     possible = float(text.split("at most at s = ")[1].split(",", maxsplit=1)[0])
     weaker = Hidden.parse(f"stress_relaxation={possible}")
@@ -118,7 +122,7 @@ def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
     """At every strength of the blind benchmark, as `--hide` asks for it."""
     for strength in (0.2, 3.0):
         hide = Hidden.parse(f"{effect}={strength}")
-        campaign = Campaign(both_sides(), RigSettings(), StandIn(), hide=hide, seed=2)
+        campaign = Campaign(diagnosable_plan(), RigSettings(), StandIn(), hide=hide, seed=2)
         assert campaign.secrets[0].effect == effect
 
 
@@ -136,7 +140,7 @@ def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPat
     assert set(drawn) == {"payload", "fts_offset"}
     only = {"stress_relaxation": DRAWS["stress_relaxation"]}
     monkeypatch.setattr("ecm.rig.hidden.DRAWS", only)
-    with pytest.raises(InputError, match="can show no effect"):
+    with pytest.raises(InputError, match=r"random=3: .*none of 1 effects at s = 3.*diagnosable"):
         Campaign(one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"))
 
 
@@ -190,6 +194,11 @@ def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
     poses, times = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (2, 1)), np.array([10.0, 700.0])
     assert slip.felt(poses, times)[:, 1] == pytest.approx([0.0, 1e-3])
     assert slip.afterwards().felt(poses, times)[:, 1] == pytest.approx([1e-3, 1e-3])
+    marker = MarkerMotion(1e-3, end_s=1200.0, step_s=600.0)
+    shown = [m.measured(poses, times)[:, 0] for m in (marker, marker.afterwards())]
+    assert shown[1] - shown[0] == pytest.approx([-5e-4, 0.0])
+    creeping = MarkerMotion(1e-3)
+    assert creeping.afterwards() == creeping
 
 
 def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:

@@ -88,8 +88,11 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
     theirs = paths_of(out, RIGS)[1]
     theirs.write_text("measured yesterday\n")
     theirs.with_suffix(".truth.json").write_text("sealed yesterday")
-    with pytest.raises(InputError, match=r"d-0001\.csv: a table stands there.*--overwrite"):
-        run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
+    for journal in (False, True):  # a journal is somebody else's, whatever it says
+        if journal:
+            theirs.with_name("d-0001.journal.csv").write_text("# campaign 12\n")
+        with pytest.raises(InputError, match=r"d-0001\.csv: a table stands there.*--overwrite"):
+            run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
     assert theirs.read_text() == "measured yesterday\n"
     assert not out.with_name("d.rigs.json").exists()
     run_campaigns(plan(), RigSettings(), out, rigs=RIGS, overwrite=True)
@@ -106,6 +109,11 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
     run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
     run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
     assert measured == [1, 2, 3, 1, 2, 3]
+    # Fewer of them anew: the others stay done.
+    measured.clear()
+    run_campaigns(plan(), RigSettings(), out, rigs=1, seed=1, overwrite=True, progress=count)
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS + 1, seed=1, progress=count)
+    assert measured == [1, 4]
 
 
 class Stop(Exception):

@@ -213,6 +213,28 @@ def test_relaxation_is_the_maxwell_chain_under_a_ramp() -> None:
     assert factor == pytest.approx(1.0 + 0.2 * held, rel=1e-3)
 
 
+def test_relaxation_goes_on_along_a_way_of_several_pieces() -> None:
+    tau, size = 3.0, 0.2
+    chain = Relaxation(size, shares=(1.0,), times_s=(tau,))
+    time, path = np.array([0.0, 2.0, 5.0, 7.0, 9.0]), np.array([0.0, 1.0, 1.0, -0.5, 0.0])
+
+    def rate(t: float, stress: F) -> F:
+        piece = min(int(np.searchsorted(time, t, side="right")), 4)
+        return (path[piece] - path[piece - 1]) / (time[piece] - time[piece - 1]) - stress / tau
+
+    options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.01}
+    exact = solve_ivp(rate, (0.0, 9.0), [0.0], t_eval=time, **options).y[0]
+    h = np.zeros((5, 6))
+    h[:, 2] = path
+    carried = chain.carried(h, time, np.zeros(5, dtype=bool))
+    assert carried[:, 2] == pytest.approx(size * exact, abs=1e-4)
+    # A single ramp and its rest is what a reading at rest has.
+    factor = chain.factor(np.array([2.0]), np.array([3.0]))[0]
+    assert carried[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
+    anew = np.array([False, False, True, False, False])
+    assert chain.carried(h, time, anew)[2] == pytest.approx(np.zeros(6), abs=0.0)
+
+
 def test_softening_spares_first_visits_and_takes_later_ones() -> None:
     factor = Softening(0.1, energy_J=0.3).factor(np.array([0.1, 0.5, 1.5, 0.5, 1.5]))
     assert factor[[0, 1, 2, 4]] == pytest.approx(1.0)

@@ -75,3 +75,11 @@ def test_the_example_shows_every_key_at_its_default() -> None:
     assert RigSettings.from_dict(tables, str(path)).to_dict() == defaults
     for table, keys in tables.items():
         assert set(keys) == set(defaults[table]), table
+
+
+@pytest.mark.parametrize("rate", [61.0, 0.01])
+def test_a_stream_is_not_faster_than_its_camera_nor_slower_than_a_way(rate: float) -> None:
+    with pytest.raises(InputError, match=r"\[rig\] stream_Hz.*\[instrument\] camera_rate_Hz = 60"):
+        RigSettings.from_dict({"rig": {"stream_Hz": rate}})
+    for fine in (0.0, 0.1, 60.0):
+        assert RigSettings.from_dict({"rig": {"stream_Hz": fine}}).rig.stream_Hz == fine

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +16,9 @@ from browser import open_page
 from conftest import ROOT, Done, csv_text, neck_columns
 from ecm.config import Config, read_config, with_rig
 from ecm.design import Design
+from ecm.errors import InputError
 from ecm.identify import DESIGNS, Console, Job, _measure, measure
+from ecm.measured import _identity, need_free
 from ecm.report.arm import arm_section
 from ecm.report.page import write_page
 from ecm.rig import HiddenTable, RigSettings
@@ -49,6 +52,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     ecm_command: Callable[..., Done],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))  # no controller is kept there
     if missing == "mujoco":
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:
@@ -116,6 +120,28 @@ def test_a_finished_campaign_is_read_again(measured: Step3) -> None:
     assert {path: path.stat().st_mtime_ns for path in files} == before
     assert summary == step
     assert np.array_equal(again["d"].wrenches, tables["d"].wrenches)
+
+
+def test_a_campaign_without_its_record_is_measured_again(measured: Step3) -> None:
+    record = measured.job.out / "measured-maximin.robot.json"
+    before = record.read_bytes()
+    record.unlink()
+    _, summary = measured.run()
+    assert record.read_bytes() == before
+    assert summary == measured.summary
+
+
+def test_processes_and_rehearsed_faults_may_change_while_a_campaign_is_interrupted(
+    tmp_path: Path,
+) -> None:
+    for name in ("measured-d.journal.csv", "measured-d.begun.json"):
+        folder = tmp_path / ("stages" if name.endswith("json") else "")
+        folder.mkdir(exist_ok=True)
+        digest = _identity(settings(processes=2, fault="sensor_nan@1"), 0)
+        (folder / name).write_text(json.dumps({"rig": digest}))
+    need_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(processes=1), 0)
+    with pytest.raises(InputError, match="another rig"):
+        need_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(dwell_s=0.2), 0)
 
 
 def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:

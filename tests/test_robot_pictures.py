@@ -12,11 +12,13 @@ import pytest
 
 from conftest import Done
 from ecm.errors import ComputationError, InputError, MissingExtra
+from ecm.report.arm import arm_section
+from ecm.report.page import FigureBlock
 from ecm.robot.film import Film, centre_line, film
 from ecm.robot.procedure import Stop
 from ecm.robot.scene import mujoco
-from ecm.robot.show import need_robot, show
-from robot_rig import REST, job, machine, plan, settings
+from ecm.robot.show import need_robot, pose_on_its_way, show
+from robot_rig import REST, job, library, machine, plan, settings
 from test_rig_stand_in import L, StandIn, some_poses
 
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
@@ -75,6 +77,48 @@ def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
     )
     assert str(out) in line
     assert out.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    monkeypatch.setattr("ecm.robot.show._TRIED", 2)
+    common: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    weak = settings(force_limit_N=1.0)
+    (line,) = show(plan(some_poses(7)), weak, phases=tmp_path / "fig7.png", **common)
+    assert "does not reach: while in phase impedance: force" in line
+    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), weak, **common)
+    assert "limit 1 N" in reason
+    assert "reading" not in [name for name, _, _ in phases]
+    record: dict[str, Any] = {"reached": 0, "poses": 7, "reasons": []}
+    step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
+    figures = {f"arm_{name}": values for name, values in arrays.items()}
+    section = arm_section(step, figures, {"d": "D-optimal"})
+    (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
+    assert "not reached: while in phase impedance: force" in figure.caption
+    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), settings(), **common)
+    assert reason == ""
+    step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
+    section = arm_section(step, figures, {"d": "D-optimal"})
+    (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
+    assert "the first pose that was reached" in figure.caption
+
+
+def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    library()  # skips where there is no compiler at all
+    common: dict[str, Any] = {"phases": tmp_path / "fig7.png", "source": StandIn()}
+    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
+    monkeypatch.setattr("ecm.robot.feed_forward.shutil.which", lambda _name: None)
+    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
+    with pytest.raises(ComputationError, match="no C compiler"):
+        show(plan(some_poses(7)), settings(), folder=tmp_path / "bare", **common)
+    assert not (tmp_path / "bare").exists()
+    with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
+        show(plan(some_poses(8, seed=5)), settings(), folder=tmp_path / "kept", **common)
 
 
 def test_pictures_are_of_the_arm_alone() -> None:

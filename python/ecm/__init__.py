@@ -85,11 +85,15 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in _MODULE_OF:
             raise AttributeError(f"module 'ecm' has no attribute '{name}'")
-        return getattr(import_module(f"ecm.{_MODULE_OF[name]}"), name)
+        value = getattr(import_module(f"ecm.{_MODULE_OF[name]}"), name)
+        super().__setattr__(name, value)
+        return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _MODULE_OF and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
+        # The import system puts a module that it has loaded into its package.
+        if name in _MODULE_OF and value is sys.modules.get(f"ecm.{name}"):
+            return
+        super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         return sorted({*self.__dict__, *__all__})

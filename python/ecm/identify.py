@@ -25,18 +25,21 @@ from ecm.config import Config, read_config
 from ecm.design import Design, choose, diagnosable_plan, paper_plan
 from ecm.errors import MissingExtra
 from ecm.loop import run_loop
+from ecm.measured import measured, need_free
 from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
 from ecm.models.physics import reach_of
 from ecm.report.page import require_report
-from ecm.rig import HiddenTable, RigSettings, run_campaign
+from ecm.rig import HiddenTable, RigSettings
 from ecm.simulate import Simulated, simulate
-from ecm.stages import Stage, hash_of, sum_of, write_json
+from ecm.stages import Stage, hash_of, write_json
 from ecm.table import Table, read_table
 
 F = NDArray[np.float64]
 
 DESIGNS = ("d", "maximin")
 _RIGS = {"quasi_static": "the simulated rig", "robot": "the simulated rig with its arm"}
+_CLEAN = tuple(f"measured-{name}" for name in DESIGNS)
+_LOOP = "measured-loop"
 _TIMED_PAIRS = 100
 _BUDGET = {"d": 300, "maximin": 50}  # a second; within 0.01 % of what the default finds here
 
@@ -104,7 +107,10 @@ def identify(
     if config.rig.rig.mode == "robot":
         from ecm.robot.run import need_arm
 
-        need_arm()
+        need_arm(out / "stages" / "anchors")
+    clean = _without_hidden(config.rig)
+    need_free(out, out / "stages", _CLEAN, clean, seed)
+    need_free(out, out / "stages", (_LOOP,), config.rig, seed)
     job = Job(config, out, seed, threads, console or Console())
     out.mkdir(parents=True, exist_ok=True)
     summary: dict[str, Any] = {
@@ -294,17 +300,17 @@ def _measure(
     summary: dict[str, Any],
 ) -> dict[str, Table]:
     candidates = pairs.table().select(train)
-    clean = replace(job.config.rig, hidden=HiddenTable())
+    clean = _without_hidden(job.config.rig)
     tables = {}
     rows = {}
     for name, design in designs.items():
         plan = paper_plan(candidates, design, seed=job.seed)
         plan.write(job.out / f"plan-{name}.csv")
         tables[name] = measure(job, plan, f"measured-{name}", clean)
-        measured = tables[name].measured()
+        count = len(tables[name].measured())
         rows[name] = {
-            "rows": len(measured),
-            "skipped": len(design.indices) - len(measured),
+            "rows": count,
+            "skipped": len(design.indices) - count,
             "minutes": float(tables[name].column("time_s").max()) / 60.0,
         }
         job.console.say(
@@ -316,13 +322,17 @@ def _measure(
     return tables
 
 
+def _without_hidden(rig: RigSettings) -> RigSettings:
+    return replace(rig, hidden=HiddenTable())
+
+
 def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     """What the arm did in the campaigns of all designs, and Fig. 7."""
     from ecm.robot.run import robot_path
     from ecm.robot.show import pose_on_its_way
     from ecm.robot.summary import digest
 
-    arrays, phases = pose_on_its_way(
+    arrays, phases, reason = pose_on_its_way(
         read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
         rig,
         seed=job.seed,
@@ -331,33 +341,20 @@ def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     )
     job.figures.update({f"arm_{name}": values for name, values in arrays.items()})
     records = {name: digest(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
-    return {"records": records, "phases_s": phases}
+    return {"records": records, "phases_s": phases, "not_reached": reason}
 
 
 def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
-    """A campaign on the simulated rig; one that is finished is read again.
-
-    Its table may have been overwritten by another rig's since then: the sum tells.
-    """
-    out = job.out / f"{name}.csv"
-    stage = job.stage(name, hash_of(dict(plan.columns)), rig.to_dict())
-
-    def run() -> dict[str, Any]:
-        run_campaign(
-            plan,
-            rig,
-            out,
-            seed=job.seed,
-            threads=job.threads,
-            progress=job.console.bar(name),
-            folder=job.out / "stages" / "anchors",
-            overwrite=True,  # the job's own, of other settings or of a stage that was cut
-        )
-        return {"data": out.name, "sum": sum_of(out)}
-
-    if not out.exists() or not stage.done() or stage.load().get("sum") != sum_of(out):
-        stage.save(run())
-    return read_table(out)
+    """A campaign of the job; one that is finished is read again."""
+    return measured(
+        job.out / f"{name}.csv",
+        job.stage(name, hash_of(dict(plan.columns)), rig.to_dict()),
+        plan,
+        rig,
+        seed=job.seed,
+        threads=job.threads,
+        progress=job.console.bar(name),
+    )
 
 
 def _physics(job: Job, pairs: Simulated) -> PhysicsMap:
@@ -465,11 +462,11 @@ def _loop(
     )
     plan = diagnosable_plan(candidates, chosen, seed=job.seed)
     plan.write(job.out / "plan-loop.csv")
-    data = measure(job, plan, "measured-loop", job.config.rig)
+    data = measure(job, plan, _LOOP, job.config.rig)
     found = run_loop(
         data,
         physics,
-        path=job.out / "measured-loop.csv",
+        path=job.out / f"{_LOOP}.csv",
         seed=job.seed,
         threads=job.threads,
         say=job.console.say,

@@ -73,13 +73,13 @@ def _invoke(arguments: Sequence[str] | None) -> int:
     from typer.core import TyperGroup
     from typer.main import get_command
 
-    from ecm.blas import one_blas_thread
+    from ecm.blas import one_blas_thread_later
     from ecm.cli.app import app
 
     command = get_command(app)
     if not isinstance(command, TyperGroup):
         raise TypeError("the command line has no commands")
-    with one_blas_thread():
+    with one_blas_thread_later():
         result = command.main(
             args=None if arguments is None else list(arguments),
             prog_name="ecm",

@@ -9,19 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.report import figures as draw
-from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock
+from ecm.robot.shown import COLOURS, PANELS, thousandths
 
 F = NDArray[np.float64]
 
-_PANELS = ("x − L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
-_COLOURS = {
-    "impedance": "#cfe3f7",
-    "settle": "#9dbfe6",
-    "position": "#fbe3c4",
-    "rest": "#e2e2e2",
-    "reading": "#f0968a",
-    "return": "#dff0d8",
-}
 _MOST_REASONS = 12
 
 
@@ -51,10 +43,14 @@ def arm_section(
             )
         )
     times = ", ".join(f"{name} {end - begin:.1f} s" for name, begin, end in step["phases_s"])
+    shown = (
+        f"the first pose of the plan, which was not reached: {step['not_reached']}"
+        if step["not_reached"]
+        else "the first pose that was reached, from home and back"
+    )
     blocks.append(
         FigureBlock(
-            f"Fig. 7: the first pose that was reached, from home and back; dashed: the goal. "
-            f"{times}.",
+            f"Fig. 7: {shown}; dashed: the goal. {times}.",
             _figure(figures, step["phases_s"]),
         )
     )
@@ -72,8 +68,8 @@ def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
                 [
                     names[name],
                     phase,
-                    *(_size(found[key], 1e3) for key in ("median_m", "largest_m")),
-                    *(_size(found[key], 1e3) for key in ("median_rad", "largest_rad")),
+                    *(thousandths(found[key]) for key in ("median_m", "largest_m")),
+                    *(thousandths(found[key]) for key in ("median_rad", "largest_rad")),
                     " ".join(f"{100.0 * share:.0f}" for share in found["fraction"].values()),
                 ]
             )
@@ -85,14 +81,10 @@ def _phases(records: Mapping[str, Any], names: Mapping[str, str]) -> TableBlock:
     )  # fmt: skip
 
 
-def _size(value: float, scale: float) -> str:
-    return number(scale * value) if scale * value >= 1e-6 else "< 1e-6"
-
-
 def _figure(figures: Mapping[str, F], phases: Sequence[Sequence[Any]]) -> dict[str, Any]:
     time_s = np.round(figures["arm_time_s"], 3).tolist()
     way, goal = 1e3 * figures["arm_way"], 1e3 * figures["arm_goal"]
-    layout = draw.component_layout(_PANELS, "phase")
+    layout = draw.component_layout(PANELS, "phase")
     layout["legend"] |= {"x": 0.0, "xanchor": "left"}
     layout["shapes"] = []
     data: list[dict[str, Any]] = [
@@ -102,7 +94,7 @@ def _figure(figures: Mapping[str, F], phases: Sequence[Sequence[Any]]) -> dict[s
             "x": [None],
             "y": [None],
             "name": name,
-            "marker": {"symbol": "square", "size": 12, "color": _COLOURS[name]},
+            "marker": {"symbol": "square", "size": 12, "color": COLOURS[name]},
             **draw.component_axes(0),
         }
         for name in dict.fromkeys(name for name, _, _ in phases)
@@ -119,7 +111,7 @@ def _figure(figures: Mapping[str, F], phases: Sequence[Sequence[Any]]) -> dict[s
                     "x1": end,
                     "y0": 0,
                     "y1": 1,
-                    "fillcolor": _COLOURS[name],
+                    "fillcolor": COLOURS[name],
                     "line": {"width": 0},
                     "layer": "below",
                 }

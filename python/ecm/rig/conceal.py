@@ -15,7 +15,7 @@ from ecm.rig.observe import residual, row_covariance
 from ecm.rig.physics import Physics
 from ecm.rig.plan import rest_pose
 from ecm.rig.plant import REST_ANCHOR, Course, Plant
-from ecm.rig.plausible import check_size
+from ecm.rig.plausible import LARGEST, check_size
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
@@ -23,6 +23,10 @@ from ecm.rig.strength import CannotHide, Whitener, calibrate
 from ecm.rig.timeline import POSE
 
 F = NDArray[np.float64]
+
+
+PLAY = "fts_hysteresis"
+"""Remembers the wrenches that were passed, not only the poses."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,12 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
     course, plant = world.course, world.plant
+    if hide.effect == PLAY and world.settings.rig.mode == "robot" and plant.elastic.smooth is None:
+        raise CannotHide(
+            f"--hide {hide.effect}={hide.strength:g}: the arm's own way leads between the solved "
+            "poses, and this plan has too few of them for a smooth map. Plan 20 or more, or set "
+            '[rig] mode = "quasi_static"'
+        )
     raw = _raw(hide, world) if hide.effect in MOVING else None
     rows = np.asarray([v.kind == POSE for v in course.visits])
     h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
@@ -107,7 +117,8 @@ def conceal(hide: Hidden, world: World, duration_s: float, seed: int) -> tuple[P
     try:
         size = calibrate(effect, whitener, first.size, hide.strength)
     except CannotHide as error:
-        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}") from None
+        more = "" if raw is None else f" More shows it: {LARGEST[hide.effect][1]}"
+        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}{more}") from None
     if hide.plausible:
         check_size(hide.effect, hide.strength, size, first.unit, scale)
     physics = put(world.physics, name, first.resized(size))

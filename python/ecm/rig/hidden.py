@@ -106,7 +106,14 @@ class Hidden:
         known = {*DRAWS, *(MOVING if streamed else ())}
         left = sorted(known - set(taken) - set(impossible))
         if not left:
-            raise InputError("--hide random: the plan can show no effect at such a strength")
+            wish = f"random={self.strength:g}" if self.strength else "random"
+            raise InputError(
+                f"--hide {wish}: this plan can show none of {len(known - set(taken))} effects at "
+                f"{f's = {self.strength:g}' if self.strength else 'the strengths drawn'}: each "
+                "leaves no trace beside the modulus, or only at a size that nothing real has. "
+                "Hide a weaker one (`random=0.5`), name one (`--hide EFFECT=S` says what hinders "
+                "it), or plan with `ecm design … --preset diagnosable`"
+            )
         effect = str(random.choice(left))
         if not (self.strength or taken or impossible) and random.random() < NOTHING_SHARE:
             return Hidden(NOTHING, 0.0)

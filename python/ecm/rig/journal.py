@@ -27,7 +27,12 @@ def raw_path(out: Path) -> Path:
     return out.with_suffix(".raw.parquet")
 
 
-BESIDE = (".truth.json", ".raw.parquet", ".raw.toml", ".robot.json")
+BESIDE = {
+    ".truth.json": "a sealed truth",
+    ".raw.parquet": "a table",
+    ".raw.toml": "the description of a table",
+    ".robot.json": "the record of an arm",
+}
 """Suffixes of what belongs to a table, and goes when another takes its place."""
 
 
@@ -37,25 +42,38 @@ def clear_beside(out: Path, kept: Iterable[str]) -> None:
         out.with_suffix(suffix).unlink(missing_ok=True)
 
 
-def keep_data(out: Path, *, overwrite: bool) -> None:
+def keep_data(out: Path, *, overwrite: bool, resume: bool = True) -> None:
     """What was measured is not lost by a wrong name, nor by one that cannot be written.
+
+    resume: a campaign that was cut at `out` goes on; whether it is this one `Journal` finds out.
 
     Raises
     ------
     InputError
-        Where a table stands at `out` that no unfinished campaign there is about to write and
-        that may not be overwritten, or where `out` is to be a Parquet file.
+        Where a table, or what belongs to one, stands at `out` that no unfinished campaign there
+        is about to write and that may not be overwritten, or where `out` is no CSV file.
     """
-    if out.suffix == ".parquet":
+    if out.suffix != ".csv":
         raise InputError(f"{out}: tables are written as CSV; give a name that ends in .csv")
-    if overwrite or journal_path(out).exists():
+    if overwrite or (resume and _names_a_campaign(journal_path(out))):
         return
-    for path in (out, raw_path(out)):
+    there = {out: "a table"} | {out.with_suffix(suffix): what for suffix, what in BESIDE.items()}
+    for path, what in there.items():
         if path.exists():
             raise InputError(
-                f"{path}: a table stands there, and measurements are not overwritten. Choose "
+                f"{path}: {what} stands there, and measurements are not overwritten. Choose "
                 "another name, or say --overwrite (in Python: overwrite=True)"
             )
+
+
+def _names_a_campaign(path: Path) -> bool:
+    """Whether a journal stands there whose first line is whole."""
+    try:
+        with path.open(encoding="utf-8") as journal:
+            first = journal.readline()
+    except (OSError, UnicodeDecodeError):
+        return False
+    return first.startswith(_MARK) and first.endswith("\n") and len(first) > len(_MARK) + 1
 
 
 class Journal:

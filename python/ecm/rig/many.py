@@ -70,10 +70,12 @@ def run_campaigns(
     paths = paths_of(out, rigs)
     ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
     for i, path in enumerate(paths):
-        keep_data(path, overwrite=overwrite or i in ledger.own)
-    if overwrite and ledger.done.issuperset(range(rigs)):
-        ledger.done.clear()  # nothing is unfinished: all of it is to be measured anew
-    ledger.own.update(range(rigs))
+        # A journal that stands there is a single campaign's, never this job's.
+        keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
+    asked = set(range(rigs))
+    if overwrite and ledger.done >= asked:
+        ledger.done -= asked  # nothing is unfinished: all of it is to be measured anew
+    ledger.own |= asked
     ledger.save()
     done = ledger.done
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
@@ -90,7 +92,7 @@ def run_campaigns(
         done.add(i)
         ledger.save()
         if progress is not None:
-            progress(len(done), rigs, "rigs")
+            progress(len(done & asked), rigs, "rigs")
 
     work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
     if scheduler is None:
@@ -147,7 +149,7 @@ class _Ledger:
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             done = {int(i) for i in found["done"]}
-            own = {int(i) for i in found.get("own", done)}
+            own = {int(i) for i in found["own"]}
             if found["key"] == key:
                 return _Ledger(path, key, own, done)
         except (OSError, ValueError, KeyError, TypeError):

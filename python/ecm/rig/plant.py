@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.errors import ComputationError
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import COS2, SIN2, Elastic, Grading
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
@@ -19,11 +20,12 @@ from ecm.rig.optics import Optics
 from ecm.rig.physics import Physics
 from ecm.rig.physics.hysteresis import Hysteresis
 from ecm.rig.physics.payload import Payload
+from ecm.rig.physics.relaxation import Relaxation
 from ecm.rig.physics.sensor_play import SensorPlay
 from ecm.rig.physics.sensor_warm_up import SensorWarmUp
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import AT_HOME, POSE, Visit
+from ecm.rig.timeline import AT_HOME, POSE, Visit, travel_s
 
 F = NDArray[np.float64]
 
@@ -45,6 +47,8 @@ class Course:
     sensor_temperature_degC: F
     walk: F
     """Unit random process of the sensor's zero, (N, 6)."""
+    moving: bool = False
+    """The visits are samples of one way in the order of time, not each a rest after its way."""
 
     @property
     def loaded(self) -> NDArray[np.bool_]:
@@ -170,9 +174,7 @@ class Plant:
         if physics.cable is not None:
             world = world - physics.cable.pull(poses)
         if physics.stop is not None:
-            last = np.stack([(v.way[-1] - v.way[-2])[:3] if len(v.way) > 1 else np.zeros(3)
-                             for v in course.visits])  # fmt: skip
-            world = world - physics.stop.push(poses, last[rows])
+            world = world - physics.stop.push(poses, _arrivals(course)[rows])
         if physics.own_weight is not None:
             world = world - physics.own_weight.weight(poses, self.length_m, self._gravity)
         return turn_wrench(transpose(rotation(poses[:, 3:])), world)
@@ -249,22 +251,79 @@ class Plant:
         if physics.permanent_set is None:
             return np.zeros((len(course.visits), 6))
         poses = np.where(course.loaded[:, None], course.reached, self._rest)
-        return physics.permanent_set.sets(poses, course.of("dwell_s"), self._rest)
+        dwell = course.of("dwell_s")
+        if not course.moving:
+            return physics.permanent_set.sets(poses, dwell, self._rest)
+        # A sample adds what creeps until the next one, or until its rest ends.
+        arrived = course.time_s - dwell
+        departed = arrived - course.of("travel_s")
+        later = departed[1:] > departed[:-1] + 1e-6
+        ends = np.where(later & (dwell[:-1] > 0.0), departed[1:] - arrived[:-1], dwell[:-1])
+        ends = np.append(np.where(later, ends, dwell[1:]), dwell[-1])
+        return physics.permanent_set.sets(poses, np.maximum(ends, dwell), self._rest, dwell)
 
     def _lag(self, course: Course, play: SensorPlay) -> F:
         """Lag of the sensor along the loads of its way, (N, 6) in sensor axes, at size 1."""
         shape = play.resized(1.0)
         if shape not in self._lags:
-            anchors = self.elastic.anchors
-            turned = turn_wrench(transpose(rotation(anchors.poses[:, 3:])), anchors.wrenches)
+            points, first = _all_points(course)
+            turned = turn_wrench(transpose(rotation(points[:, 3:])), self._elastic_at(points))
             load = turned @ self._sensor_from_top.T
-            index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
-            passed = []
-            for visit, loaded in zip(course.visits, course.loaded, strict=True):
-                way = [index.get(point.tobytes(), REST_ANCHOR) for point in visit.way]
-                passed.append(load[way] if loaded else np.zeros((len(way), 6)))
+            passed = [
+                np.where(loaded, part, 0.0)
+                for part, loaded in zip(np.split(load, first), course.loaded, strict=True)
+            ]
             self._lags[shape] = shape.lag(passed)
         return self._lags[shape]
+
+    def _elastic_at(self, points: F) -> F:
+        """Elastic wrench (k, 6) at way points: the solver's at anchors, the smooth map's between.
+
+        Raises
+        ------
+        ComputationError
+            For a point that is no anchor, in a plant without a smooth map.
+        """
+        known = {pose.tobytes(): i for i, pose in enumerate(self.elastic.anchors.poses)}
+        index = np.asarray([known.get(point.tobytes(), -1) for point in points], dtype=np.int64)
+        h = self.elastic.anchors.wrenches[index]
+        between = index < 0
+        if between.any():
+            if self.elastic.smooth is None:
+                raise ComputationError(
+                    f"plant: the way passes {points[between][0].tolist()}, which is none of the "
+                    f"{len(known)} solved poses, and there is no smooth map between them. Plan 20 "
+                    "poses or more, or hide no effect that remembers its way"
+                )
+            h[between] = self.elastic.smooth.predict(points[between])
+        found: F = h
+        return found
+
+    def _relaxing(self, course: Course, relaxation: Relaxation) -> F:
+        """What relaxes along the way of a moving course, (N, 6); states go on through rests."""
+        points, first = _all_points(course)
+        parts = np.split(self._elastic_at(points), first)
+        here = self.elastic.wrench(course.anchor, course.reached)
+        wrenches, times, anew, own = list[F](), list[float](), list[bool](), list[int]()
+        for visit, passed, h in zip(course.visits, parts, here, strict=True):
+            left = visit.time_s - visit.travel_s - visit.dwell_s
+            departures = [left]
+            for start, end in zip(visit.way[-3::-1], visit.way[-2:0:-1], strict=True):
+                left -= travel_s(end - start, self._settings.rig)
+                departures.append(left)
+            begins = len(times)
+            # Where it stands still until it departs; the samples of one leg follow each other.
+            for moment, there in zip(departures[::-1], passed[:-1], strict=True):
+                if not times or moment > times[-1]:
+                    times.append(moment)
+                    wrenches.append(there)
+                    anew.append(visit.rested and len(times) == begins + 1)
+            own.append(len(times))
+            times.append(visit.time_s)
+            wrenches.append(h)
+            anew.append(False)
+        carried = relaxation.carried(np.stack(wrenches), np.asarray(times), np.asarray(anew))
+        return carried[own]
 
     def _factor(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
         factor = np.ones(int(rows.sum()))
@@ -272,7 +331,8 @@ class Plant:
             factor = factor * physics.temperature.factor(course.temperature_degC[rows])
         if physics.ageing is not None:
             factor = factor * physics.ageing.factor(course.time_s[rows])
-        if physics.relaxation is not None:
+        # Of a rest after its way from home; what moves carries its past (`_relaxing`).
+        if physics.relaxation is not None and not course.moving:
             travel, dwell = course.of("travel_s")[rows], course.of("dwell_s")[rows]
             factor = factor * physics.relaxation.factor(travel, dwell)
         if physics.softening is not None:
@@ -284,15 +344,18 @@ class Plant:
 
     def _held(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
         friction = physics.hysteresis
+        held = np.zeros((int(rows.sum()), 6))
+        if course.moving and physics.relaxation is not None:
+            held = held + self._relaxing(course, physics.relaxation)[rows]
         if friction is None:
-            return np.zeros((int(rows.sum()), 6))
+            return held
         # The state does not depend on the size: calibration asks for it many times.
         shape = friction.resized(1.0)
         if shape not in self._history:
             legs = [(v.way, v.rested) for v in course.visits]
             self._history[shape] = friction.states(legs, self.length_m)
         stiffness = self.elastic.anchors.stiffness[REST_ANCHOR]
-        return friction.wrench(self._history[shape][rows], stiffness, self.length_m)
+        return held + friction.wrench(self._history[shape][rows], stiffness, self.length_m)
 
     def zeroed(self, readings: F) -> F:
         """(N, 6) sensor readings without zero, as wrenches at the top in top axes."""
@@ -302,6 +365,24 @@ class Plant:
 
 REST_ANCHOR = 0
 """The rest pose is the first anchor of every campaign."""
+
+
+def _all_points(course: Course) -> tuple[F, NDArray[np.int64]]:
+    """The way points of all visits (K, 6), and where the second visit's and so on begin."""
+    points = np.concatenate([visit.way for visit in course.visits])
+    ends = np.cumsum([len(visit.way) for visit in course.visits], dtype=np.int64)
+    return points, ends[:-1]
+
+
+def _arrivals(course: Course) -> F:
+    """Last step of each visit's way (N, 3); what has arrived keeps the step that it came by."""
+    steps = np.zeros((len(course.visits), 3))
+    for i, visit in enumerate(course.visits):
+        if len(visit.way) > 1:
+            steps[i] = (visit.way[-1] - visit.way[-2])[:3]
+        if course.moving and i and not steps[i].any():
+            steps[i] = steps[i - 1]
+    return steps
 
 
 def nominal_physics(settings: RigSettings, physics: Physics, warm_up_direction: F) -> Physics:
@@ -323,7 +404,12 @@ def nominal_physics(settings: RigSettings, physics: Physics, warm_up_direction: 
 
 
 def course_of(
-    visits: tuple[Visit, ...], reached: F, anchor: NDArray[np.int64], air: Climate
+    visits: tuple[Visit, ...],
+    reached: F,
+    anchor: NDArray[np.int64],
+    air: Climate,
+    *,
+    moving: bool = False,
 ) -> Course:
     """The visits with what the slow processes are at their times."""
     time = np.asarray([v.time_s for v in visits])
@@ -335,4 +421,5 @@ def course_of(
         air.at(air.mechanism_degC, time),
         air.at(air.sensor_degC, time),
         air.at(air.walk, time),
+        moving,
     )

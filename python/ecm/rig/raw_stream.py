@@ -1,16 +1,17 @@
 """The raw stream: what camera and sensor read while the arm moves, `NAME.raw.parquet`.
 
 [rig] stream_Hz samples a second, on the way to each pose, for a second of its rest, and on the way
-home again (what follows the velocity changes its sign, what relaxes does not); one row is one image
-and the mean of the sensor's samples between two images. On its way from a to b, of which u is done,
+home again (what follows the velocity changes its sign; what relaxes goes on from what it holds and
+ends with the other sign); one row is one image and the mean of the sensor's samples between two
+images. On its way from a to b, of which u is done,
 the mechanism holds
 
     h(p) = s(p) + sum_k L_k(u) [h_k - s(c_k) + (K_k - S(c_k)) (p - c(u))],    c(u) = a + u (b - a)
 
 s with slope S the smooth map through the anchors, c_k the commanded poses at u = 0, 1/3, 2/3, 1,
 FEM wrench h_k and stiffness K_k, L_k Lagrange's polynomials. What is hidden in the plant acts
-here too, each sample being a visit of its own on the way; a rest is entered by its samples, so a
-set that grows with the time at rest grows a little faster than it does for the readings at rest.
+here too, each sample being a visit of its own on the way: what remembers goes on from sample to
+sample, through rests and the way home.
 """
 
 from __future__ import annotations
@@ -61,10 +62,11 @@ class Leg:
     commanded: tuple[F, F]
     """Where it was to begin and to end, poses of these anchors."""
     departs_s: float
+    home: bool
 
     def inner(self) -> F:
         """Commanded poses (2, 6) at a third and two thirds; the same ones there and back."""
-        (a, b), back = self.commanded, self.anchors[1] == REST_ANCHOR
+        (a, b), back = self.commanded, self.home
         first, last = (b, a) if back else (a, b)
         thirds = np.stack([first + (last - first) * u for u in NODES[1:3]])
         return thirds[::-1] if back else thirds
@@ -83,9 +85,9 @@ class Leg:
         return speed
 
     def times(self, rate_Hz: float) -> F:
-        """Of the samples."""
+        """Of the samples; none where the leg is shorter than the time between two."""
         span = self.visit.travel_s + min(self.visit.dwell_s, REST_S)
-        count = max(1, int(span * rate_Hz))
+        count = int(span * rate_Hz)
         times: F = self.departs_s + (np.arange(count, dtype=np.float64) + 0.5) / rate_Hz
         return times
 
@@ -112,10 +114,16 @@ class RawStream:
             )
         self._settings, self._air, self._offset = settings, air, offset
         self._plant, self._smooth = plant, smooth
+        self._rest = plant.elastic.anchors.poses[REST_ANCHOR]
         self.legs = _legs(plant, course, settings.rig)
         times = [leg.times(settings.rig.stream_Hz) for leg in self.legs]
         self.leg = np.repeat(np.arange(len(times)), [len(t) for t in times])
-        self.time_s: F = np.concatenate(times)
+        self.time_s: F = np.concatenate([*times, np.empty(0)])
+        if not self.time_s.size:
+            raise InputError(
+                f"[rig] stream_Hz = {settings.rig.stream_Hz:g}: no way of this plan is as long as "
+                "the time between two samples. Set a higher rate, or stream_Hz = 0"
+            )
         self._miss, self._slope = self._misses(solve)
         self.window_s = 1.0 / settings.instrument.camera_rate_Hz
         self._still = self._at(self.time_s)
@@ -160,25 +168,36 @@ class RawStream:
         """The samples with the noise of one row each."""
         from ecm.table import Table
 
-        seen, sensor = self.truth(campaign.physics)
+        # Copies: where nothing lies between, what the camera sees is the samples' own pose.
+        seen, sensor = (array.copy() for array in self.truth(campaign.physics))
         instrument = self._settings.instrument
         gauge = ForceTorqueSensor(instrument)
+        # Of the two thermometers and the stamp, one row each.
+        other = np.zeros((len(self.time_s), 3))
         for i, leg in enumerate(self.legs):
-            random = stream(campaign.seed, "raw", i, *leg.visit.serial)
-            for row in np.flatnonzero(self.leg == i):
+            # Named by its visit: a pose that is skipped leaves the noise of all others as it is.
+            whither = "home" if leg.home else "there"
+            random = stream(campaign.seed, "raw", whither, *leg.visit.serial)
+            rows = np.flatnonzero(self.leg == i)
+            for row in rows:
                 sensor[row] = gauge.read(sensor[row], self.window_s, random).mean(axis=0)
                 seen[row] = campaign.image(
                     seen[row], self.time_s[row], self.window_s, (random, random)
                 ).mean
+            other[rows] = random.standard_normal((len(rows), 3))
         air, course = self._air, campaign.course
         reads = zero_readings(course)
+        warmth = np.stack([air.at(p, self.time_s) for p in (air.probe_degC, air.sensor_degC)], 1)
+        warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
+        stamps = (1.0 + instrument.clock_skew) * self.time_s
+        stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
         warm = campaign.physics.sensor_warm_up
         zero = zero_at(
             self.time_s,
             course.time_s[reads],
             np.stack([r.sensor for r in readings])[reads],
             self._settings.rig.offset_compensation,
-            temperature_degC=air.at(air.sensor_degC, self.time_s),
+            temperature_degC=warmth[:, 1],
             reading_temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings])[
                 reads
             ],
@@ -187,15 +206,15 @@ class RawStream:
         wrench = turn_wrench(rotation(seen[:, 3:]), self._plant.zeroed(sensor - zero))
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
-            "time_s": (1.0 + instrument.clock_skew) * self.time_s,
+            "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
         }
         columns |= dict(zip(POSE_NAMES, seen.T.copy(), strict=True))
         columns |= dict(zip(WRENCH_NAMES, wrench.T.copy(), strict=True))
         names = (f"v_{name}" for name in POSE_NAMES)
         columns |= dict(zip(names, self.velocities().T.copy(), strict=True))
         columns["leds_visible"] = Optics(instrument).visible(seen).sum(axis=1).astype(np.float64)
-        columns["temperature_degC"] = air.at(air.probe_degC, self.time_s)
-        columns["sensor_temperature_degC"] = air.at(air.sensor_degC, self.time_s)
+        columns["temperature_degC"] = warmth[:, 0].copy()
+        columns["sensor_temperature_degC"] = warmth[:, 1].copy()
         meta = described(campaign, "", window_s=self.window_s)
         return Table(columns, replace(meta, file=replace(meta.file, kind="continuous")), "stream")
 
@@ -209,7 +228,7 @@ class RawStream:
         return start + share[:, None] * (end - start), share
 
     def _at(self, time_s: F) -> tuple[Plant, Course]:
-        """A plant whose anchors are the samples themselves at these moments, and their course."""
+        """A plant whose anchors are the solved poses and the samples, and the samples' course."""
         poses, share = self._on_the_way(time_s)
         known = self._plant.elastic.anchors
         ends = np.asarray([leg.anchors for leg in self.legs])[self.leg]
@@ -219,25 +238,27 @@ class RawStream:
         weights = _lagrange(share)
         slope = np.einsum("nk,nkij->nij", weights, self._slope[self.leg])
         missed = np.einsum("nk,nki->ni", weights, self._miss[self.leg])
-        wrenches = self._smooth.predict(poses) + missed + np.einsum("nij,nj->ni", slope, off)
+        wrenches = self._smooth.predict(poses) + missed + _times(slope, off)
         stiffness = self._smooth.stiffness(poses) + slope
         anchors = Anchors(
-            np.concatenate([known.poses[:1], poses]),
-            np.concatenate([known.wrenches[:1], wrenches]),
-            np.concatenate([known.stiffness[:1], stiffness]),
-            ("solved",) * (1 + len(poses)),
+            np.concatenate([known.poses, poses]),
+            np.concatenate([known.wrenches, wrenches]),
+            np.concatenate([known.stiffness, stiffness]),
+            known.status + ("solved",) * len(poses),
         )
         gradings: Mapping[str, Grading] = {
             name: Grading(
-                np.concatenate([g.wrenches[:1], _between(g.wrenches, ends, u)]),
-                np.concatenate([g.stiffness[:1], _between(g.stiffness, ends, u[:, :, None])]),
+                np.concatenate([g.wrenches, _between(g.wrenches, ends, u) + _times(k, off)]),
+                np.concatenate([g.stiffness, k]),
             )
             for name, g in self._plant.gradings.items()
+            for k in (_between(g.stiffness, ends, u[:, :, None]),)
         }
         plant = Plant(self._settings, Elastic(anchors), self._plant.length_m, gradings)
         plant.believed = self._plant.believed
-        index = 1 + np.arange(len(poses))
-        return plant, course_of(self._visits(time_s, poses), poses, index, self._air)
+        index = len(known.poses) + np.arange(len(poses))
+        visits = self._visits(time_s, poses)
+        return plant, course_of(visits, poses, index, self._air, moving=True)
 
     def _misses(self, solve: Callable[[F], Anchors]) -> tuple[F, F]:
         """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
@@ -265,21 +286,31 @@ class RawStream:
 
     def _visits(self, time_s: F, poses: F) -> tuple[Visit, ...]:
         visits = []
-        before = -1
-        for row, i in enumerate(self.leg.tolist()):
-            leg = self.legs[i]
-            first = i != before
-            before = i
-            way = [*leg.visit.way[:-1], poses[row]] if first else [poses[row - 1], poses[row]]
-            moved = float(np.clip(time_s[row] - leg.departs_s, 0.0, leg.visit.travel_s))
-            rested = float(max(0.0, time_s[row] - leg.departs_s - leg.visit.travel_s))
-            sample = replace(
-                leg.visit, pose=poses[row], time_s=float(time_s[row]), window_s=self.window_s,
-                travel_s=moved, dwell_s=rested, way=np.stack(way),
-                rested=leg.visit.rested and first,
-            )  # fmt: skip
-            visits.append(sample)
+        anew = False
+        for i, leg in enumerate(self.legs):
+            anew = anew or leg.visit.rested
+            for k, row in enumerate(np.flatnonzero(self.leg == i).tolist()):
+                before = poses[row - 1 : row]
+                way = [*before, *([] if k else self._passed(i, row)), poses[row]]
+                moved = float(np.clip(time_s[row] - leg.departs_s, 0.0, leg.visit.travel_s))
+                rested = float(max(0.0, time_s[row] - leg.departs_s - leg.visit.travel_s))
+                sample = replace(
+                    leg.visit, pose=poses[row], time_s=float(time_s[row]), window_s=self.window_s,
+                    travel_s=moved, dwell_s=rested, way=np.stack(way), rested=anew,
+                )  # fmt: skip
+                anew = False
+                visits.append(sample)
         return tuple(visits)
+
+    def _passed(self, i: int, row: int) -> list[F]:
+        """Solved poses between the sample before, of another leg, and the first of a leg."""
+        leg = self.legs[i]
+        if leg.home:
+            # At its begin the sample before stands, but where the way there was too short for one.
+            return [] if row and self.leg[row - 1] == i - 1 else [leg.visit.pose]
+        points = list(leg.visit.way[:-1])
+        # A way that begins at the pose before: its samples, and those of a way home, are passed.
+        return points[1:] if row and not np.array_equal(points[0], self._rest) else points
 
 
 def _legs(plant: Plant, course: Course, procedure: Procedure) -> list[Leg]:
@@ -295,10 +326,10 @@ def _legs(plant: Plant, course: Course, procedure: Procedure) -> list[Leg]:
             continue
         if len(visit.way) > 1:
             start = visit.way[-2]
-            ends = (known.get(start.tobytes(), REST_ANCHOR), anchor)
+            ends = (known[start.tobytes()], anchor)
             arrives = visit.time_s - 0.5 * visit.window_s - visit.dwell_s
             way = (start, visit.pose)
-            legs.append(Leg(visit, start, reached, ends, way, arrives - visit.travel_s))
+            legs.append(Leg(visit, start, reached, ends, way, arrives - visit.travel_s, False))
         if after is not None and len(after.way) > 1 and np.array_equal(after.way[1], rest):
             home = replace(
                 visit, way=np.stack([reached, rest]), rested=False, dwell_s=0.0,
@@ -306,7 +337,7 @@ def _legs(plant: Plant, course: Course, procedure: Procedure) -> list[Leg]:
             )  # fmt: skip
             departs = visit.time_s + 0.5 * visit.window_s
             way = (visit.pose, rest)
-            legs.append(Leg(home, reached, rest, (anchor, REST_ANCHOR), way, departs))
+            legs.append(Leg(home, reached, rest, (anchor, REST_ANCHOR), way, departs, True))
     return legs
 
 
@@ -315,6 +346,12 @@ def _lagrange(share: F) -> F:
     columns = [np.prod([(share - m) / (n - m) for m in NODES if m != n], axis=0) for n in NODES]
     weights: F = np.stack(columns, axis=1)
     return weights
+
+
+def _times(stiffness: F, steps: F) -> F:
+    """Changes of the wrench (N, 6) by stiffness (N, 6, 6) and steps (N, 6)."""
+    change: F = np.einsum("nij,nj->ni", stiffness, steps)
+    return change
 
 
 def _between(values: F, ends: NDArray[np.int64], share: F) -> F:

@@ -24,6 +24,12 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 
+_NO_STREAM = (
+    "[rig] stream_Hz: the raw stream is kept beside a table on disk only; give `out`, or ask "
+    "Campaign.raw_stream for it"
+)
+
+
 def run_campaign(
     plan: Table,
     rig: RigSettings,
@@ -46,7 +52,7 @@ def run_campaign(
         Poses in visiting order; its TOML names the `[mechanism]`.
     out
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
-        NAME.journal.csv before the next one is taken. None: in memory.
+        NAME.journal.csv before the next one is taken. None: in memory, without the raw stream.
     hide
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
     resume
@@ -61,14 +67,15 @@ def run_campaign(
     Returns
     -------
     Table
-        Its `warnings` hold the poses that were skipped, with the reason.
+        Its `warnings` hold the poses that were skipped, with the reason, and that a raw stream
+        was asked for where there is no file to keep it beside.
 
     Raises
     ------
     InputError
         A finished table stands at `out`, or the journal of another campaign.
     """
-    _possible(rig, out, overwrite=overwrite)
+    need_possible(rig, out, overwrite=overwrite, resume=resume)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -92,8 +99,10 @@ def run_campaign(
             kept.remove()
         return table
     campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
+    raw = campaign.raw_stream()  # where a plan has too few poses for one it is said now
     if out is None:
-        return campaign.run()
+        table = campaign.run()
+        return table if raw is None else replace(table, warnings=(*table.warnings, _NO_STREAM))
     path = journal_path(out)
     with Journal(path, campaign.key(source), HEADER, resume=resume) as journal:
         for i in range(len(journal.lines), len(campaign)):
@@ -101,7 +110,6 @@ def run_campaign(
             if progress is not None:
                 progress(i + 1, len(campaign), "measuring")
         readings = [Reading.parse(line, str(path)) for line in journal.lines]
-    raw = campaign.raw_stream()
     if raw is not None:
         write_parquet(raw.table(campaign, readings), raw_path(out))
     table = _written(campaign, campaign.table(readings), out)
@@ -109,10 +117,12 @@ def run_campaign(
     return table
 
 
-def _possible(rig: RigSettings, out: Path | None, *, overwrite: bool) -> None:
+def need_possible(
+    rig: RigSettings, out: Path | None, *, overwrite: bool, resume: bool = True
+) -> None:
     """InputError or MissingExtra, before the work, where it could not be written."""
     if out is not None:
-        keep_data(out, overwrite=overwrite)
+        keep_data(out, overwrite=overwrite, resume=resume)
     if not rig.rig.stream_Hz:
         return
     if rig.rig.mode == "robot":

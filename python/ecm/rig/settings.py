@@ -19,6 +19,8 @@ from ecm.rig.arm_table import ArmTable
 from ecm.rig.fields import from_table, nearest, setting
 
 TABLES = ("rig", "instrument", "plant", "hidden")
+LOWEST_STREAM_HZ = 0.1
+"""Below it many a way is passed without a sample."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Procedure:
     handling_s: float = setting(600.0, low=0.0, high=1e6)
     """Time of a remount, of a payload taken off, of a dead weight."""
     stream_Hz: float = setting(0.0, low=0.0, high=1e4)
-    """Samples a second of the raw stream while the arm moves, NAME.raw.parquet; 0: none."""
+    """Samples a second of the raw stream while the arm moves, NAME.raw.parquet; 0: none. One is
+    an image, so camera_rate_Hz at most, and 0.1 at least."""
     rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
     stretch_limit: float = setting(0.8, low=0.0, high=10.0)
     """Limit of |r - r0| over the length of the mechanism; poses outside are skipped."""
@@ -189,6 +192,13 @@ class RigSettings:
                 f"[instrument] top_from_sensor: the quaternion (w, x, y, z) = "
                 f"{tuple(quaternion.tolist())} has norm {np.linalg.norm(quaternion):.6g}, "
                 "expected 1; give x y z then w x y z"
+            )
+        rate, images = self.rig.stream_Hz, self.instrument.camera_rate_Hz
+        if rate and not LOWEST_STREAM_HZ <= rate <= images:
+            raise InputError(
+                f"[rig] stream_Hz = {rate:g}: a row of the raw stream is one image, expected "
+                f"{LOWEST_STREAM_HZ:g} to [instrument] camera_rate_Hz = {images:g}, or 0 for no "
+                "stream"
             )
 
     @staticmethod

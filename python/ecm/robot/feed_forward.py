@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 _NAME = "controller"
+_FILE = "controller-"
 
 
 class ControllerModel:
@@ -52,6 +53,15 @@ def compiled(library: Path) -> ControllerModel:
     return ControllerModel(evaluate, pose, wrench, stiffness)
 
 
+def need_library(folder: Path) -> None:
+    """ComputationError where none is kept in a folder and none could be made.
+
+    Which one a plan needs is known after its FEM; `build` asks again then.
+    """
+    if not any(folder.glob(f"{_FILE}*.so")):
+        need_compiler()
+
+
 def need_compiler() -> str:
     """The C compiler of this machine, or a ComputationError."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -75,7 +85,7 @@ def build(model: Model, folder: Path) -> Path:
 
     files = export_files(model, "c", _NAME).files
     text = files[f"{_NAME}.h"] + files[f"{_NAME}.c"]
-    library = folder / f"controller-{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
+    library = folder / f"{_FILE}{hashlib.sha256(text.encode()).hexdigest()[:32]}.so"
     if library.exists():
         return library
     compiler = need_compiler()

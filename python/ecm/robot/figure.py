@@ -10,18 +10,9 @@ from numpy.typing import NDArray
 
 from ecm.errors import MissingExtra
 from ecm.robot.procedure import Sortie, Stop, whole_way
+from ecm.robot.shown import COLOURS, PANELS
 
 F = NDArray[np.float64]
-
-_NAMES = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
-_COLOURS = {
-    "impedance": "#cfe3f7",
-    "settle": "#e4eefb",
-    "position": "#fbe3c4",
-    "rest": "#eeeeee",
-    "reading": "#f6b8b0",
-    "return": "#dff0d8",
-}
 
 
 def figure_7(sortie: Sortie, stop: Stop, length_m: float, path: Path) -> None:
@@ -43,16 +34,16 @@ def figure_7(sortie: Sortie, stop: Stop, length_m: float, path: Path) -> None:
     axes: Any = figure.subplots(2, 3, sharex=True)
     for j, axis in enumerate(axes.ravel()):
         for name, begin, end in (*outcome.phases, *sortie.home.phases):
-            axis.axvspan(begin, end, color=_COLOURS[name], lw=0, label=name if j == 0 else None)
+            axis.axvspan(begin, end, color=COLOURS[name], lw=0, label=name if j == 0 else None)
         axis.plot(time_s, 1e3 * (way[:, j] - rest[j]), color="#204a87", lw=1.5)
         axis.axhline(1e3 * (stop.goal[j] - rest[j]), color="#a40000", lw=1.0, ls="--")
-        axis.set_title(_NAMES[j], fontsize=10)
+        axis.set_title(PANELS[j], fontsize=10)
         axis.margins(x=0)
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     words = "reached" if not outcome.reason else f"skipped: {outcome.reason}"
     figure.suptitle(f"One pose of the procedure ({words}); dashed: goal", fontsize=11)
-    figure.legend(loc="outside lower center", ncols=len(_COLOURS), fontsize=9, frameon=False)
+    figure.legend(loc="outside lower center", ncols=len(COLOURS), fontsize=9, frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110, metadata=_no_date(path))
 

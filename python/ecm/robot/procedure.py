@@ -5,7 +5,8 @@
 
 Impedance control drives towards the goal and reaches a fraction of it, the mechanism being the
 stiffer spring along x. When the arm has come to rest, inverse kinematics and joint position control
-go to the exact pose. The joints of every step lie on a stack; the way home is that stack backwards.
+go to the exact pose. The joints of every step, as the encoders read them, lie on a stack; the way
+home is that stack backwards.
 """
 
 from __future__ import annotations
@@ -143,7 +144,7 @@ class Machine:
         """Visits the stops one after the other and comes home; what fails is skipped."""
         self.simulation.reset()
         self._servo.release()
-        self._stack = [self.simulation.joints_rad.copy()]
+        self._stack = [self._servo.encoders_rad().copy()]
         outcomes, from_home = [], True
         if self._around is not None:
             self._around.leave(self._rest, stops[0].depart_s)
@@ -182,7 +183,7 @@ class Machine:
         self._servo.release()
         self.simulation.reset()
         self.simulation.steps = steps
-        self._stack = [self.simulation.joints_rad.copy()]
+        self._stack = [self._servo.encoders_rad().copy()]
         self._log("return", self.simulation.time_s)
 
     # --- phases ---------------------------------------------------------------
@@ -241,16 +242,16 @@ class Machine:
 
     def _position(self, goal: F, axes: F) -> None:
         simulation = self.simulation
-        now = simulation.joints_rad.copy()
+        now, pose = self._servo.encoders_rad().copy(), self._servo.pose().copy()
         flange_m, flange_axes = self._scene.flange_goal(goal[:3], axes)
         found = solve(flange_m, flange_axes, self._elbow, now, self._arm.joint_margin_rad)
         if found.reason:
             raise Halt(f"inverse kinematics: {found.reason}")
-        points = self._between(now, found.joints_rad, goal, axes)
+        points = self._between(now, found.joints_rad, pose, goal, axes)
         procedure = self._settings.rig
-        here = Rotation.from_rotvec(simulation.pose[3:])
+        here = Rotation.from_rotvec(pose[3:])
         duration = max(
-            duration_s(float(np.linalg.norm(goal[:3] - simulation.pose[:3])), procedure.speed_m_s),
+            duration_s(float(np.linalg.norm(goal[:3] - pose[:3])), procedure.speed_m_s),
             duration_s(
                 (Rotation.from_matrix(axes) * here.inv()).magnitude(), procedure.speed_rad_s
             ),
@@ -264,12 +265,11 @@ class Machine:
         last = points[-1] - points[-2]
         self._outcome.directions = np.where(np.abs(last) > _MOVED_RAD, np.sign(last), 0.0)
 
-    def _between(self, now: F, end: F, goal: F, axes: F) -> F:
+    def _between(self, now: F, end: F, pose: F, goal: F, axes: F) -> F:
         """Joints on the straight line of poses and elbows from here to the goal, (n, 7).
 
         Straight joints would swing the top aside where the elbow has far to go.
         """
-        pose = self.simulation.pose
         here = Rotation.from_rotvec(pose[3:])
         turn = (Rotation.from_matrix(axes) * here.inv()).as_rotvec()
         first = swivel(now)
@@ -332,7 +332,7 @@ class Machine:
         begin = self._begin_s = simulation.time_s
         self._servo.engage()
         back = np.stack(self._stack[::-1])
-        now = simulation.joints_rad
+        now = self._servo.encoders_rad().copy()
         gap = float(np.abs(back[0] - now).max())
         if gap > 1e-4:  # stopped in motion: ease back onto the recorded way first
             share, rate = progress(max(0.2, duration_s(gap, _SLOW_RAD_S)), simulation.step_s)
@@ -352,8 +352,8 @@ class Machine:
         The recorded way would lead through every pose before.
         """
         simulation, procedure = self.simulation, self._settings.rig
-        pose, home = simulation.pose, simulation.home_rad
-        way = simulation.joints_rad - home
+        pose, home = self._servo.pose(), simulation.home_rad
+        way = self._servo.encoders_rad() - home
         duration = max(
             duration_s(float(np.linalg.norm(pose[:3] - self._rest[:3])), procedure.speed_m_s),
             duration_s(float(np.linalg.norm(pose[3:])), procedure.speed_rad_s),
@@ -368,7 +368,7 @@ class Machine:
         simulation = self.simulation
         simulation.advance(torque)
         if keep:
-            self._stack.append(simulation.joints_rad.copy())
+            self._stack.append(self._servo.encoders_rad().copy())
         if simulation.steps % TICK == 0:
             self._tick(torque, phase)
 

@@ -16,7 +16,7 @@ from ecm.rig.hidden import Hidden
 from ecm.rig.journal import Journal
 from ecm.rig.settings import RigSettings
 from ecm.robot.campaign import RobotCampaign
-from ecm.robot.feed_forward import need_compiler
+from ecm.robot.feed_forward import need_library
 from ecm.robot.record import HEADER, Line
 from ecm.robot.scene import mujoco
 from ecm.robot.summary import document
@@ -33,10 +33,16 @@ def robot_path(data: Path) -> Path:
     return data.with_suffix(".robot.json")
 
 
-def need_arm() -> None:
-    """MissingExtra or ComputationError now, not after the work, where the arm cannot be driven."""
+def need_arm(folder: Path) -> None:
+    """MissingExtra or ComputationError now, not after the work, where the arm cannot be driven.
+
+    Parameters
+    ----------
+    folder
+        Where compiled controllers are kept; with one there a C compiler is not asked for.
+    """
     mujoco()
-    need_compiler()
+    need_library(folder)
 
 
 def run_robot(
@@ -53,7 +59,7 @@ def run_robot(
     threads: int = 0,
 ) -> tuple[RobotCampaign, Table, Journal | None]:
     """All visits, read and in a table; the journal, where there is one, is still there."""
-    need_arm()
+    need_arm(folder)
     campaign = RobotCampaign(
         plan,
         rig,

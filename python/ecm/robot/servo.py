@@ -34,18 +34,22 @@ class Servo:
         self._spring = arm.joint_stiffness_Nm_rad
         self._damper = 2.0 * arm.joint_damping_ratio * np.sqrt(self._spring * own)
         self._trim: F = np.zeros(7)
+        self._engaged = False
         self._share = simulation.step_s / _TRIM_S
         self._implicit = self._damper + simulation.step_s * self._spring
         self._own: F = simulation.model.dof_damping.copy()
         self._yield = arm.joint_yield_rad_Nm
 
     def engage(self) -> None:
-        """Put the dampers into the model; the trim begins anew."""
-        self._trim[:] = 0.0
+        """Put the dampers into the model; the trim begins anew where they were out."""
+        if not self._engaged:
+            self._trim[:] = 0.0
+        self._engaged = True
         self._simulation.model.dof_damping[:] = self._own + self._implicit
 
     def release(self) -> None:
         """Take them out again."""
+        self._engaged = False
         self._simulation.model.dof_damping[:] = self._own
 
     def torque(self, joints_rad: F, speeds_rad_s: F) -> F:
@@ -56,7 +60,7 @@ class Servo:
         torque: F = self._spring * (away + self._trim)
         torque += self._damper * speeds_rad_s
         if self._forward:
-            model.pose[:] = simulation.pose
+            model.pose[:] = self.pose()
             model.evaluate()
             torque += simulation.jacobian_T.dot(model.wrench)
         return torque
@@ -69,6 +73,14 @@ class Servo:
         held: F = self._simulation.jacobian_T.dot(self._simulation.wrench)
         read: F = joints + self._yield * held
         return read
+
+    def pose(self) -> F:
+        """(6,) of the top by the encoders, all that a position controller knows of it."""
+        simulation = self._simulation
+        if not self._yield:
+            here: F = simulation.pose
+            return here
+        return simulation.pose_beside(self.encoders_rad() - simulation.joints_rad)
 
     def dampers_Nm(self) -> F:
         """What the implicit dampers take at present."""

@@ -14,6 +14,7 @@ from ecm.rig.run import fem_source
 from ecm.rig.settings import RigSettings
 from ecm.robot.campaign import RobotCampaign
 from ecm.robot.procedure import Sortie, Stop, whole_way
+from ecm.robot.run import need_arm
 from ecm.stages import cache_directory
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ F = NDArray[np.float64]
 
 FILMED = 3
 _TRIED = 10
+"""Poses that are driven, each for about a second, in search of one that is reached."""
 _RADIUS_M = 0.033
 """Drawn where the plan's mechanism names no radius."""
 
@@ -70,7 +72,12 @@ def show(
 
         sortie, stop = _first_reached(campaign)
         figure_7(sortie, stop, campaign.plant.length_m, phases)
-        said.append(f"{phases}: the phases of the first pose that the arm reaches")
+        reason = sortie.outcomes[0].reason
+        said.append(
+            f"{phases}: the phases of the first pose that the arm reaches"
+            if not reason
+            else f"{phases}: the phases of the first pose, which the arm does not reach: {reason}"
+        )
     if film is not None:
         from ecm.robot.film import film as write
 
@@ -90,8 +97,10 @@ def pose_on_its_way(
     threads: int = 0,
     source: Source | None = None,
     folder: Path | None = None,
-) -> tuple[dict[str, F], list[list[Any]]]:
+) -> tuple[dict[str, F], list[list[Any]], str]:
     """Fig. 7 in numbers: the first pose of a plan that is reached, from home and back.
+
+    Where none of the first poses is reached it is the very first, as far as the arm came.
 
     Returns
     -------
@@ -99,6 +108,8 @@ def pose_on_its_way(
         `time_s` (n,), `way` (n, 6) and `goal` (6,) less the rest pose, m and rad.
     phases
         Name, begin and end in s.
+    reason
+        Why the pose was not reached; empty where it was.
     """
     campaign = _campaign(
         plan, rig, seed=seed, threads=threads, progress=None, source=source, folder=folder
@@ -107,11 +118,13 @@ def pose_on_its_way(
     time_s, way = whole_way(sortie)
     rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     phases = [[*phase] for phase in (*sortie.outcomes[0].phases, *sortie.home.phases)]
-    return {"time_s": time_s, "way": way - rest, "goal": stop.goal - rest}, phases
+    known = np.isfinite(way).all(axis=1)  # until it diverged, where it did
+    arrays = {"time_s": time_s[known], "way": way[known] - rest, "goal": stop.goal - rest}
+    return arrays, phases, sortie.outcomes[0].reason
 
 
 def _first_reached(campaign: RobotCampaign) -> tuple[Sortie, Stop]:
-    """The first pose with all phases; where the first ten have none, the first."""
+    """The first pose that is reached; where none of the first `_TRIED` is, the first."""
     machine = campaign.job.machine()
     first: tuple[Sortie, Stop] | None = None
     for tour in campaign.tours[:_TRIED]:
@@ -136,6 +149,7 @@ def _campaign(
     folder: Path | None,
 ) -> RobotCampaign:
     kept = cache_directory() if folder is None else folder
+    need_arm(kept)
     return RobotCampaign(
         plan,
         rig,

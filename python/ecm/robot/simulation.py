@@ -105,6 +105,19 @@ class Simulation:
             self.beside += self._drift
         self.sense()
 
+    def pose_beside(self, away_rad: F) -> F:
+        """Pose (6,) with the joints so far (7,) from where they are, to first order."""
+        moved: F = np.zeros(6)
+        shift = self.jacobian.dot(away_rad)
+        moved[:3] = self.position + shift[:3]
+        turn, beside = np.zeros(4), np.zeros(4)
+        angle = float(np.linalg.norm(shift[3:]))
+        axis = shift[3:] / angle if angle > 0.0 else np.array([1.0, 0.0, 0.0])
+        self.library.mju_axisAngle2Quat(turn, axis, angle)
+        self.library.mju_mulQuat(beside, turn, self.quaternion)
+        self.library.mju_quat2Vel(moved[3:], beside, 1.0)
+        return moved
+
     def drift(self, beside: F, steps: int) -> None:
         """What acts beside elasticity goes to this wrench (6,) in so many steps, evenly."""
         self._drift = (beside - self.beside) / steps

@@ -12,13 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from ecm.columns import POSE, WRENCH
 from ecm.rig import timeline
+from ecm.robot.shown import COLOURS, thousandths
 
 if TYPE_CHECKING:
     from ecm.robot.campaign import RobotCampaign
 
 F = NDArray[np.float64]
 
-PHASES = ("impedance", "settle", "position", "rest", "reading", "return")
+PHASES = tuple(COLOURS)
 
 
 def errors(poses: F, goals: F) -> tuple[F, F]:
@@ -106,10 +107,10 @@ def words(path: Path) -> list[str]:
             phase = found["phases"][name]
             share = " ".join(f"{100.0 * s:.0f}" for s in phase["fraction"].values())
             lines.append(
-                f"after the {name} phase: {_thousandths(phase['median_m'])} mm and "
-                f"{_thousandths(phase['median_rad'])} mrad from the goal (median), largest "
-                f"{_thousandths(phase['largest_m'])} mm and "
-                f"{_thousandths(phase['largest_rad'])} mrad; "
+                f"after the {name} phase: {thousandths(phase['median_m'])} mm and "
+                f"{thousandths(phase['median_rad'])} mrad from the goal (median), largest "
+                f"{thousandths(phase['largest_m'])} mm and "
+                f"{thousandths(phase['largest_rad'])} mrad; "
                 f"share of the way, x to theta_z: {share} %"
             )
         off, arm = found["off_known_m"], found["calibration"]
@@ -122,11 +123,6 @@ def words(path: Path) -> list[str]:
             f"{off['mean'] * 1e3:.1f} mm on average"
         )
     return [*lines, f"{path}: the record of the arm"]
-
-
-def _thousandths(value: float) -> str:
-    """In mm or mrad; rounding errors of the simulation are no figures."""
-    return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"
 
 
 def _phases(reached: list[Any], campaign: RobotCampaign) -> dict[str, Any]:

@@ -6,7 +6,7 @@ the clamp gives way at step_s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,10 @@ class MarkerMotion(Sized):
     """Half of the way is gone at once here; beyond the end: no step."""
 
     unit: ClassVar[str] = "m"
+
+    def afterwards(self) -> MarkerMotion:
+        """A step has happened before the begin; what creeps, creeps anew."""
+        return replace(self, step_s=-1.0) if self.step_s < self.end_s else self
 
     def measured(self, poses: F, time_s: F) -> F:
         """(N, 6) poses relative to the marker that has moved."""

@@ -27,13 +27,17 @@ class PermanentSet(Sized):
 
     unit: ClassVar[str] = "1"
 
-    def sets(self, poses: F, dwell_s: F, rest: F) -> F:
-        """(N, 6) set at each visit, before the visit itself has added to it."""
+    def sets(self, poses: F, dwell_s: F, rest: F, before_s: F | float = 0.0) -> F:
+        """(N, 6) set at each visit, before the visit itself has added to it.
+
+        before_s: how much of the dwell visits before have added already, (N,).
+        """
         length = rest[0]
         metric = np.array([1.0, 1.0, 1.0, length, length, length])
         away = poses - rest
         far = np.linalg.norm(away * metric, axis=1)
         excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
-        grown = (self.size * excess * -np.expm1(-dwell_s / self.time_s))[:, None] * away
+        crept = np.exp(-np.asarray(before_s) / self.time_s) - np.exp(-dwell_s / self.time_s)
+        grown = (self.size * excess * crept)[:, None] * away
         total = np.cumsum(grown, axis=0)
         return np.concatenate([np.zeros((1, 6)), total[:-1]])

@@ -5,7 +5,10 @@ A chain of share g and time tau that is stretched over the travel time T and res
     g (1 - exp(-T/tau)) tau/T exp(-d/tau)
 
 of the elastic wrench, the solution for a linear ramp; several chains spread over decades stand for
-the spectrum of a real rubber.
+the spectrum of a real rubber. Along a way that is passed in straight pieces of time dt and change
+dh each chain goes on from what it holds:
+
+    s <- s exp(-dt/tau) + g tau/dt (1 - exp(-dt/tau)) dh
 """
 
 from __future__ import annotations
@@ -38,3 +41,20 @@ class Relaxation(Sized):
             loaded = -np.expm1(-travel / tau) * tau / travel
             factor = factor + self.size * share * loaded * np.exp(-dwell_s / tau)
         return factor
+
+    def carried(self, wrenches: F, time_s: F, anew: NDArray[np.bool_]) -> F:
+        """(N, 6) beside the elastic wrenches (N, 6) of the moments (N,) of one way.
+
+        Nothing is held at the first moment, nor where the history begins `anew`.
+        """
+        steps = np.maximum(np.diff(time_s), 1e-9)
+        changes = np.diff(wrenches, axis=0)
+        carried = np.zeros_like(wrenches)
+        for share, tau in zip(self.shares, self.times_s, strict=True):
+            kept = np.exp(-steps / tau)
+            loaded = -np.expm1(-steps / tau) * tau / steps
+            held = np.zeros(wrenches.shape[1])
+            for i, fresh in enumerate(anew[1:].tolist(), start=1):
+                held = 0.0 * held if fresh else kept[i - 1] * held + loaded[i - 1] * changes[i - 1]
+                carried[i] += self.size * share * held
+        return carried

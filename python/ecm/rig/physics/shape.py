@@ -45,7 +45,10 @@ class Sized:
         return replace(self, **{name: _tuples(known[name]) for name in own})
 
     def afterwards(self: T) -> T:
-        """The same truth in a later campaign: what happens once has happened."""
+        """The same truth in a later campaign: what happens once has happened.
+
+        Processes of time and memory (ageing, creep, set, softening) begin anew.
+        """
         return self
 
 
