@@ -27,6 +27,7 @@ BY_HAND: dict[str, dict[str, float]] = {
     "survey the base": {"base_frame_misalignment": 5e-4},
     "re-seat": {"tip_frame_misalignment": 5e-4},
     "gauge bar": {"camera_scale": 1e-3},
+    "dial gauge on the base plate": {"base_compliance": 3e-5},
     "look at the base marker": {"marker_motion": 2e-5},
     "detach the cable": {"cable_drag": 0.0},
 }

@@ -62,7 +62,7 @@ class BaseCompliance(EffectBase):
             "robot_compliance": "the same pose with another elbow",
             "taper": "turn the mechanism end for end",
             "camera_scale": "gauge bar",
-            "debonding": "a pair of push and pull poses",
+            "debonding": "dial gauge on the base plate under load",
             "diameter_error": "calliper",
             "payload": "remove the payload",
         }

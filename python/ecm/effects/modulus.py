@@ -130,6 +130,7 @@ class MullinsSoftening(LinearEffect):
             "ageing": "5 conditioning cycles, then repeat the first 10 poses",
             "stress_relaxation": "hold 60 s",
             "hysteresis": "5 conditioning cycles, then repeat the first 10 poses",
+            "strain_stiffening": "5 conditioning cycles, then repeat the first 10 poses",
         }
 
     def missing(self, table: Table) -> Missing | None:

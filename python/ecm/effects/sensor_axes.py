@@ -222,6 +222,7 @@ class FtsHysteresis(LinearEffect):
         """Effects that look like it, and what separates them."""
         return {
             "hysteresis": "load and unload dead weights",
+            "fts_gain": "load and unload dead weights",
             "stress_relaxation": "load and unload dead weights",
         }
 
