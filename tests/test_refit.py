@@ -44,6 +44,24 @@ def test_values_come_back_within_their_errors(id: str, values: list[float]) -> N
     assert np.all(item.sd < 0.5 * np.abs(truth).max())
 
 
+def test_what_the_base_can_take_as_well_is_the_bases() -> None:
+    """All gains at once are a modulus: the answer does not hang on the modulus it began with."""
+    gains = np.array([0.03, -0.01, 0.01, -0.02, 0.0, 0.02])
+    table = with_effect("fts_gain", gains)
+    noise, gain = declared_noise(table), get_effect("fts_gain")
+    start = physics()
+    other = start.with_coefficients(1.02 * start.coefficients)
+    first, again = (joint_fit(base, (gain,), table, noise) for base in (start, other))
+    item = first.effects[0]
+    assert again.effects[0].values == pytest.approx(item.values, abs=0.5 * item.sd.min())
+    assert again.effects[0].sd == pytest.approx(item.sd, rel=0.05)
+    assert again.base.coefficients == pytest.approx(first.base.coefficients, rel=1e-3)
+    # The least gains of all that fit alike; up to their common part they are the truth.
+    assert item.values.sum() == pytest.approx(0.0, abs=1e-3)
+    z = (item.values - (1.0 + gains) / (1.0 + gains.mean()) + 1.0) / item.sd
+    assert np.abs(z).max() < 4.0
+
+
 def test_a_bound_is_kept() -> None:
     """A clamp cannot push: data that ask for a negative compliance give zero."""
     table = with_effect("base_compliance", np.array([-3e-3, 0.0, 0.0]))

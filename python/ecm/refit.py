@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 _MAX_ITERATIONS = 8
+_UNSEEN = 1e-12
+"""Share of a column's square below which a combination of columns is nothing."""
 _TOLERANCE = 1e-4
 _REFINEMENTS = 4
 
@@ -72,7 +74,9 @@ def joint_fit(
     """Fit the base's coefficients and the effects' parameters to the table together.
 
     Minimises sum_i w_i r_i' Sigma_i^-1 r_i; Sigma_i is that of the first base. Parameters stay
-    within their bounds. Not to converge is told by `converged`.
+    within their bounds. Not to converge is told by `converged`. What the table cannot tell from the
+    base (all gains of a sensor at once, and the modulus) is the base's: of all effects that fit
+    alike, those of the least size.
 
     Parameters
     ----------
@@ -95,6 +99,11 @@ def joint_fit(
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
         step = _bounded_step(z.reshape(-1, z.shape[2]), y.ravel(), base, fitted, free_base)
         moved = float(np.linalg.norm(z.reshape(-1, z.shape[2]) @ step))
+        least = _least_effects(z.reshape(-1, z.shape[2]), fitted, free_base)
+        there = least @ (_values(base, fitted, free_base) + step)
+        along = there - _values(base, fitted, free_base)
+        if _within(along, base, fitted, free_base):
+            step = along
         if free_base:
             base = base.with_coefficients(base.coefficients + step[:free_base])
             rows = Rows(table, base)
@@ -102,13 +111,14 @@ def joint_fit(
         converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
-    y = np.einsum("nij,nj->ni", whitener, residual)
     weighted = (z * root[:, None, None]).reshape(-1, z.shape[2])
+    least = _least_effects(weighted, fitted, free_base)
+    y = np.einsum("nij,nj->ni", whitener, residual)
     # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
     size = np.sqrt((weighted**2).sum(axis=0))
     size = np.where(size > 0.0, size, 1.0)
     inverse = np.linalg.pinv((weighted / size).T @ (weighted / size), hermitian=True)
-    covariance = np.asarray(inverse / np.outer(size, size))
+    covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=base,
@@ -235,6 +245,49 @@ def _bounded_step(
         method="bvls",
     )
     return np.asarray(found.x / scale)
+
+
+def _values(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> F:
+    """(k,) the free parameters: of the base, then of the effects."""
+    own = [item.values for item in fitted if not item.frozen]
+    return np.concatenate([base.coefficients[:free_base], *own])
+
+
+def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
+    """(k, k) projection along what the columns z (M, k) cannot see, to effects of the least size.
+
+    The identity where effects and base are told apart.
+    """
+    k = z.shape[1]
+    scale = np.array([p.scale for item in fitted if not item.frozen
+                      for p in item.effect.parameters])  # fmt: skip
+    size = np.sqrt((z**2).sum(axis=0))
+    if not free_base or not len(scale) or not (size > 0.0).all():
+        return np.eye(k)
+    values, vectors = np.linalg.eigh((z / size).T @ (z / size))
+    unseen = vectors[:, values < _UNSEEN * k] / size[:, None]
+    if not unseen.shape[1]:
+        return np.eye(k)
+    own = unseen[free_base:] / scale[:, None]
+    return np.asarray(np.eye(k) - np.concatenate(
+        [np.zeros((k, free_base)), unseen @ np.linalg.pinv(own) / scale], axis=1
+    ))  # fmt: skip
+
+
+def _within(shift: F, base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> bool:
+    """Whether all parameters stay within their bounds."""
+    limits = getattr(base, "bounds", None)
+    if limits is not None and free_base:
+        there = base.coefficients + shift[:free_base]
+        if np.any(there < limits[0]) or np.any(there > limits[1]):
+            return False
+    moved = _advanced(fitted, shift[free_base:])
+    return all(
+        parameter.lower <= value <= parameter.upper
+        for item in moved
+        if not item.frozen
+        for parameter, value in zip(item.effect.parameters, item.values, strict=True)
+    )
 
 
 def _triangle(z: F, y: F) -> tuple[F, F]:
