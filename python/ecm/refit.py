@@ -100,10 +100,11 @@ def joint_fit(
         step = _bounded_step(z.reshape(-1, z.shape[2]), y.ravel(), base, fitted, free_base)
         moved = float(np.linalg.norm(z.reshape(-1, z.shape[2]) @ step))
         least = _least_effects(z.reshape(-1, z.shape[2]), fitted, free_base)
-        there = least @ (_values(base, fitted, free_base) + step)
-        along = there - _values(base, fitted, free_base)
-        if _within(along, base, fitted, free_base):
-            step = along
+        here = _values(base, fitted, free_base)
+        there = least @ (here + step)
+        lower, upper = _bounds(base, fitted, free_base)
+        if np.all(there >= lower) and np.all(there <= upper):
+            step = there - here
         if free_base:
             base = base.with_coefficients(base.coefficients + step[:free_base])
             rows = Rows(table, base)
@@ -220,19 +221,8 @@ def _bounded_step(
     scale = np.sqrt((z**2).sum(axis=0))
     scale = np.where(scale > 0.0, scale, 1.0)
     step = np.linalg.lstsq(z / scale, y, rcond=1e-12)[0] / scale
-    lower, upper = np.full(len(step), -np.inf), np.full(len(step), np.inf)
-    limits = getattr(base, "bounds", None)
-    if limits is not None and free_base:
-        lower[:free_base] = limits[0] - base.coefficients
-        upper[:free_base] = limits[1] - base.coefficients
-    at = free_base
-    for item in fitted:
-        if item.frozen:
-            continue
-        for j, parameter in enumerate(item.effect.parameters):
-            lower[at + j] = parameter.lower - item.values[j]
-            upper[at + j] = parameter.upper - item.values[j]
-        at += len(item.values)
+    here = _values(base, fitted, free_base)
+    lower, upper = (bound - here for bound in _bounds(base, fitted, free_base))
     if np.all(step >= lower) and np.all(step <= upper):
         return np.asarray(step)
     slack = 1e-12
@@ -274,20 +264,15 @@ def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
     ))  # fmt: skip
 
 
-def _within(shift: F, base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> bool:
-    """Whether all parameters stay within their bounds."""
+def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> tuple[F, F]:
+    """(k,) least and largest values of the free parameters, in the order of `_values`."""
     limits = getattr(base, "bounds", None)
-    if limits is not None and free_base:
-        there = base.coefficients + shift[:free_base]
-        if np.any(there < limits[0]) or np.any(there > limits[1]):
-            return False
-    moved = _advanced(fitted, shift[free_base:])
-    return all(
-        parameter.lower <= value <= parameter.upper
-        for item in moved
-        if not item.frozen
-        for parameter, value in zip(item.effect.parameters, item.values, strict=True)
-    )
+    if limits is None or not free_base:
+        limits = np.full(free_base, -np.inf), np.full(free_base, np.inf)
+    own = [p for item in fitted if not item.frozen for p in item.effect.parameters]
+    lower = np.concatenate([limits[0], [p.lower for p in own]])
+    upper = np.concatenate([limits[1], [p.upper for p in own]])
+    return lower, upper
 
 
 def _triangle(z: F, y: F) -> tuple[F, F]:
