@@ -19,6 +19,7 @@ from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import rank
 from ecm.effects import all_effects
 from ecm.effects.registry import with_shape
+from ecm.models import Model
 from ecm.refit import joint_fit
 
 SEEDS = 20
@@ -59,6 +60,12 @@ def worked_answer(
     kept["seconds"] = seconds
     kept["rows"] = len(data.table)
     return kept, work
+
+
+def other_base_answer(asked: Set, data: Data, other: Model) -> dict[str, Any]:
+    """The verdict with a physics base that is not the body's own: a rod diagnosed as a solid."""
+    found = diagnose(other, data.table, effects=library(asked.removed))
+    return {"verdict": found.verdict, "answer": [list(members) for members in found.answer]}
 
 
 def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> float:

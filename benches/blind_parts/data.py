@@ -59,13 +59,13 @@ def shared_plan(source: str, protocol: str, folder: Path) -> Table:
 
 
 @lru_cache(maxsize=2)
-def _model(is_rod: bool, folder: Path) -> Model:
-    return model_of("rod" if is_rod else "rig", folder)
+def _model(is_rod: bool) -> Model:
+    return model_of("rod" if is_rod else "rig")
 
 
-def shared_model(source: str, folder: Path) -> Model:
-    """The physics base of a source."""
-    return _model(source == "rod", folder)
+def shared_model(source: str) -> Model:
+    """The physics base of a source; kept in the library's own cache."""
+    return _model(source == "rod")
 
 
 def data_of(
@@ -74,7 +74,7 @@ def data_of(
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
     usual = shared_plan(asked.source, asked.protocol, folder)
     plan = usual if plan is None else plan
-    model = shared_model(asked.source, folder)
+    model = shared_model(asked.source)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
     if asked.source == "arm":
         table = quiet = _arm(asked, plan)
