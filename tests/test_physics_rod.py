@@ -27,7 +27,7 @@ ROD = Mechanism.from_dict({"builtin": "rod", "length_m": 0.1, "radius_m": 0.033,
 
 @pytest.fixture(scope="module")
 def rod(tmp_path_factory: pytest.TempPathFactory) -> PhysicsMap:
-    settings = BuildSettings(poses=60, test_poses=12)
+    settings = BuildSettings(poses=40, test_poses=10)
     return physics_map(ROD, cache=tmp_path_factory.mktemp("cache"), settings=settings)
 
 
