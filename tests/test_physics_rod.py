@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.errors import InputError
 from ecm.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.backbone import RodMap
@@ -100,7 +99,12 @@ def test_a_pose_that_one_leap_does_not_reach_is_walked_to() -> None:
     assert stiffness[:, :, 1] == pytest.approx(ahead, rel=1e-3, abs=1.0)
 
 
-def test_a_body_file_of_a_rod_needs_no_modulus(tmp_path: Path) -> None:
+def test_a_body_file_of_a_rod_needs_no_modulus() -> None:
     assert ROD.young_modulus_Pa == 0.0
     assert ROD.has_body
     assert stated_rod(ROD).rod_sections() == SECTIONS
+
+
+def test_no_solid_stands_in_for_a_rod() -> None:
+    with pytest.raises(InputError, match="builtin = 'cylinder'"):
+        stated_rod(ROD).fem()
