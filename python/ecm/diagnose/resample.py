@@ -34,12 +34,14 @@ def shares_won(
     """Share of the draws in which each contender lowers BIC most beside base and `others`."""
     fixed = [*problem.base_index, *(column for other in others for column in other.columns)]
     tried = [c for c in problem.candidates if c.id in contenders]
+    if not tried:
+        return {}
     blocks = [_Block.of(problem.gram, fixed, same) for same in _by_size(tried)]
-    won = dict.fromkeys((c.id for c in tried), 0)
+    ids = [c.id for block in blocks for c in block.candidates]
+    won = dict.fromkeys(ids, 0)
     for weights in _drawn(len(problem.gram.squares), draws, seed):
         falls = np.concatenate([block.falls(weights, problem) for block in blocks], axis=1)
         best = falls.argmax(axis=1)
-        ids = [c.id for block in blocks for c in block.candidates]
         for i in best[falls.max(axis=1) > 0.0].tolist():
             won[ids[i]] += 1
     return {id: count / draws for id, count in won.items() if count}
