@@ -11,6 +11,7 @@ import numpy as np
 from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
+from ecm.compare.folds import distinct_rows, informative_rows
 from ecm.compare.noise import declared_noise
 from ecm.diagnose import diagnose
 from ecm.diagnose.accept import held_out_rms
@@ -97,8 +98,12 @@ def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str,
     if not right or len(right) != len(report["effects"]):
         return []
     effects = [with_shape(item["id"], item["shape"]) for item in right]
-    base = choose_base(data.model, data.quiet)
-    found = joint_fit(base, effects, data.quiet, declared_noise(data.table))
+    # The same rows: those that the diagnosis leaves out would pull the reference alone.
+    kept = informative_rows(data.table)
+    kept = kept[distinct_rows(data.table.select(kept))]
+    quiet = data.quiet.select(kept)
+    base = choose_base(data.model, quiet)
+    found = joint_fit(base, effects, quiet, declared_noise(data.table))
     result = []
     for item, fitted in zip(right, found.effects, strict=True):
         value = np.array([p["value"] for p in item["parameters"].values()])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 
-_RIDGE = 1e-10
+RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def solve(matrix: F, vector: F) -> F:
         return np.zeros(0)
     diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(diagonal, diagonal)
-    scaled[np.diag_indices_from(scaled)] += _RIDGE
+    scaled[np.diag_indices_from(scaled)] += RIDGE
     return np.asarray(np.linalg.solve(scaled, vector / diagonal) / diagonal)
 
 
@@ -115,7 +115,7 @@ def without(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
         return matrix, vector
     diagonal = np.sqrt(np.maximum(np.diag(matrix)[take], 1e-300))
     inner = matrix[np.ix_(take, take)] / np.outer(diagonal, diagonal)
-    inner[np.diag_indices_from(inner)] += _RIDGE
+    inner[np.diag_indices_from(inner)] += RIDGE
     cross = matrix[take] / diagonal[:, None]
     right = np.column_stack([cross, vector[take] / diagonal])
     found = np.linalg.solve(inner, right)
@@ -131,7 +131,7 @@ def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int,
         `without` of the equations.
     """
     found = np.zeros(len(blocks))
-    ridge = _RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == size).tolist()

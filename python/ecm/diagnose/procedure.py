@@ -20,7 +20,7 @@ from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
 from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
-from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
+from ecm.diagnose.accept import CHOSEN, LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
 from ecm.diagnose.classes import (
     MOST_IN_CLASS,
@@ -72,6 +72,8 @@ _MOST_FACTOR = 5.0
 """The stated E is not wrong by more than this; then it is a sign or a unit."""
 _CLOSE_BIC = 20.0
 """A rival that wins some bootstraps is a close one within this loss of BIC."""
+_WINS = 0.02
+"""Some bootstraps: more than this share of them."""
 
 
 @one_blas_thread()
@@ -291,10 +293,11 @@ def _accepted(
         for item in chosen:
             members = answer_class(problem, chosen, item)
             evidence = check(problem, chosen, item, members, seed)
-            if evidence.chosen_share < 0.8 and len(members) < MOST_IN_CLASS:
+            if evidence.chosen_share < CHOSEN and len(members) < MOST_IN_CLASS:
                 # A close rival that wins among resampled rows belongs to the class as well.
                 close = answer_class(problem, chosen, item, _CLOSE_BIC)
-                extra = [id for id in close if id not in members and id in evidence.winners]
+                wins = {id for id, share in evidence.winners.items() if share > _WINS}
+                extra = [id for id in close if id not in members and id in wins]
                 members = [*members, *extra[: MOST_IN_CLASS - len(members)]]
                 evidence = check(problem, chosen, item, members, seed, winners=evidence.winners)
             found.append((evidence, members))
