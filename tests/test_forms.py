@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.columns import POSE
+from ecm.compare.folds import informative
 from ecm.compare.gram import Gram, explained, gains, without
 from ecm.compare.lack_of_fit import captured
 from ecm.diagnose.base import choose_base
@@ -24,6 +25,7 @@ from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
 from ecm.effects.modulus import MullinsSoftening
 from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.sensor_axes import FtsHysteresis
 from ecm.effects.slip import PlatformSlip
 from ecm.meta import Meta
 from ecm.rig import RigSettings, run_campaign
@@ -102,6 +104,27 @@ def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: 
         assert np.abs(visits[now] - wanted).max() < 1e-2 * np.abs(rows.wrench[now]).max()
         compared += 1
     assert compared > 5
+
+
+def test_the_sensors_play_at_its_zero_shifts_all_readings_around_it() -> None:
+    table = campaign(seed=5)
+    effect, base = FtsHysteresis(0.5, "each"), physics()
+    zeroed = Rows(table, base)
+    lag = effect.columns(zeroed)
+    assert np.all(lag[zeroed.unloaded] == 0.0)
+    # The readings themselves may be left out: their times tell.
+    kept = informative(table)
+    assert len(kept) < len(table)
+    np.testing.assert_allclose(effect.columns(Rows(kept, base)), lag[~zeroed.unloaded])
+    # Where the free sensor reads something the zero is another.
+    noise = np.where(zeroed.unloaded, 1e-3, 0.0)
+    read = Rows(table.replace(fx_N=table.column("fx_N") + noise), base)
+    apart = np.einsum("nji,njk->nik", zeroed.base_from_top, effect.columns(read) - lag)
+    times, at = table.column("time_s"), np.flatnonzero(zeroed.unloaded)
+    for axis in range(6):
+        line = np.interp(times, times[at], apart[at, axis, axis])
+        np.testing.assert_allclose(apart[:, axis, axis], line, atol=1e-12)
+    assert np.ptp(apart[:, 0, 0]) > 0.1
 
 
 def test_a_slip_carries_the_force_along(rows: Rows) -> None:

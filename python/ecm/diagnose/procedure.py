@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +42,7 @@ from ecm.errors import InputError
 from ecm.models.ladder import ceiling_rms
 from ecm.models.physics import PhysicsMap
 from ecm.refit import JointFit, joint_fit
+from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -92,7 +94,7 @@ def diagnose(
     kept = informative_rows(table)
     distinct = distinct_rows(table.select(kept))
     copies, kept = len(kept) - len(distinct), kept[distinct]
-    table = table.select(kept)
+    table = replace(table.select(kept), zeros_s=zero_times(table))
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
@@ -335,8 +337,6 @@ def _rmse(
         "after": dict(zip(names, after.tolist(), strict=True)),
         "floor": dict(zip(names, floor.tolist(), strict=True)),
     }
-    from dataclasses import replace
-
     ceiling = ceiling_rms(problem.fit, table, replace(model, noise=problem.noise))
     if ceiling is not None:
         found["ceiling"] = {"whitened": ceiling}

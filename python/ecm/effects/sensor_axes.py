@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.effects.history import known_before, order_of_visits
+from ecm.effects.history import known_before
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
+from ecm.sensor_zero import zero_of_rows, zero_times
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -191,7 +192,8 @@ class FtsHysteresis(LinearEffect):
     """c_j times the lag of a play operator of width w s_j behind each axis' load, s_j its spread.
 
     The operator follows the load at a distance of its width at most, from reading to reading and
-    over the load of the pose that each one was approached from.
+    over the load of the pose that each one was approached from. What it lags when the sensor's zero
+    is read goes into the zero, and shifts all readings around it.
     """
 
     id = "fts_hysteresis"
@@ -237,15 +239,27 @@ class FtsHysteresis(LinearEffect):
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(known_before(rows)))
         width = self._width * own[~rows.unloaded].std(axis=0)
-        lag = np.zeros_like(own)
+        time, zeros = _times(rows.table)
+        lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
         state = np.zeros(6)
-        for order in order_of_visits(rows.table):
-            for i in order:
-                for load in (own_before[i], own[i]):
-                    state = np.clip(state, load - width, load + width)
-                lag[i] = state - own[i]
+        # The sensor's history goes on through all runs, and through the readings of its zero.
+        for i in np.argsort(np.concatenate([time, zeros]), kind="stable"):
+            if i >= len(own):
+                state = np.clip(state, -width, width)
+                zero_lag[i - len(own)] = state
+                continue
+            for load in (own_before[i], own[i]):
+                state = np.clip(state, load - width, load + width)
+            lag[i] = state - own[i]
+        lag -= zero_of_rows(time, zeros, zero_lag)
         columns = base_from_sensor * lag[:, None, :]
         return np.asarray(columns if self._axes == "each" else columns.sum(axis=2, keepdims=True))
+
+
+def _times(table: Table) -> tuple[F, F]:
+    """(N,) times of the rows, or their order; (k,) times at which the zero was taken."""
+    time = table.column("time_s") if table.has("time_s") else np.arange(float(len(table)))
+    return np.asarray(time), np.asarray(zero_times(table), dtype=np.float64)
 
 
 def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
