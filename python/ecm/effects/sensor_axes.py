@@ -219,6 +219,12 @@ class FtsHysteresis(LinearEffect):
         widths = (0.15, 0.5, 1.2)
         return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in widths)
 
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Widths between this one and its neighbours."""
+        factor = 2.4 ** (0.5 ** (round_ + 1))
+        widths = (self._width / factor, self._width * factor)
+        return tuple(FtsHysteresis(float(f"{w:.3g}"), self._axes) for w in widths)
+
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
