@@ -45,13 +45,13 @@ class LedOcclusion(LinearEffect):
     physics = "Where some of the markers are hidden the camera's pose is biased."
     signature = "follows the number of visible markers, in clusters of orientation"
     side = "measurement"
-    kind = "time"
 
     def __init__(
         self,
         order: int = 0,
         markers: float = 0.0,
         radius_m: float = 0.0,
+        *,
         sight_x: float = 0.0,
         sight_y: float = 0.0,
         sight_z: float = 0.0,
@@ -68,9 +68,8 @@ class LedOcclusion(LinearEffect):
         """
         if not self._order:
             return {}
-        sight = dict(zip(("sight_x", "sight_y", "sight_z"), self._sight.tolist(), strict=True))
-        markers: Shape = {"order": self._order, "markers": self._markers}
-        return {**markers, "radius_m": self._radius_m, **sight}
+        circle: Shape = {"order": self._order, "markers": self._markers}
+        return {**circle, "radius_m": self._radius_m, **_named(self._sight)}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """One twist; circles of half the mechanism's length, the camera on either side."""
@@ -79,9 +78,18 @@ class LedOcclusion(LinearEffect):
         radius = float(f"{0.5 * far:.3g}")
         markers = float(table.column("leds_visible").max())
         sight = np.round(line_of_sight(table), 4)
-        ways = (sight.tolist(), (-sight).tolist())
-        circles = (LedOcclusion(k, markers, radius, *way) for k in _ORDERS for way in ways)
+        ways = (_named(sight), _named(-sight))
+        circles = (LedOcclusion(k, markers, radius, **way) for k in _ORDERS for way in ways)
         return (LedOcclusion(), *circles)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Circles smaller and larger than this one."""
+        if not self._order:
+            return ()
+        factor = 2.0 ** (0.5 ** (round_ + 1))
+        radii = (float(f"{self._radius_m * f:.3g}") for f in (1.0 / factor, factor))
+        sight = _named(self._sight)
+        return tuple(LedOcclusion(self._order, self._markers, r, **sight) for r in radii)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -137,6 +145,10 @@ def line_of_sight(table: Table) -> F:
     values, axes = np.linalg.eigh(bent + bent.T)
     axis = axes[:, np.argmin(np.abs(values))]
     return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
+
+
+def _named(sight: F) -> dict[str, float]:
+    return dict(zip(("sight_x", "sight_y", "sight_z"), sight.tolist(), strict=True))
 
 
 def _frame_about(axis: F) -> F:
