@@ -52,23 +52,26 @@ class LedOcclusion(LinearEffect):
         markers: float = 0.0,
         radius_m: float = 0.0,
         *,
+        along: str = "all",
         sight_x: float = 0.0,
         sight_y: float = 0.0,
         sight_z: float = 0.0,
     ) -> None:
         self._order, self._markers, self._radius_m = int(order), markers, radius_m
         self._sight = np.array([sight_x, sight_y, sight_z])
-        self.parameters = _off_place(self._order) if order else twist("hidden")
+        self._along = along
+        self.parameters = _off_place(self._order, along) if order else twist("hidden")
 
     @property
     def shape(self) -> Shape:
-        """Order, number of markers, their distance from the line of sight, the way to the camera.
+        """Of the circle: order, markers, radius, axes of e (`all` or `sight`), way to the camera.
 
-        They stand as far before the top frame's origin as they stand from the line of sight.
+        It stands as far before the top frame's origin as its radius. Along the line of sight a
+        camera errs most.
         """
         if not self._order:
             return {}
-        circle: Shape = {"order": self._order, "markers": self._markers}
+        circle: Shape = {"order": self._order, "markers": self._markers, "along": self._along}
         return {**circle, "radius_m": self._radius_m, **_named(self._sight)}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
@@ -79,7 +82,12 @@ class LedOcclusion(LinearEffect):
         markers = float(table.column("leds_visible").max())
         sight = np.round(line_of_sight(table), 4)
         ways = (_named(sight), _named(-sight))
-        circles = (LedOcclusion(k, markers, radius, **way) for k in _ORDERS for way in ways)
+        circles = (
+            LedOcclusion(order, markers, radius, along=along, **way)
+            for along in ("sight", "all")
+            for order in _ORDERS
+            for way in ways
+        )
         return (LedOcclusion(), *circles)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -88,8 +96,11 @@ class LedOcclusion(LinearEffect):
             return ()
         factor = 2.0 ** (0.5 ** (round_ + 1))
         radii = (float(f"{self._radius_m * f:.3g}") for f in (1.0 / factor, factor))
-        sight = _named(self._sight)
-        return tuple(LedOcclusion(self._order, self._markers, r, **sight) for r in radii)
+        return tuple(self._of_radius(r) for r in radii)
+
+    def _of_radius(self, radius_m: float) -> LedOcclusion:
+        way = _named(self._sight)
+        return LedOcclusion(self._order, self._markers, radius_m, along=self._along, **way)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -123,7 +134,7 @@ class LedOcclusion(LinearEffect):
         place = self._radius_m * around @ frame.T
         turned = np.cross(np.eye(3), place[:, None, :]).transpose(0, 2, 1)
         motion = np.concatenate([np.tile(np.eye(3), (_POINTS, 1, 1)), turned], axis=2)
-        off = frame @ _modes(angle, self._order)
+        off = frame @ _modes(angle, self._order, self._along)
         normal = is_seen @ np.einsum("pai,paj->pij", motion, motion).reshape(_POINTS, -1)
         right = is_seen @ np.einsum("pai,paj->pij", motion, off).reshape(_POINTS, -1)
         n = len(hidden)
@@ -158,23 +169,26 @@ def _frame_about(axis: F) -> F:
     return np.stack([first, np.cross(axis, first), axis], axis=1)
 
 
-def _off_place(order: int) -> tuple[Parameter, ...]:
-    """Amplitudes of the modes, m: widening and two shears, then three axes of each order."""
-    names = ["wider", "sheared_0", "sheared_45"]
+def _off_place(order: int, along: str) -> tuple[Parameter, ...]:
+    """Amplitudes of the modes, m."""
+    names = [] if along == "sight" else ["wider", "sheared_0", "sheared_45"]
+    axes = ("sight",) if along == "sight" else ("u", "v", "sight")
     for k in range(2, order + 1):
-        names += [f"{axis}_{wave}{k}" for wave in ("cos", "sin") for axis in ("u", "v", "sight")]
+        names += [f"{axis}_{wave}{k}" for wave in ("cos", "sin") for axis in axes]
     return tuple(Parameter(name, "m", 1e-4, -0.02, 0.02) for name in names)
 
 
-def _modes(angle: F, order: int) -> F:
-    """(p, 3, k) how far markers at angles (p,) are off, in axes about the line of sight.
+def _modes(angle: F, order: int, along: str) -> F:
+    """(p, 3, k) how far markers at angles (p,) are off, in axes of which the last is the sight's.
 
-    Of the first order only what is no motion of all as one.
+    Of the first order only what is no motion of all as one: widening and two shears.
     """
     c, s, none = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     first = np.array([[c, s, none], [c, -s, none], [s, c, none]]).transpose(2, 1, 0)
     waves = [wave(k * angle) for k in range(2, order + 1) for wave in (np.cos, np.sin)]
-    return np.concatenate([first, *(wave[:, None, None] * np.eye(3) for wave in waves)], axis=2)
+    axes = np.eye(3)[:, 2:] if along == "sight" else np.eye(3)
+    higher = [wave[:, None, None] * axes for wave in waves]
+    return np.concatenate(higher if along == "sight" else [first, *higher], axis=2)
 
 
 EFFECTS: Sequence[Effect] = (LedOcclusion(),)
