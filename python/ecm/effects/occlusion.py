@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,20 +26,20 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 
-_ORDERS = (2, 3, 4)
-_POINTS = 48
-"""Of the circle, where integrals along it are sums."""
+_FORMS = (("sight", 2), ("sight", 3), ("sight", 4), ("all", 2), ("all", 3))
 _NEEDED = 3
 """Markers that a pose needs."""
+_RADII, _ANGLES = 5, 24
+"""Of the points at which integrals over the target are sums."""
 
 
 class LedOcclusion(LinearEffect):
     """-K_s B (d, w): (d, w) in top axes is a twist times the share of markers that are hidden.
 
-    Or the markers stand all round the line of sight, and those on the side that leans away from the
-    camera are hidden. Each is off its place by e; (d, w) is the motion that fits e best where
-    markers are left. e is a Fourier series of the place on the circle, up to an order, without
-    what moves all markers as one: a pose from all of them is right.
+    Or the markers are spread over a round target that faces the camera at rest, and those at the
+    side that leans away are hidden. The target is warped: markers are off their places by e, and
+    (d, w) is the motion that fits e best where markers are left. e is a polynomial of the place,
+    without what moves all markers as one, as the pose from all of them is right.
     """
 
     id = "led_occlusion"
@@ -48,59 +49,45 @@ class LedOcclusion(LinearEffect):
 
     def __init__(
         self,
-        order: int = 0,
+        degree: int = 0,
+        along: str = "sight",
         markers: float = 0.0,
-        radius_m: float = 0.0,
         *,
-        along: str = "all",
+        radius_m: float = 0.0,
         sight_x: float = 0.0,
         sight_y: float = 0.0,
         sight_z: float = 0.0,
     ) -> None:
-        self._order, self._markers, self._radius_m = int(order), markers, radius_m
+        self._degree, self._along = int(degree), along
+        self._markers, self._radius_m = markers, radius_m
         self._sight = np.array([sight_x, sight_y, sight_z])
-        self._along = along
-        self.parameters = _off_place(self._order, along) if order else twist("hidden")
+        self.parameters = _warp_parameters(self._degree, along) if degree else twist("hidden")
 
     @property
     def shape(self) -> Shape:
-        """Of the circle: order, markers, radius, axes of e (`all` or `sight`), way to the camera.
+        """Of a warped target: degree and axes of e (`sight` alone or `all`), and the camera.
 
-        It stands as far before the top frame's origin as its radius. Along the line of sight a
-        camera errs most.
+        The markers are as many as were ever seen at once. The target's radius is also its distance
+        from the top frame's origin; sight is the unit vector to the camera in base axes.
         """
-        if not self._order:
+        if not self._degree:
             return {}
-        circle: Shape = {"order": self._order, "markers": self._markers, "along": self._along}
-        return {**circle, "radius_m": self._radius_m, **_named(self._sight)}
+        target: Shape = {"degree": self._degree, "along": self._along, "markers": self._markers}
+        return {**target, "radius_m": self._radius_m, **_named(self._sight)}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """One twist; circles of half the mechanism's length, the camera on either side."""
+        """One twist; warped targets of half the mechanism's length, the camera on either side."""
         length = table.meta.length_m
         far = np.median(np.linalg.norm(table.poses[:, :3], axis=1)) if length is None else length
         radius = float(f"{0.5 * far:.3g}")
         markers = float(table.column("leds_visible").max())
         sight = np.round(line_of_sight(table), 4)
-        ways = (_named(sight), _named(-sight))
-        circles = (
-            LedOcclusion(order, markers, radius, along=along, **way)
-            for along in ("sight", "all")
-            for order in _ORDERS
-            for way in ways
+        warped = (
+            LedOcclusion(degree, along, markers, radius_m=radius, **_named(way))
+            for along, degree in _FORMS
+            for way in (sight, -sight)
         )
-        return (LedOcclusion(), *circles)
-
-    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Circles smaller and larger than this one."""
-        if not self._order:
-            return ()
-        factor = 2.0 ** (0.5 ** (round_ + 1))
-        radii = (float(f"{self._radius_m * f:.3g}") for f in (1.0 / factor, factor))
-        return tuple(self._of_radius(r) for r in radii)
-
-    def _of_radius(self, radius_m: float) -> LedOcclusion:
-        way = _named(self._sight)
-        return LedOcclusion(self._order, self._markers, radius_m, along=self._along, **way)
+        return (LedOcclusion(), *warped)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -116,28 +103,30 @@ class LedOcclusion(LinearEffect):
         seen = rows.table.column("leds_visible")
         markers = self._markers or max(float(seen.max()), 1.0)
         hidden = 1.0 - seen / markers
-        if not self._order:
-            biases = np.eye(6) * hidden[:, None, None]
+        if self._degree:
+            hidden = np.clip(hidden, 0.0, 1.0 - _NEEDED / max(markers, _NEEDED))
+            motion = self._fitted(rows.rotation, hidden)
         else:
-            biases = self._fitted(rows.rotation, np.clip(hidden, 0.0, 1.0 - _NEEDED / markers))
-        return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) @ biases)
+            motion = np.eye(6) * hidden[:, None, None]
+        return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) @ motion)
 
     def _fitted(self, rotation: F, hidden: F) -> F:
         """(N, 6, k) motion in top axes that fits each mode of e, a share (N,) hidden."""
         frame = _frame_about(self._sight)
+        # The side of the target that leans towards the camera.
         x, y = np.einsum("nji,j,ik->kn", rotation, self._sight, frame[:, :2])
-        angle = 2.0 * np.pi * np.arange(_POINTS) / _POINTS
-        # From the side of the circle that leans towards the camera.
-        apart = np.abs(np.angle(np.exp(1j * (angle - np.arctan2(y, x)[:, None]))))
-        is_seen = (apart <= np.pi * (1.0 - hidden)[:, None]).astype(np.float64)
-        around = np.stack([np.cos(angle), np.sin(angle), np.ones(_POINTS)], axis=1)
-        place = self._radius_m * around @ frame.T
+        side = np.arctan2(y, x)
+        radius, angle, share = _points()
+        towards = radius * np.cos(angle - side[:, None])
+        weight = share * (towards > -_cut(hidden)[:, None])
+        flat = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones_like(radius)])
+        place = self._radius_m * flat.T @ frame.T
         turned = np.cross(np.eye(3), place[:, None, :]).transpose(0, 2, 1)
-        motion = np.concatenate([np.tile(np.eye(3), (_POINTS, 1, 1)), turned], axis=2)
-        off = frame @ _modes(angle, self._order, self._along)
-        normal = is_seen @ np.einsum("pai,paj->pij", motion, motion).reshape(_POINTS, -1)
-        right = is_seen @ np.einsum("pai,paj->pij", motion, off).reshape(_POINTS, -1)
-        n = len(hidden)
+        rigid = np.concatenate([np.tile(np.eye(3), (len(place), 1, 1)), turned], axis=2)
+        off = frame @ _warps(radius, angle, self._degree, self._along)
+        n, p = weight.shape
+        normal = weight @ np.einsum("pai,paj->pij", rigid, rigid).reshape(p, -1)
+        right = weight @ np.einsum("pai,paj->pij", rigid, off).reshape(p, -1)
         return np.asarray(np.linalg.solve(normal.reshape(n, 6, 6), right.reshape(n, 6, -1)))
 
 
@@ -169,26 +158,58 @@ def _frame_about(axis: F) -> F:
     return np.stack([first, np.cross(axis, first), axis], axis=1)
 
 
-def _off_place(order: int, along: str) -> tuple[Parameter, ...]:
+def _points() -> tuple[F, F, F]:
+    """(p,) radius, angle and share of the area of points on the unit disc."""
+    node, weight = np.polynomial.legendre.leggauss(_RADII)
+    radius = np.repeat(np.sqrt(0.5 * (node + 1.0)), _ANGLES)
+    angle = np.tile(2.0 * np.pi * np.arange(_ANGLES) / _ANGLES, _RADII)
+    return radius, angle, np.repeat(0.5 * weight / _ANGLES, _ANGLES)
+
+
+def _cut(share: F) -> F:
+    """(N,) distance from the middle of the unit disc of the chord that cuts off a share of it."""
+    at = np.linspace(-1.0, 1.0, 201)
+    beyond = (np.arccos(at) - at * np.sqrt(1.0 - at**2)) / np.pi
+    return np.asarray(np.interp(-share, -beyond, at))
+
+
+def _modes(degree: int) -> list[tuple[int, int]]:
+    """(n, m) of the Zernike polynomials from degree 2: those below are motions of the whole."""
+    return [(n, m) for n in range(2, degree + 1) for m in range(-n, n + 1, 2)]
+
+
+def _zernike(radius: F, angle: F, n: int, m: int) -> F:
+    """(p,) Zernike polynomial of degree n, m waves around, on the unit disc."""
+    k = abs(m)
+    terms = (
+        (-1.0) ** i
+        * factorial(n - i)
+        / (factorial(i) * factorial((n + k) // 2 - i) * factorial((n - k) // 2 - i))
+        * radius ** (n - 2 * i)
+        for i in range((n - k) // 2 + 1)
+    )
+    wave = np.sin(k * angle) if m < 0 else np.cos(k * angle)
+    return np.asarray(sum(terms) * wave)
+
+
+def _warp_parameters(degree: int, along: str) -> tuple[Parameter, ...]:
     """Amplitudes of the modes, m."""
-    names = [] if along == "sight" else ["wider", "sheared_0", "sheared_45"]
-    axes = ("sight",) if along == "sight" else ("u", "v", "sight")
-    for k in range(2, order + 1):
-        names += [f"{axis}_{wave}{k}" for wave in ("cos", "sin") for axis in axes]
+    names = ["wider", "sheared_0", "sheared_45"] if along == "all" else []
+    axes = ("u", "v", "sight") if along == "all" else ("sight",)
+    names += [f"{axis}_{n}_{m}" for n, m in _modes(degree) for axis in axes]
     return tuple(Parameter(name, "m", 1e-4, -0.02, 0.02) for name in names)
 
 
-def _modes(angle: F, order: int, along: str) -> F:
-    """(p, 3, k) how far markers at angles (p,) are off, in axes of which the last is the sight's.
+def _warps(radius: F, angle: F, degree: int, along: str) -> F:
+    """(p, 3, k) how far markers are off, in axes of which the last is the line of sight.
 
-    Of the first order only what is no motion of all as one: widening and two shears.
+    In the target's plane also what is linear and no motion of the whole: widening and two shears.
     """
-    c, s, none = np.cos(angle), np.sin(angle), np.zeros_like(angle)
-    first = np.array([[c, s, none], [c, -s, none], [s, c, none]]).transpose(2, 1, 0)
-    waves = [wave(k * angle) for k in range(2, order + 1) for wave in (np.cos, np.sin)]
-    axes = np.eye(3)[:, 2:] if along == "sight" else np.eye(3)
-    higher = [wave[:, None, None] * axes for wave in waves]
-    return np.concatenate(higher if along == "sight" else [first, *higher], axis=2)
+    x, y, none = radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(radius)
+    linear = np.array([[x, y, none], [x, -y, none], [y, x, none]]).transpose(2, 1, 0)
+    axes = np.eye(3) if along == "all" else np.eye(3)[:, 2:]
+    warps = [_zernike(radius, angle, n, m)[:, None, None] * axes for n, m in _modes(degree)]
+    return np.concatenate([linear, *warps] if along == "all" else warps, axis=2)
 
 
 EFFECTS: Sequence[Effect] = (LedOcclusion(),)
