@@ -44,6 +44,7 @@ from ecm.models.by_degree import symmetric_energy
 from ecm.models.ladder import ceiling_rms
 from ecm.models.physics import PhysicsMap
 from ecm.refit import JointFit, joint_fit
+from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
     from ecm.models.maps import StiffnessMap
@@ -103,7 +104,7 @@ def diagnose(
     kept = informative_rows(table)
     distinct = distinct_rows(table.select(kept))
     copies, kept = len(kept) - len(distinct), kept[distinct]
-    table = table.select(kept)
+    table = replace(table.select(kept), zeros_s=zero_times(table))
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]

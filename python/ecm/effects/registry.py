@@ -20,6 +20,7 @@ from ecm.effects import (
     material,
     modulus,
     motion,
+    occlusion,
     permanent_set,
     relaxation,
     robot,
@@ -52,6 +53,7 @@ _CATALOGUE: tuple[Effect, ...] = (
     *sensor.EFFECTS,
     *sensor_axes.EFFECTS,
     *frames.EFFECTS,
+    *occlusion.EFFECTS,
     *robot.EFFECTS,
     *scatter.EFFECTS,
 )
