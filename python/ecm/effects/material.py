@@ -26,7 +26,7 @@ _LAWS = {
     "even": ("modulus_at_strain_0p1",),
     "energy": ("modulus_at_strain_0p1",),
     "both": ("modulus_at_strain_0p1", "modulus_at_energy"),
-    "series": ("stretch", "stretch_and_shear", "shear", "even"),
+    "series": ("stretch", "stretch_and_shear", "shear", "lateral_shear", "even"),
     "sections": ("by_stretch", "by_bend", "torsion_by_bend", "shear_by_bend"),
 }
 
@@ -88,7 +88,8 @@ class StrainStiffening(LinearEffect):
 
     psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod; or,
     for a body too stubby for a rod, h c W / W_typical with W the energy of the pose (`energy`).
-    As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4 and e^3 (`series`).
+    As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4, the same of lateral
+    shear alone, which bonded ends spread unevenly over a short body, and e^3 (`series`).
 
     A filled rubber has a modulus of its strain rather than an energy (Payne): then each section is
     secant (`sections`), N = E A e m and M = E I kappa m with m = 1 + c1 e / e0 + c2 b, b = (r kappa
@@ -139,11 +140,14 @@ class StrainStiffening(LinearEffect):
                 e**2 / _REFERENCE_STRAIN**2,
                 (gamma**2).sum(axis=2) / _REFERENCE_STRAIN**2,
             )
+            lateral = strain.mean_of_sections(gamma)
+            across = (lateral**2).sum(axis=2) / _REFERENCE_STRAIN**2
             none = np.zeros_like(gamma)
             terms = [
                 strain.wrench(rows, axial * e, none),
                 strain.wrench(rows, shear * e, axial[:, :, None] * gamma),
                 strain.wrench(rows, np.zeros_like(e), shear[:, :, None] * gamma),
+                strain.wrench(rows, np.zeros_like(e), across[:, :, None] * lateral),
                 even,
             ]
             return np.stack(terms, axis=2)
