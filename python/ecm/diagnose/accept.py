@@ -135,7 +135,10 @@ def _only(
     place = {column: i for i, column in enumerate(columns)}
     moved = [replace(c, columns=tuple(place[j] for j in c.columns)) for c in kept]
     small = replace(
-        problem, gram=problem.gram.only(columns), candidates=tuple(moved[len(others) :])
+        problem,
+        gram=problem.gram.only(columns),
+        candidates=tuple(moved[len(others) :]),
+        shadows=(),
     )
     return small, moved[: len(others)]
 

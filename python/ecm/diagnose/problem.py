@@ -114,6 +114,15 @@ class Problem:
                 best[candidate.id] = (gain, candidate)
         return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
 
+    @cached_property
+    def signs(self) -> F:
+        """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
+        found = np.zeros(self.gram.rows.shape[1])
+        for item in (*self.candidates, *self.shadows):
+            for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
+                found[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
+        return found
+
     @property
     def ids(self) -> tuple[str, ...]:
         """Testable ids in the order of the catalogue."""
