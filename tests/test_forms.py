@@ -25,7 +25,9 @@ from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
 from ecm.effects.modulus import MullinsSoftening
 from ecm.effects.occlusion import LedOcclusion, line_of_sight
+from ecm.effects.pre_curvature import PreCurvature
 from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.rod_strain import rest_stiffness
 from ecm.effects.sensor_axes import FtsHysteresis
 from ecm.effects.slip import PlatformSlip
 from ecm.meta import Meta
@@ -249,3 +251,13 @@ def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
     assert material(equations, problem, chosen)
     best_single = max(fall(equations, problem, (c,)) for c in problem.candidates)
     assert fall(equations, problem, chosen) > 1.03 * best_single
+
+
+@pytest.mark.parametrize("power", [0.0, 2.0, 6.0])
+def test_a_curved_body_held_straight_is_a_bending_moment(power: float) -> None:
+    """At rest EI / L times the whole bend, without a force, however the bend is spread."""
+    rest = at((0.0,) * 6)
+    found = PreCurvature(power).correction(rest, np.array([0.01, -0.02]))[0]
+    held = -rest_stiffness(rest).bending * np.array([0.01, -0.02])
+    np.testing.assert_allclose(found[4:], held, rtol=1e-3)
+    np.testing.assert_allclose(found[:4], 0.0, atol=1e-3 * np.abs(held).max())

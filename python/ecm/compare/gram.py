@@ -122,13 +122,21 @@ def without(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
     return matrix - cross.T @ found[:, :-1], vector - cross.T @ found[:, -1]
 
 
-def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int, ...]]) -> F:
+def gains(
+    equations: tuple[F, F],
+    left: tuple[F, F],
+    blocks: Sequence[tuple[int, ...]],
+    signs: F | None = None,
+) -> F:
     """(b,) sum of squares that each block of columns explains beyond what was projected out.
 
     Parameters
     ----------
     left
         `without` of the equations.
+    signs
+        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
+        the wrong sign are left out of their block.
     """
     found = np.zeros(len(blocks))
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
@@ -141,6 +149,13 @@ def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int,
         vectors = left[1][take]
         solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
         found[which] = (vectors * solved).sum(axis=1)
+        if signs is None:
+            continue
+        wrong = signs[take] * solved < 0.0
+        held = np.flatnonzero(wrong.any(axis=1))
+        if len(held):
+            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in held]
+            found[np.asarray(which)[held]] = gains(equations, left, fewer, signs)
     return found
 
 

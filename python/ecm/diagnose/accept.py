@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from ecm.compare.folds import folds, held_out_by
 from ecm.compare.gram import explained
+from ecm.diagnose.bounds import bounded_estimate
+from ecm.diagnose.own_sign import own_sign_is_seen
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.resample import shares_won
 from ecm.diagnose.search import (
@@ -48,6 +49,8 @@ class Check:
     robust: bool
     """The same without the 2 % most influential rows."""
     within_bounds: bool
+    own_seen: bool
+    """What it alone does is seen, or its class says that it may be something plainer."""
 
     @property
     def accepted(self) -> bool:
@@ -59,6 +62,7 @@ class Check:
             and self.chosen_share >= CHOSEN
             and self.robust
             and self.within_bounds
+            and self.own_seen
         )
 
 
@@ -96,6 +100,7 @@ def check(
         winners=winners,
         robust=_robust(problem, others, item, members),
         within_bounds=_within(problem, chosen, item),
+        own_seen=len(members) > 1 or own_sign_is_seen(problem, chosen, item),
     )
 
 
@@ -172,30 +177,11 @@ def _within(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> b
 
     A form that is not quite the truth's may push a parameter that is zero a little below it.
     """
-    theta, _, columns = estimate(problem, normal_equations(problem), chosen)
-    place = {column: i for i, column in enumerate(columns)}
-    own = [place[column] for column in item.columns]
-    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
-    for i, column, parameter in zip(own, item.columns, item.effect.parameters, strict=True):
-        lower[i] = parameter.lower * problem.norms[column]
-        upper[i] = parameter.upper * problem.norms[column]
-    if np.all((theta >= lower) & (theta <= upper)):
+    found = bounded_estimate(problem, chosen, (item,))
+    if not found.at_bound.any():
         return True
-    matrix, vector = normal_equations(problem)
-    take = np.asarray(columns, dtype=np.int64)
-    matrix, vector = matrix[np.ix_(take, take)], vector[take]
-    matrix = matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take))
-    root = np.linalg.cholesky(matrix)
-    slack = 1e-9
-    found = lsq_linear(
-        root.T,
-        np.linalg.solve(root, vector),
-        bounds=(lower - slack, upper + slack),
-        method="bvls",
-    ).x
-    bounded = 2.0 * float(found @ vector) - float(found @ matrix @ found)
     others = [other for other in chosen if other is not item]
     equations = normal_equations(problem)
     without = explained(*equations, problem.base_index) + fall(equations, problem, others)
-    free = explained(*equations, columns)
-    return bool(bounded - without > _KEPT_WITHIN_BOUNDS * (free - without))
+    gained = found.explained - without
+    return bool(gained > _KEPT_WITHIN_BOUNDS * (gained + found.lost))

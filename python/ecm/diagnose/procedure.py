@@ -22,6 +22,7 @@ from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
 from ecm.diagnose.accept import CHOSEN, LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
+from ecm.diagnose.bounds import bounded_estimate
 from ecm.diagnose.classes import (
     MOST_IN_CLASS,
     NEAR,
@@ -317,17 +318,20 @@ def _left_over(
     """Whitened residual after the accepted effects, whether it matters, and its figures.
 
     It must be seen by the omnibus, exceed a share of what was there, and a strength below which
-    neither the base nor the form of an effect can be trusted.
+    neither the base nor the form of an effect can be trusted. A parameter that would explain more
+    beyond its bound stands at the bound: what it does there is not this effect.
     """
-    columns = [*problem.base_index, *(c for item in accepted for c in item.columns)]
-    fitted = problem.design[:, :, columns]
-    test = omnibus(problem.response, smooth, fitted, problem.weights)
+    found = bounded_estimate(problem, accepted, accepted)
+    held = found.columns[found.at_bound]
+    response = problem.response - problem.design[:, :, held] @ found.theta[found.at_bound]
+    fitted = problem.design[:, :, found.columns[~found.at_bound]]
+    test = omnibus(response, smooth, fitted, problem.weights)
     size = problem.response.size
     root = np.sqrt(problem.weights)
     z = (fitted * root[:, None, None]).reshape(size, -1)
-    theta = np.linalg.lstsq(z, (problem.response * root[:, None]).ravel(), rcond=1e-10)[0]
-    left = problem.response - fitted @ theta
-    after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
+    theta = np.linalg.lstsq(z, (response * root[:, None]).ravel(), rcond=1e-10)[0]
+    left = response - fitted @ theta
+    after = max(found.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else found.lost
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(before, fall(normal_equations(problem), problem, accepted))
@@ -339,7 +343,7 @@ def _left_over(
         "beyond_chance": after,
         "dof": test.dof,
         "share": after / before if before > 0.0 else 0.0,
-        "p": test.p,
+        "p": min(test.p, float(special.chdtrc(max(1, len(held)), found.lost))),
     }
     return left, bool(test.p < LEVEL and strong and share), figures
 

@@ -103,11 +103,15 @@ class _Block:
         ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", own), 1e-200)
         seen, solved = (np.moveaxis(a.reshape(d, f, b, k), 1, 2) for a in (seen, solved))
         left = own - np.swapaxes(seen, 2, 3) @ solved + ridge[:, :, :, None] * np.eye(k)
-        gain = (slope * np.linalg.solve(left, slope[:, :, :, None])[:, :, :, 0]).sum(axis=2)
-        if k == 1:
-            for j, candidate in enumerate(self.candidates):
-                parameter = candidate.effect.parameters[0]
-                for sign in (-1.0, 1.0):
-                    if not parameter.allows(sign):
-                        gain[sign * slope[:, j, 0] > 0.0, j] = 0.0
+        signs = problem.signs[[c.columns for c in self.candidates]]
+        taken = np.ones(slope.shape, dtype=np.bool_)
+        for _ in range(k + 1):
+            held = np.where(taken[..., :, None] & taken[..., None, :], left, np.eye(k))
+            theta = np.linalg.solve(held, np.where(taken, slope, 0.0)[..., None])[..., 0]
+            wrong = taken & (signs * theta < 0.0)
+            if not wrong.any():
+                break
+            # As in `gains`: a coefficient of the wrong sign leaves its block.
+            taken &= ~wrong
+        gain = np.where(taken, slope * theta, 0.0).sum(axis=2)
         return np.asarray(gain / problem.scale - k * np.log(problem.size))
