@@ -114,14 +114,13 @@ def diagnose(
     left, remains, over = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
-    strange = _implausible(problem)
+    strange, scattered = _implausible(problem), _scattered(problem)
     if strange:
         accepted, classes, verdict = [], [], "unknown"
         unknown = describe(problem, problem.response, (), before) | {"words": strange}
-    elif accepted and problem.scale > _MOST_SCALE[problem.noise.source]:
+    elif accepted and scattered:
         verdict = "unknown"
-        words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
-        unknown = describe(problem, left, accepted, before) | {"words": words}
+        unknown = describe(problem, left, accepted, before) | {"words": scattered}
     elif accepted and not remains:
         doubtful = over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P
         # Two names that stand in for a third leave little: each needs its rivals far away.
@@ -133,6 +132,8 @@ def diagnose(
     elif remains and (rejected or accepted):
         verdict = "unknown"
         unknown = describe(problem, left, accepted, before)
+        if scattered:
+            unknown["words"] = f"{unknown['words']}; {scattered}"
     else:
         verdict = "none"
     final = joint_fit(
@@ -341,6 +342,13 @@ def _rmse(
     if ceiling is not None:
         found["ceiling"] = {"whitened": ceiling}
     return found
+
+
+def _scattered(problem: Problem) -> str:
+    """Words where what no column explains is far more than the noise; else nothing."""
+    if problem.scale <= _MOST_SCALE[problem.noise.source]:
+        return ""
+    return f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
 
 
 def _implausible(problem: Problem) -> str:
