@@ -82,7 +82,7 @@ class Work:
 def only_the_answer() -> Iterator[None]:
     """`diagnose` without those parts of the report that the verdict does not depend on."""
     with ExitStack() as stack:
-        stack.enter_context(mock.patch.object(judge, "describe", return_value={}))
+        stack.enter_context(mock.patch.object(judge, "describe", return_value={"words": ""}))
         for name, nothing in UNREAD.items():
             stack.enter_context(mock.patch.object(procedure, name, nothing))
         yield

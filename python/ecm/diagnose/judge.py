@@ -100,14 +100,11 @@ def judged(
     verdict: Verdict
     unknown: dict[str, Any] | None = None
     strange = implausible(problem)
+    noisy = problem.scale > _MOST_SCALE[problem.noise.source]
     if strange:
         accepted, classes, verdict = [], [], "unknown"
         unknown = describe(problem, problem.response, (), before) | {"words": strange}
-    elif accepted and problem.scale > _MOST_SCALE[problem.noise.source]:
-        verdict = "unknown"
-        words = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
-        unknown = describe(problem, left, accepted, before) | {"words": words}
-    elif accepted and not remains:
+    elif accepted and not remains and not noisy:
         doubtful = over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P
         # Two names that stand in for a third leave little: each needs its rivals far away.
         if doubtful or len(accepted) > 1:
@@ -115,9 +112,12 @@ def judged(
             near = NEAR_IN_DOUBT if doubtful else NEAR
             classes = [widened(problem, accepted, item, m, near) for item, m in pairs]
         verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
-    elif remains and (rejected or accepted):
+    elif accepted or (remains and rejected):
         verdict = "unknown"
         unknown = describe(problem, left, accepted, before)
+        if noisy:
+            far = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
+            unknown = unknown | {"words": f"{far}; {unknown['words']}"}
     else:
         verdict = "none"
     return Judged(
