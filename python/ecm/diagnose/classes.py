@@ -15,11 +15,11 @@ F = NDArray[np.float64]
 
 SEPARABLE = 0.1
 MOST_IN_CLASS = 3
-_FORM = 0.06
+FORM = 0.06
 """What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
 no more than this may be the truth."""
-_REFUTED = 0.3
-_REFUTED_BY = 12.0
+REFUTED = 0.3
+REFUTED_BY = 12.0
 """A run that was measured later refutes a rival which leaves this share of what the effect explains
 in that run, and so much in squares: with the rival true and d^2 between the two, the excess is
 normal with mean -d^2 and variance 4 d^2, which comes beyond 12 in 3 of 10000 runs at most."""
@@ -73,7 +73,7 @@ def answer_class(
     later = _Later(problem, equations, others, item)
     for rival, loss in zip(rivals, losses.tolist(), strict=True):
         alike = (
-            loss < max(least, _FORM * own)
+            loss < max(least, FORM * own)
             and separability(problem, equations, item, rival, others) < SEPARABLE
         )
         if rival in problem.shadows:
@@ -110,7 +110,7 @@ class _Later:
         if self._count:
             self._with_item = self._squares((*others, item))
             explained = np.maximum(self._squares(others) - self._with_item, 0.0)
-            self._limit = np.maximum(_REFUTED_BY, _REFUTED * explained)
+            self._limit = np.maximum(REFUTED_BY, REFUTED * explained)
 
     def refutes(self, rival: Candidate) -> bool:
         """Whether one of them speaks against the rival and none as clearly for it."""

@@ -39,6 +39,16 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
     )
 
 
+def zeroings(table: Table) -> tuple[str, ...]:
+    """Whether the sensor was zeroed `once`; with several campaigns also at the begin of `each`."""
+    return ("once", "each") if table.meta.file.begins_s else ("once",)
+
+
+def zeroed_shape(zeroed: str) -> Shape:
+    """The entry of a shape; none for a sensor that was zeroed once."""
+    return {} if zeroed == "once" else {"zeroed": zeroed}
+
+
 class FtsOffset(LinearEffect):
     """B b: a constant in sensor axes."""
 
@@ -62,7 +72,10 @@ class FtsOffset(LinearEffect):
 
 
 class FtsDrift(LinearEffect):
-    """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles."""
+    """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
+
+    Zeroed at the begin of `each` campaign: B b (g(t) - g(t_begin)).
+    """
 
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
@@ -71,8 +84,9 @@ class FtsDrift(LinearEffect):
     side = "measurement"
     kind = "time"
 
-    def __init__(self, tau_s: float = np.inf) -> None:
+    def __init__(self, tau_s: float = np.inf, zeroed: str = "once") -> None:
         self._tau_s = float(tau_s)
+        self._zeroed = zeroed
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -84,8 +98,9 @@ class FtsDrift(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """The time in which the drift settles; none for a steady one."""
-        return {} if np.isinf(self._tau_s) else {"tau_s": self._tau_s}
+        """The time in which the drift settles, none for a steady one; when it was zeroed."""
+        found: Shape = {} if np.isinf(self._tau_s) else {"tau_s": self._tau_s}
+        return found | zeroed_shape(self._zeroed)
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time."""
@@ -94,18 +109,27 @@ class FtsDrift(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Steady, and settling within the campaign."""
         span = float(np.ptp(table.column("time_s")))
-        return (FtsDrift(), *(FtsDrift(round(span * share, 1)) for share in (0.35, 1.0)))
+        taus = (np.inf, *(round(span * share, 1) for share in (0.35, 1.0)))
+        return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
 
     def columns(self, rows: Rows) -> F:
-        """B g(t)."""
-        time = rows.time_s()
-        if np.isfinite(self._tau_s):
-            time = self._tau_s * -np.expm1(-time / self._tau_s)
-        return np.asarray(rows.base_from_top * time[:, None, None])
+        """B g(t), or B (g(t) - g(t_begin))."""
+        grown = self._grown(rows.time_s())
+        if self._zeroed == "each":
+            grown = grown - self._grown(rows.begin_s())
+        return np.asarray(rows.base_from_top * grown[:, None, None])
+
+    def _grown(self, time_s: F) -> F:
+        if np.isinf(self._tau_s):
+            return time_s
+        return np.asarray(self._tau_s * -np.expm1(-time_s / self._tau_s))
 
 
 class FtsThermalDrift(LinearEffect):
-    """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean."""
+    """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
+
+    Zeroed at the begin of `each` campaign: T0 is that of the campaign's first row.
+    """
 
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows the sensor's own temperature."
@@ -114,13 +138,16 @@ class FtsThermalDrift(LinearEffect):
     side = "measurement"
     kind = "time"
 
-    def __init__(self, reference_degC: float | None = None) -> None:
+    def __init__(self, reference_degC: float | None = None, zeroed: str = "once") -> None:
         self._reference_degC = reference_degC
+        self._zeroed = zeroed
 
     @property
     def shape(self) -> Shape:
-        """The temperature at which the sensor was zeroed."""
-        return {} if self._reference_degC is None else {"reference_degC": self._reference_degC}
+        """The temperature at which the sensor was zeroed, and when."""
+        known = self._reference_degC is not None
+        found: Shape = {"reference_degC": float(self._reference_degC or 0.0)} if known else {}
+        return found | zeroed_shape(self._zeroed)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -138,12 +165,18 @@ class FtsThermalDrift(LinearEffect):
         """Zeroed at the temperature of the first row, or at the mean."""
         temperature = table.column("sensor_temperature_degC")
         references = (temperature[0], temperature.mean())
-        return tuple(FtsThermalDrift(round(float(t), 3)) for t in references)
+        once = tuple(FtsThermalDrift(round(float(t), 3)) for t in references)
+        return once + tuple(FtsThermalDrift(zeroed=z) for z in zeroings(table) if z == "each")
 
     def columns(self, rows: Rows) -> F:
         """B (T - T0)."""
         temperature = rows.table.column("sensor_temperature_degC")
-        zero = temperature[0] if self._reference_degC is None else self._reference_degC
+        zero = np.full(len(rows), temperature[0])
+        if self._reference_degC is not None:
+            zero[:] = self._reference_degC
+        elif self._zeroed == "each":
+            first = np.unique(rows.campaign, return_index=True)[1]
+            zero = temperature[first][np.unique(rows.campaign, return_inverse=True)[1]]
         return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 
