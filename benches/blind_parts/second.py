@@ -24,24 +24,23 @@ from blind_parts.sets import Set
 from ecm.design.follow_up import drivable, follow_up_plan, parts
 from ecm.table import Table, read_table
 
-BY_HAND: dict[str, dict[str, float]] = {
-    "calliper": {"length_error": 5e-5, "diameter_error": 1e-3},
-    "survey the base": {"base_frame_misalignment": 5e-4},
-    "re-seat": {"tip_frame_misalignment": 5e-4},
-    "gauge bar": {"camera_scale": 1e-3},
-    "dial gauge on the base plate": {"base_compliance": 3e-5},
-    "look at the base marker": {"marker_motion": 2e-5},
-    "place of the camera": {"led_occlusion": 5e-5},
-    "detach the cable": {"cable_drag": 0.0},
+BY_HAND: dict[str, dict[str, tuple[float, str]]] = {
+    "calliper": {"length_error": (5e-5, "m"), "diameter_error": (1e-3, "1")},
+    "survey the base": {"base_frame_misalignment": (5e-4, "rad")},
+    "re-seat": {"tip_frame_misalignment": (5e-4, "rad")},
+    "gauge bar": {"camera_scale": (1e-3, "1")},
+    "dial gauge on the base plate": {"base_compliance": (3e-5, "rad/(N m)")},
+    "look at the base marker": {"marker_motion": (2e-5, "m")},
+    "warm-up log": {"fts_thermal_drift": (0.02, "N/K")},
+    "place of the camera": {"led_occlusion": (5e-5, "m")},
+    "detach the cable": {"cable_drag": (0.0, "")},
 }
-"""Effects that a tool reads, and its standard deviation in the unit of the effect's size; a cable
-that is off is seen to be off."""
+"""Effects that a tool reads, its standard deviation and the unit of the effect's size; a cable that
+is off is seen to be off."""
 _SEEN = 3.0
 _LEAST_ODDS = 6.0
 """Twice the logarithm of the odds at which a reading decides, as a difference of BIC does."""
 
-_ONE_NUMBER = ("length_error", "diameter_error", "camera_scale")
-"""Effects of one parameter: what the first analysis needs is a number as the tool reads it."""
 
 
 def second_answer(
@@ -53,14 +52,14 @@ def second_answer(
     told = [str(entry["action"]) for entry in first["next_experiment"]]
     members = {id for one in first["answer"] for id in one}
     for action in told:
-        read = {id: sd for part in parts(action) for id, sd in _read_by(part).items()}
+        read = {id: tool for part in parts(action) for id, tool in _read_by(part).items()}
         if drivable(action) or set(read) & members:
             found = _after(asked, data, first, folder, action, read)
             return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
 
-def _read_by(action: str) -> dict[str, float]:
+def _read_by(action: str) -> dict[str, tuple[float, str]]:
     if drivable(action):
         return {}
     return next((read for word, read in BY_HAND.items() if re.search(word, action)), {})
@@ -72,7 +71,7 @@ def _after(
     first: dict[str, Any],
     folder: Path,
     action: str,
-    read: Mapping[str, float],
+    read: Mapping[str, tuple[float, str]],
 ) -> dict[str, Any]:
     """What the readings by hand show and rule out, and the data with those of the campaign."""
     seen, absent = _readings(asked, data, first, read)
@@ -96,7 +95,7 @@ def _after(
 
 
 def _readings(
-    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, float]
+    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, tuple[float, str]]
 ) -> tuple[list[str], list[str]]:
     """Effects that readings show, and those that they rule out; some do neither.
 
@@ -104,10 +103,11 @@ def _readings(
     """
     random = np.random.default_rng([asked.seed, 11])
     seen, absent = [], []
-    for id, sd in read.items():
+    for id, (sd, unit) in read.items():
         reading = abs(_size(data.truth.get(id)) + sd * random.standard_normal())
         least = max(sd, 1e-12)
-        needed = abs(first.get("sizes", {}).get(id, np.inf)) if id in _ONE_NUMBER else np.inf
+        size, of = first.get("needed", {}).get(id, (np.inf, unit))
+        needed = abs(size) if of == unit else np.inf
         r, d = reading / least, needed / least
         odds = 2.0 * r * d - d * d if np.isfinite(d) else -np.inf
         if r > _SEEN or odds > _LEAST_ODDS:

@@ -85,6 +85,12 @@ def drivable(experiment: str) -> bool:
     return any(_recipe(part) is not None for part in parts(experiment))
 
 
+def same_campaign(experiment: str) -> str:
+    """Alike for two texts of one campaign; by hand the text itself."""
+    recipe = _recipe(experiment)
+    return experiment if recipe is None else recipe.pattern
+
+
 def _recipe(experiment: str) -> _Recipe | None:
     """None for what is done by hand."""
     return next((one for one in _RECIPES if re.search(one.pattern, experiment)), None)
@@ -169,7 +175,16 @@ def _zeros(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
 
 
 def _homes(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
-    return _between(_measure(_spread_out(poses, 20)), "home", 1)
+    """Large poses on one side only, three times, then on the other, home after each.
+
+    What comes of the poses goes one way and back again; what comes of time goes on.
+    """
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = away[int((away**2).sum(axis=1).argmax())]
+    order = np.argsort(away @ largest)
+    count = min(8, len(poses) // 2)
+    one, other = order[::-1][:count].tolist(), order[:count].tolist()
+    return _between(_measure([*one * 5]), "home", 1)
 
 
 def _turned(degrees: int) -> Callable[[F, NDArray[np.int64]], list[_Visit]]:
@@ -220,7 +235,7 @@ class _Recipe:
 _RECIPES = (
     _Recipe(r"remount.*\b90\b", _turned(90), 4),
     _Recipe(r"remount.*\b180\b", _turned(180), 4),
-    _Recipe(r"warm", _warm_and_cold, 2),
+    _Recipe(r"warm(?!-up log)", _warm_and_cold, 2),
     _Recipe(r"conditioning", _conditioning, 1),
     _Recipe(r"both sides", _both_sides),
     _Recipe(r"\bhold\b|dwell", _holds),

@@ -18,10 +18,10 @@ MOST_IN_CLASS = 3
 FORM = 0.06
 """What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
 no more than this may be the truth."""
-REFUTED = 0.3
+REFUTED = 2.5 * FORM
 REFUTED_BY = 12.0
 """A run that was measured later refutes a rival which leaves this share of what the effect explains
-in that run, and so much in squares: with the rival true and d^2 between the two, the excess is
+in that run, more than the form of a right effect may, and so much in squares: with the rival true and d^2 between the two, the excess is
 normal with mean -d^2 and variance 4 d^2, which comes beyond 12 in 3 of 10000 runs at most."""
 NEAR = 0.3
 NEAR_IN_DOUBT = 0.6
