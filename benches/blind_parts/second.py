@@ -24,19 +24,19 @@ from blind_parts.sets import Set
 from ecm.design.follow_up import drivable, follow_up_plan, parts
 from ecm.table import Table, read_table
 
-BY_HAND: dict[str, dict[str, tuple[float, str]]] = {
-    "calliper": {"length_error": (5e-5, "m"), "diameter_error": (1e-3, "1")},
-    "survey the base": {"base_frame_misalignment": (5e-4, "rad")},
-    "re-seat": {"tip_frame_misalignment": (5e-4, "rad")},
-    "gauge bar": {"camera_scale": (1e-3, "1")},
-    "dial gauge on the base plate": {"base_compliance": (3e-5, "rad/(N m)")},
-    "look at the base marker": {"marker_motion": (2e-5, "m")},
-    "warm-up log": {"fts_thermal_drift": (0.02, "N/K")},
-    "place of the camera": {"led_occlusion": (5e-5, "m")},
-    "detach the cable": {"cable_drag": (0.0, "")},
+BY_HAND: dict[str, dict[str, dict[str, float]]] = {
+    "calliper": {"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}},
+    "survey the base": {"base_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "re-seat": {"tip_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "gauge bar": {"camera_scale": {"1": 1e-3}},
+    "dial gauge on the base plate": {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}},
+    "look at the base marker": {"marker_motion": {"m": 2e-5, "rad": 3e-4}},
+    "warm-up log": {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}},
+    "place of the camera": {"led_occlusion": {"m": 5e-5, "rad": 1e-3}},
+    "detach the cable": {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}},
 }
-"""Effects that a tool reads, its standard deviation and the unit of the effect's size; a cable that
-is off is seen to be off."""
+"""Effects that a tool reads, and its standard deviation by unit; the first is that of the size that
+a source hides."""
 _SEEN = 3.0
 _LEAST_ODDS = 6.0
 """Twice the logarithm of the odds at which a reading decides, as a difference of BIC does."""
@@ -59,7 +59,7 @@ def second_answer(
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
 
-def _read_by(action: str) -> dict[str, tuple[float, str]]:
+def _read_by(action: str) -> dict[str, dict[str, float]]:
     if drivable(action):
         return {}
     return next((read for word, read in BY_HAND.items() if re.search(word, action)), {})
@@ -71,7 +71,7 @@ def _after(
     first: dict[str, Any],
     folder: Path,
     action: str,
-    read: Mapping[str, tuple[float, str]],
+    read: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Any]:
     """What the readings by hand show and rule out, and the data with those of the campaign."""
     seen, absent = _readings(asked, data, first, read)
@@ -95,7 +95,7 @@ def _after(
 
 
 def _readings(
-    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, tuple[float, str]]
+    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, Mapping[str, float]]
 ) -> tuple[list[str], list[str]]:
     """Effects that readings show, and those that they rule out; some do neither.
 
@@ -103,12 +103,11 @@ def _readings(
     """
     random = np.random.default_rng([asked.seed, 11])
     seen, absent = [], []
-    for id, (sd, unit) in read.items():
-        reading = abs(_size(data.truth.get(id)) + sd * random.standard_normal())
-        least = max(sd, 1e-12)
-        size, of = first.get("needed", {}).get(id, (np.inf, unit))
-        needed = abs(size) if of == unit else np.inf
-        r, d = reading / least, needed / least
+    for id, sd in read.items():
+        # In deviations of the tool: the reading, and what the first analysis needs of the effect.
+        r = abs(_size(data.truth.get(id)) / next(iter(sd.values())) + random.standard_normal())
+        size, unit = first.get("needed", {}).get(id, (np.inf, ""))
+        d = abs(size) / sd[unit] if unit in sd else (0.0 if unit else np.inf)
         odds = 2.0 * r * d - d * d if np.isfinite(d) else -np.inf
         if r > _SEEN or odds > _LEAST_ODDS:
             seen.append(id)

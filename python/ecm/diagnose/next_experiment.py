@@ -38,27 +38,31 @@ F = NDArray[np.float64]
 Odds = dict[tuple[str, str], float]
 """(truth, rival) -> chance that the rival is out."""
 
-# Minutes of an afternoon at the rig, set-up included.
+# Minutes at the rig, set-up included; of campaigns as `ecm campaign` counts them for its own.
 _MINUTES = (
-    ("remount", 30),
+    ("remount", 35),
     ("calliper", 10),
     ("detached length", 10),
-    ("dead weight", 30),
-    ("unloaded", 10),
-    ("zero", 10),
-    ("payload", 15),
+    ("dead weight", 45),
+    ("payload", 30),
     ("cable", 10),
     ("survey", 30),
     ("gauge", 20),
-    ("warm", 60),
+    ("warm-up log", 60),
+    ("warm", 80),
     ("next day", 30),
-    ("hold", 5),
-    ("dwell", 20),
+    ("hold", 25),
+    ("dwell", 25),
     ("re-seat", 20),
-    ("both sides", 20),
+    ("both sides", 30),
     ("push and pull", 20),
-    ("sweep", 30),
+    ("sweep", 25),
     ("end for end", 30),
+    ("home", 25),
+    ("base marker", 20),
+    ("unloaded", 30),
+    ("zero", 30),
+    ("repeat the first", 15),
     ("repeat", 20),
 )
 _SET_UP = 5
@@ -74,7 +78,7 @@ _READ_BY_HAND: tuple[tuple[str, Mapping[str, Mapping[str, float]]], ...] = (
     ("gauge bar", {"camera_scale": {"1": 1e-3}}),
     ("dial gauge", {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}}),
     ("look at the base marker", {"marker_motion": _FINE}),
-    ("detach the cable", {"cable_drag": {"N": 0.1, "N m": 5e-3, "N/m": 1.0, "N/m^2": 20.0}}),
+    ("detach the cable", {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}}),
     ("warm-up log", {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}}),
     ("place of the camera", {"led_occlusion": {"m": 5e-5, "rad": 1e-3}}),
 )
@@ -90,7 +94,7 @@ _MOST_LISTED = 6
 _PAUSE_S = 600.0
 _MATTERS = 0.02
 """A part of a session must raise the chance of the right names by this."""
-_PER_MINUTE = 1e-3
+_PER_MINUTE = 5e-4
 """What a minute must gain in this chance to be worth it."""
 
 
