@@ -42,7 +42,6 @@ _LEAST_ODDS = 6.0
 """Twice the logarithm of the odds at which a reading decides, as a difference of BIC does."""
 
 
-
 def second_answer(
     asked: Set, data: Data, first: dict[str, Any], folder: Path
 ) -> dict[str, Any] | None:
@@ -54,7 +53,7 @@ def second_answer(
     for action in told:
         read = {id: tool for part in parts(action) for id, tool in _read_by(part).items()}
         if drivable(action) or set(read) & members:
-            found = _after(asked, data, first, folder, action, read)
+            found = _after(asked, data, first, read, (action, folder))
             return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
@@ -69,13 +68,12 @@ def _after(
     asked: Set,
     data: Data,
     first: dict[str, Any],
-    folder: Path,
-    action: str,
     read: Mapping[str, Mapping[str, float]],
+    campaign: tuple[str, Path],
 ) -> dict[str, Any]:
     """What the readings by hand show and rule out, and the data with those of the campaign."""
     seen, absent = _readings(asked, data, first, read)
-    answer = first["answer"]
+    answer, (action, folder) = first["answer"], campaign
     if drivable(action):
         plan = follow_up_plan(data.table, action)
         second = data_of(asked, folder, plan, data.truth)

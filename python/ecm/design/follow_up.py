@@ -175,16 +175,14 @@ def _zeros(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
 
 
 def _homes(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
-    """Large poses on one side only, three times, then on the other, home after each.
+    """Large poses on one side only, again and again, home after each.
 
-    What comes of the poses goes one way and back again; what comes of time goes on.
+    A set grows that way, and faster than before; a slip stays, a marker goes on with time.
     """
     away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
     largest = away[int((away**2).sum(axis=1).argmax())]
-    order = np.argsort(away @ largest)
-    count = min(8, len(poses) // 2)
-    one, other = order[::-1][:count].tolist(), order[:count].tolist()
-    return _between(_measure([*one * 5]), "home", 1)
+    one_side = np.argsort(-(away @ largest))[:8].tolist()
+    return _between(_measure(one_side * 8), "home", 1)
 
 
 def _turned(degrees: int) -> Callable[[F, NDArray[np.int64]], list[_Visit]]:

@@ -21,8 +21,9 @@ no more than this may be the truth."""
 REFUTED = 2.5 * FORM
 REFUTED_BY = 12.0
 """A run that was measured later refutes a rival which leaves this share of what the effect explains
-in that run, more than the form of a right effect may, and so much in squares: with the rival true and d^2 between the two, the excess is
-normal with mean -d^2 and variance 4 d^2, which comes beyond 12 in 3 of 10000 runs at most."""
+in that run, more than the form of a right effect may, and so much in squares: with the rival true
+and d^2 between the two, the excess is normal with mean -d^2 and variance 4 d^2, which comes beyond
+12 in 3 of 10000 runs at most."""
 NEAR = 0.3
 NEAR_IN_DOUBT = 0.6
 """Share of what an effect explains that a rival may lose and still stand for it: beside another

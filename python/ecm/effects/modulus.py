@@ -108,9 +108,7 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     kind = "time"
 
-    def __init__(
-        self, width: float = 0.0, measure: str = "energy", history: str = "run"
-    ) -> None:
+    def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:
         self._width, self._measure, self._history = width, measure, history
 
     @property

@@ -39,9 +39,7 @@ class PermanentSet(LinearEffect):
     signature = "the wrench at home grows after large poses"
     kind = "time"
 
-    def __init__(
-        self, memory: str = "largest", yield_m: float = 0.0, history: str = "run"
-    ) -> None:
+    def __init__(self, memory: str = "largest", yield_m: float = 0.0, history: str = "run") -> None:
         self._memory = memory
         self._yield_m = yield_m
         self._history = history

@@ -39,9 +39,22 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
     )
 
 
+_NOTHING = 5.0
+"""A free sensor reads nothing where it reads less than so many standard deviations."""
+
+
 def zeroings(table: Table) -> tuple[str, ...]:
-    """Whether the sensor was zeroed `once`; with several campaigns also at the begin of `each`."""
-    return ("once", "each") if table.meta.file.begins_s else ("once",)
+    """Whether the sensor was zeroed `once`, or with several campaigns at the begin of `each`."""
+    begins_s = table.meta.file.begins_s
+    if not begins_s:
+        return ("once",)
+    sd = (table.meta.instrument.force_sd_N, table.meta.instrument.torque_sd_Nm)
+    first = np.searchsorted(table.column("time_s"), begins_s)
+    if None not in sd and (table.text("kind")[first] == "unloaded").all():
+        limit = _NOTHING * np.repeat(np.array(sd, dtype=np.float64), 3)
+        if (np.abs(table.wrenches[first]) < limit).all():
+            return ("each",)
+    return ("once", "each")
 
 
 def zeroed_shape(zeroed: str) -> Shape:
@@ -164,9 +177,12 @@ class FtsThermalDrift(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Zeroed at the temperature of the first row, or at the mean."""
         temperature = table.column("sensor_temperature_degC")
-        references = (temperature[0], temperature.mean())
-        once = tuple(FtsThermalDrift(round(float(t), 3)) for t in references)
-        return once + tuple(FtsThermalDrift(zeroed=z) for z in zeroings(table) if z == "each")
+        mean = FtsThermalDrift(round(float(temperature.mean()), 3))
+        once = FtsThermalDrift(round(float(temperature[0]), 3))
+        return (
+            *(FtsThermalDrift(zeroed=z) if z == "each" else once for z in zeroings(table)),
+            mean,
+        )
 
     def columns(self, rows: Rows) -> F:
         """B (T - T0)."""
