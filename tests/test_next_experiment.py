@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ecm.columns import WRENCH
@@ -27,16 +29,14 @@ def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
     found = diagnose(model(), table.with_columns(hidden))
     assert found.verdict == "ambiguous"
     warm_up = next(item for item in found.next_experiment if "warm and cold" in item["action"])
-    assert warm_up["minutes"] == 60
+    # An hour of heating and what the rig needs for 20 visits.
+    assert warm_up["minutes"] == 80
     assert 0.4 < warm_up["p_correct_before"] < 0.95
     assert warm_up["p_correct"] > 0.95
     assert warm_up["p_correct"] > warm_up["p_correct_before"]
-    falls = [
-        (item["p_correct"] - item["p_correct_before"]) / item["minutes"]
-        for item in found.next_experiment
-        if item["p_correct"] is not None
-    ]
-    assert falls == sorted(falls, reverse=True)
+    for first, later in pairwise(found.next_experiment):
+        # Nothing that is surer and shorter stands behind.
+        assert first["p_correct"] >= later["p_correct"] or first["minutes"] <= later["minutes"]
 
 
 def test_nothing_to_separate_proposes_nothing() -> None:

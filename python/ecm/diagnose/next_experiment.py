@@ -76,19 +76,19 @@ def next_experiments(
     odds = {a: [one.odds(a, campaigns[a]) for one in open_] for a in offered}
     nothing: list[Odds] = [one.now for one in open_]
     before = sure(nothing)
-    found = []
-    for action in offered:
-        after = sure(together(nothing, odds[action])) if any(odds[action]) else None
-        named = _named(open_, action)
-        if named or (after is not None and after > before + _MATTERS):
-            found.append(_entry((action,), before, after, named))
-    session = _session(nothing, odds)
+    named = {action: _named(open_, action) for action in offered}
+    singles = [
+        _entry((a,), before, sure(together(nothing, odds[a])) if any(odds[a]) else None, named[a])
+        for a in offered
+    ]
+    # What the catalogue names for a pair is listed, another only where it tells more.
+    usual = max((_worth(e) for e in singles if e["separates"]), default=before)
+    found = [e for e in singles if e["separates"] or _worth(e) > usual + _MATTERS]
+    session = _session(nothing, odds, named)
     if len(session) > 1:
         after = sure(together(nothing, *(odds[part] for part in session)))
-        named = {pair for part in session for pair in _named(open_, part)}
-        found.append(_entry(session, before, after, named))
-    found.sort(key=lambda e: (-_worth(e["p_correct"], e["minutes"]), e["action"]))
-    return found[:_MOST_LISTED]
+        found.append(_entry(session, before, after, set().union(*(named[p] for p in session))))
+    return sorted(found, key=lambda e: (-_worth(e), e["action"]))[:_MOST_LISTED]
 
 
 def _offered(open_: Sequence[OpenClass]) -> list[str]:
@@ -124,25 +124,30 @@ def _named(open_: Sequence[OpenClass], action: str) -> set[str]:
     }
 
 
-def _session(nothing: Sequence[Odds], odds: Mapping[str, Sequence[Odds]]) -> tuple[str, ...]:
+def _session(
+    nothing: Sequence[Odds], odds: Mapping[str, Sequence[Odds]], named: Mapping[str, set[str]]
+) -> tuple[str, ...]:
     """Actions of one afternoon, one after the other that which is worth most beside the others."""
     session: tuple[str, ...] = ()
+    now = sure(nothing)
     while True:
-        now = sure(together(nothing, *(odds[part] for part in session)))
-        trials = [(*session, a) for a in odds if a not in session and any(odds[a])]
-        trials = [trial for trial in trials if _session_minutes(trial) <= SESSION_MINUTES]
-        if not trials:
+        best: tuple[float, tuple[str, ...], float] | None = None
+        for action in (a for a in odds if a not in session and any(odds[a])):
+            trial = (*session, action)
+            after = sure(together(nothing, *(odds[part] for part in trial)))
+            if _session_minutes(trial) > SESSION_MINUTES or after < now + _MATTERS:
+                continue
+            own = after - _PER_MINUTE * _session_minutes(trial) - _MATTERS * (not named[action])
+            if best is None or own > best[0]:
+                best = (own, trial, after)
+        if best is None:
             return session
-        after = [sure(together(nothing, *(odds[part] for part in trial))) for trial in trials]
-        worth = [_worth(p, _session_minutes(t)) for p, t in zip(after, trials, strict=True)]
-        best = int(np.argmax(worth))
-        if after[best] < now + _MATTERS:
-            return session
-        session = trials[best]
+        _, session, now = best
 
 
-def _worth(p_correct: float | None, minutes: int) -> float:
-    return -np.inf if p_correct is None else p_correct - _PER_MINUTE * minutes
+def _worth(entry: Mapping[str, Any]) -> float:
+    sure_by = entry["p_correct"]
+    return -np.inf if sure_by is None else float(sure_by - _PER_MINUTE * entry["minutes"])
 
 
 def _session_minutes(actions: Sequence[str]) -> int:
