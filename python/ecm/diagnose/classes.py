@@ -61,9 +61,19 @@ def _left(matrix: F, columns: tuple[int, ...], values: F, fixed: tuple[int, ...]
 
 
 def answer_class(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, least: float = LEAST_BIC
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    least: float = LEAST_BIC,
+    most: int = MOST_IN_CLASS,
 ) -> list[str]:
-    """The effect and its rivals: within `least` in BIC in its place, or not separable."""
+    """The effect and its rivals: within `least` in BIC in its place, or not separable.
+
+    Parameters
+    ----------
+    most
+        Members that a class has; of rivals that only look alike the nearest.
+    """
     equations = normal_equations(problem)
     others = [other for other in chosen if other is not item]
     present = {other.id for other in chosen}
@@ -85,7 +95,7 @@ def answer_class(
     ordered = sorted(found, key=lambda id: found[id])
     near = [id for id in ordered if found[id] < least]
     # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
-    alike_only = [id for id in ordered if id not in near][: max(0, MOST_IN_CLASS - 1 - len(near))]
+    alike_only = [id for id in ordered if id not in near][: max(0, most - 1 - len(near))]
     return [item.id, *near, *alike_only]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import TEXT
+from ecm.diagnose.classes import answer_class
 from ecm.diagnose.odds import READ_BY_HAND, Odds, OpenClass, sure, together
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.effects import Rows, all_effects
@@ -58,6 +59,8 @@ _MATTERS = 0.02
 """A part of a session must raise the chance of the right names by this."""
 _PER_MINUTE = 5e-4
 """What a minute must gain in this chance to be worth it."""
+_MOST_COMPARED = 6
+"""Of a longer class the nearest rivals are compared."""
 _MOST_LISTED = 6
 _PAUSE_S = 600.0
 
@@ -66,11 +69,14 @@ def next_experiments(
     problem: Problem, chosen: Sequence[Candidate], classes: Sequence[Sequence[str]]
 ) -> list[dict[str, Any]]:
     """Actions that separate the members of each class, and a session of several; best first."""
-    open_ = [
-        OpenClass.of(problem, [other for other in chosen if other is not item], members)
-        for item, members in zip(chosen, classes, strict=True)
-        if len(members) > 1
-    ]
+    open_ = []
+    for item, members in zip(chosen, classes, strict=True):
+        if len(members) > 1:
+            others = [other for other in chosen if other is not item]
+            # Where a member goes the next that looks alike takes its place.
+            waiting = answer_class(problem, chosen, item, most=_MOST_COMPARED)
+            whole = list(dict.fromkeys([*members, *waiting]))[:_MOST_COMPARED]
+            open_.append(OpenClass.of(problem, others, whole))
     offered = _offered(open_) if open_ else []
     campaigns = {action: _joined_rows(problem, action) for action in offered}
     odds = {a: [one.odds(a, campaigns[a]) for one in open_] for a in offered}

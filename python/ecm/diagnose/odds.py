@@ -52,8 +52,6 @@ _SHAPES = 3
 """Of each member so many shapes, the best."""
 _SEEN = 3.0
 """A reading of so many deviations is taken for more than nothing."""
-_MOST_COMPARED = 6
-"""Of a longer class the nearest rivals are compared."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class OpenClass:
     def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> OpenClass:
         equations = normal_equations(problem)
         shapes: dict[str, list[Candidate]] = {}
-        for id in members[:_MOST_COMPARED]:
+        for id in members:
             own = [c for c in (*problem.candidates, *problem.shadows) if c.id == id]
             own.sort(key=lambda c: -fall(equations, problem, (*others, c)))
             if own:
