@@ -63,13 +63,21 @@ def zeroed_shape(zeroed: str) -> Shape:
 
 
 class FtsOffset(LinearEffect):
-    """B b: a constant in sensor axes."""
+    """B b: a constant in sensor axes; of a sensor strained by its bolts only while they hold."""
 
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
     parameters = _six("offset", "", 1.0, 0.03)
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
+
+    def __init__(self, acts: str = "always") -> None:
+        self._acts = acts
+
+    @property
+    def shape(self) -> Shape:
+        """`mounted`: not on the free sensor; none for a zero that is wrong always."""
+        return {} if self._acts == "always" else {"acts": self._acts}
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -79,9 +87,16 @@ class FtsOffset(LinearEffect):
             "tip_frame_misalignment": "unloaded zero",
         }
 
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A zero that was taken wrongly; a strain of the mounting where the free sensor was read."""
+        free = bool((table.text("kind") == "unloaded").any())
+        return (FtsOffset(), FtsOffset("mounted")) if free else (FtsOffset(),)
+
     def columns(self, rows: Rows) -> F:
-        """B."""
-        return rows.base_from_top
+        """B, or B on rows where the mechanism hangs on the sensor."""
+        if self._acts == "always":
+            return rows.base_from_top
+        return np.asarray(rows.base_from_top * ~rows.unloaded[:, None, None])
 
 
 class FtsDrift(LinearEffect):
