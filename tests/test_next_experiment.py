@@ -39,6 +39,29 @@ def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
         assert first["p_correct"] >= later["p_correct"] or first["minutes"] <= later["minutes"]
 
 
+def test_two_classes_are_told_apart_in_one_session() -> None:
+    """A length beside a modulus: the calliper is for one class, a campaign for the other."""
+    table = campaign("", 1.0, 4)
+    time = table.column("time_s")
+    warm = 22.0 + 4.0 * (time - time.min()) / np.ptp(time)
+    warm += 0.05 * np.random.default_rng(0).standard_normal(len(warm))
+    table = table.with_columns({"temperature_degC": warm})
+    rows = Rows(table, physics())
+    change = get_effect("temperature_modulus").correction(rows, np.array([1.2e-2]))
+    change = change + get_effect("length_error").correction(rows, np.array([1.5e-4]))
+    hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    found = diagnose(model(), table.with_columns(hidden))
+    assert sum(len(members) > 1 for members in found.answer) == 2, found.answer
+    session = found.next_experiment[0]
+    parts = session["action"].split(" + ")
+    assert len(parts) > 1
+    assert "calliper" in parts
+    assert session["minutes"] <= 180
+    singles = [item for item in found.next_experiment if " + " not in item["action"]]
+    assert session["p_correct"] > max(item["p_correct"] for item in singles) + 0.1
+    assert session["p_correct_before"] < 0.5
+
+
 def test_nothing_to_separate_proposes_nothing() -> None:
     assert diagnose(model(), campaign("temperature_modulus", 1.0, 4)).next_experiment == ()
 
