@@ -29,7 +29,13 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 
-from blind_parts.analysis import oracle, parameters, same_verdicts, worked_answer
+from blind_parts.analysis import (
+    oracle,
+    other_base_answer,
+    parameters,
+    same_verdicts,
+    worked_answer,
+)
 from blind_parts.data import data_of, shared_model, shared_plan
 from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
@@ -73,6 +79,9 @@ def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
         result["second"] = second_answer(asked, data, result["ours"], folder)
     if simple:
         result["simple"] = simple_answers(asked, data, work)
+        if asked.source == "rod":
+            # The neck has the rod's length and radius, E and nu are free: the solid of that size.
+            result["fem_base"] = other_base_answer(asked, data, shared_model("rig"))
     result["seconds"] = time.process_time() - began
     result["spent"] = spent
     return result
@@ -113,7 +122,7 @@ def prepared(sets: list[Set], folder: Path) -> None:
     """Plans and bases that all sets share, before several processes ask for them."""
     for source, protocol in sorted({(one.source, one.protocol) for one in sets}):
         shared_plan(source, protocol, folder)
-        shared_model(source, folder)
+        shared_model(source)
 
 
 def _told(total: int, done: int, left_s: float) -> None:

@@ -119,7 +119,7 @@ def test_the_noise_of_a_row_is_the_generator_s(folder: Path) -> None:
     """W Sigma W' of the rod's own covariance is 1 in every direction, not only on its diagonal."""
     asked = Set(0, 900, "rod")
     problem = _worked(asked, folder)[1].problem
-    base = shared_model("rod", folder).base
+    base = shared_model("rod").base
     made = rod_table(
         shared_plan("rod", "diagnosable", folder), (), asked.seed, base_columns=base.columns
     )
@@ -242,7 +242,7 @@ def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
 
     asked = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
     data = _data(asked, folder)
-    base = shared_model("rod", folder).base
+    base = shared_model("rod").base
     rows = Rows(data.quiet, base)
     is_pose = np.asarray(data.quiet.text("kind") == "pose")
     excess = (data.quiet.wrenches - rows.wrench)[is_pose]

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.columns import POSE
+from ecm.compare.folds import informative
 from ecm.compare.gram import Gram, explained, gains, without
 from ecm.compare.lack_of_fit import captured
 from ecm.diagnose.base import choose_base
@@ -23,7 +24,11 @@ from ecm.effects.history import order_of_visits, pose_before
 from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
 from ecm.effects.modulus import MullinsSoftening
+from ecm.effects.occlusion import LedOcclusion, line_of_sight
+from ecm.effects.pre_curvature import PreCurvature
 from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.rod_strain import rest_stiffness
+from ecm.effects.sensor_axes import FtsHysteresis
 from ecm.effects.slip import PlatformSlip
 from ecm.meta import Meta
 from ecm.rig import RigSettings, run_campaign
@@ -102,6 +107,64 @@ def test_relaxation_over_visits_is_that_at_rest_when_all_else_has_decayed(rows: 
         assert np.abs(visits[now] - wanted).max() < 1e-2 * np.abs(rows.wrench[now]).max()
         compared += 1
     assert compared > 5
+
+
+def test_the_sensors_play_at_its_zero_shifts_all_readings_around_it() -> None:
+    table = campaign(seed=5)
+    effect, base = FtsHysteresis(0.5, "each"), physics()
+    zeroed = Rows(table, base)
+    lag = effect.columns(zeroed)
+    assert np.all(lag[zeroed.unloaded] == 0.0)
+    # The readings themselves may be left out: their times tell.
+    kept = informative(table)
+    assert len(kept) < len(table)
+    np.testing.assert_allclose(effect.columns(Rows(kept, base)), lag[~zeroed.unloaded])
+    # Where the free sensor reads something the zero is another.
+    noise = np.where(zeroed.unloaded, 1e-3, 0.0)
+    read = Rows(table.replace(fx_N=table.column("fx_N") + noise), base)
+    apart = np.einsum("nji,njk->nik", zeroed.base_from_top, effect.columns(read) - lag)
+    times, at = table.column("time_s"), np.flatnonzero(zeroed.unloaded)
+    for axis in range(6):
+        line = np.interp(times, times[at], apart[at, axis, axis])
+        np.testing.assert_allclose(apart[:, axis, axis], line, atol=1e-12)
+    assert np.ptp(apart[:, 0, 0]) > 0.1
+
+
+def test_the_line_of_sight_is_the_turn_that_hides_no_marker() -> None:
+    turns = np.random.default_rng(1).uniform(-0.6, 0.6, (200, 3))
+    sight = np.array([0.2, 0.4, np.sqrt(0.8)])
+    lean = np.linalg.norm(np.cross(turns, sight), axis=1)
+    seen = 9.0 - np.floor(np.clip((lean - 0.2) / 0.12, 0.0, 5.0))
+    columns = dict(zip(POSE[3:], turns.T, strict=True)) | dict.fromkeys(POSE[:3], np.zeros(200))
+    table = Table(columns | {"leds_visible": seen}, Meta(), "turns")
+    assert line_of_sight(table) @ sight > np.cos(0.05)
+
+
+def test_markers_off_their_places_bias_a_pose_as_the_fit_of_those_left(rows: Rows) -> None:
+    random = np.random.default_rng(2)
+    sight = {"sight_x": 0.0, "sight_y": 0.6, "sight_z": 0.8}
+    seen = np.where(np.arange(len(rows)) % 2 == 0, 9.0, 6.0)
+    table = rows.table.with_columns({"leds_visible": seen})
+    effect = LedOcclusion(2, "sight", 9.0, radius_m=0.04, **sight)
+    columns = effect.columns(Rows(table, rows.base))
+    assert np.all(columns[seen == 9.0] == pytest.approx(0.0, abs=1e-6 * np.abs(columns).max()))
+    # The same from many markers strewn over the target, the first mode alone.
+    place = random.uniform(-1.0, 1.0, (40000, 2))
+    place = place[(place**2).sum(axis=1) < 1.0]
+    normal = np.array(list(sight.values()))
+    first = np.cross(normal, [1.0, 0.0, 0.0])
+    frame = np.stack([first, np.cross(normal, first), normal], axis=1)
+    at = 0.04 * np.column_stack([place, np.ones(len(place))]) @ frame.T
+    off = (2.0 * place[:, 0] * place[:, 1])[:, None] * normal
+    for i in np.flatnonzero((seen == 6.0) & ~rows.unloaded)[:4]:
+        side = (rows.rotation[i].T @ normal) @ frame[:, :2]
+        towards = place @ side
+        left = towards > np.quantile(towards, 3.0 / 9.0)
+        turned = -np.cross(at[left][:, None, :], np.eye(3)).transpose(0, 2, 1)
+        motion = np.concatenate([np.tile(np.eye(3), (left.sum(), 1, 1)), turned], axis=2)
+        fitted = np.linalg.lstsq(motion.reshape(-1, 6), off[left].ravel(), rcond=None)[0]
+        wanted = -rows.screw_stiffness[i] @ rows.base_from_top[i] @ fitted
+        np.testing.assert_allclose(columns[i, :, 0], wanted, rtol=0.1, atol=0.1 * abs(wanted).max())
 
 
 def test_a_slip_carries_the_force_along(rows: Rows) -> None:
@@ -188,3 +251,13 @@ def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
     assert material(equations, problem, chosen)
     best_single = max(fall(equations, problem, (c,)) for c in problem.candidates)
     assert fall(equations, problem, chosen) > 1.03 * best_single
+
+
+@pytest.mark.parametrize("power", [0.0, 2.0, 6.0])
+def test_a_curved_body_held_straight_is_a_bending_moment(power: float) -> None:
+    """At rest EI / L times the whole bend, without a force, however the bend is spread."""
+    rest = at((0.0,) * 6)
+    found = PreCurvature(power).correction(rest, np.array([0.01, -0.02]))[0]
+    held = -rest_stiffness(rest).bending * np.array([0.01, -0.02])
+    np.testing.assert_allclose(found[4:], held, rtol=1e-3)
+    np.testing.assert_allclose(found[:4], 0.0, atol=1e-3 * np.abs(held).max())

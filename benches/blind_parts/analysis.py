@@ -11,6 +11,7 @@ import numpy as np
 from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
+from ecm.compare.folds import distinct_rows, informative_rows
 from ecm.compare.noise import declared_noise
 from ecm.diagnose import diagnose
 from ecm.diagnose.accept import held_out_rms
@@ -19,6 +20,7 @@ from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import rank
 from ecm.effects import all_effects
 from ecm.effects.registry import with_shape
+from ecm.models import Model
 from ecm.refit import joint_fit
 
 SEEDS = 20
@@ -61,6 +63,12 @@ def worked_answer(
     return kept, work
 
 
+def other_base_answer(asked: Set, data: Data, other: Model) -> dict[str, Any]:
+    """The verdict with a physics base that is not the body's own: a rod diagnosed as a solid."""
+    found = diagnose(other, data.table, effects=library(asked.removed))
+    return {"verdict": found.verdict, "answer": [list(members) for members in found.answer]}
+
+
 def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> float:
     """Share of further seeds of the analysis with the same verdict and answer."""
     same = 0
@@ -90,8 +98,12 @@ def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str,
     if not right or len(right) != len(report["effects"]):
         return []
     effects = [with_shape(item["id"], item["shape"]) for item in right]
-    base = choose_base(data.model, data.quiet)
-    found = joint_fit(base, effects, data.quiet, declared_noise(data.table))
+    # The same rows: those that the diagnosis leaves out would pull the reference alone.
+    kept = informative_rows(data.table)
+    kept = kept[distinct_rows(data.table.select(kept))]
+    quiet = data.quiet.select(kept)
+    base = choose_base(data.model, quiet)
+    found = joint_fit(base, effects, quiet, declared_noise(data.table))
     result = []
     for item, fitted in zip(right, found.effects, strict=True):
         value = np.array([p["value"] for p in item["parameters"].values()])

@@ -59,13 +59,13 @@ def shared_plan(source: str, protocol: str, folder: Path) -> Table:
 
 
 @lru_cache(maxsize=2)
-def _model(is_rod: bool, folder: Path) -> Model:
-    return model_of("rod" if is_rod else "rig", folder)
+def _model(is_rod: bool) -> Model:
+    return model_of("rod" if is_rod else "rig")
 
 
-def shared_model(source: str, folder: Path) -> Model:
-    """The physics base of a source."""
-    return _model(source == "rod", folder)
+def shared_model(source: str) -> Model:
+    """The physics base of a source; kept in the library's own cache."""
+    return _model(source == "rod")
 
 
 def data_of(
@@ -74,7 +74,7 @@ def data_of(
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
     usual = shared_plan(asked.source, asked.protocol, folder)
     plan = usual if plan is None else plan
-    model = shared_model(asked.source, folder)
+    model = shared_model(asked.source)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
     if asked.source == "arm":
         table = quiet = _arm(asked, plan)
@@ -125,11 +125,14 @@ def _rig(
         base_columns=base.columns,
     )
     table = campaign.run()
-    silent = dict.fromkeys(
+    silent: dict[str, Any] = dict.fromkeys(
         ("force_noise_N", "torque_noise_Nm", "force_noise_per_load", "camera_error_m",
          "camera_error_rad", "camera_jitter_m", "camera_jitter_rad", "thermometer_noise_degC"),
         0.0,
     )  # fmt: skip
+    # Counts are noise as well: without the samples' scatter every reading, and the zero that many
+    # rows share, would be off by up to half a count.
+    silent["fts_resolution"] = (0.0,) * 6
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
     found = {
         secret.effect: tuple(sorted(getattr(campaign.physics, secret.name).parameters().items()))

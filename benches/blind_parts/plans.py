@@ -17,7 +17,7 @@ from ecm.design import choose, diagnosable_plan
 from ecm.design.plans import paper_plan
 from ecm.mechanism import Mechanism
 from ecm.meta import Meta
-from ecm.models import Model, PhysicsMap, load_model, physics_map, surrogate_of
+from ecm.models import Model, physics_map
 from ecm.simulate import fem_poses
 from ecm.stages import write_atomically
 from ecm.table import Table
@@ -73,7 +73,7 @@ def plan_of(candidates: Table, protocol: str) -> Table:
 
 
 def rod_samples(count: int, seed: int) -> tuple[F, F]:
-    """Poses and wrenches of the library's own rod: the base of the rod's data."""
+    """Poses and wrenches of the library's own rod: the candidates of the rod's plans."""
     random = np.random.default_rng(seed)
     s = Section()
     low = np.array([-110.0, -65.0, -65.0, -1.6, -4.5, -4.5])
@@ -91,23 +91,7 @@ def rod_samples(count: int, seed: int) -> tuple[F, F]:
     return poses[ok][:count], wrenches[ok][:count]
 
 
-def rod_base() -> PhysicsMap:
-    """The library's rod as physics base."""
-    train, test = rod_samples(1000, 1), rod_samples(80, 2)
-    return surrogate_of(
-        *train, Section().length_m, test_poses=test[0], test_wrenches=test[1],
-        mechanism=rod_mechanism(),
-    )  # fmt: skip
-
-
-def model_of(source: str, folder: Path | None = None) -> Model:
-    """The physics model before any measurement; the rod's is kept in `folder`."""
-    if source != "rod":
-        return Model(base=physics_map(Mechanism()))
-    path = None if folder is None else folder / "rod-base.json"
-    if path is not None and path.exists():
-        return load_model(path)
-    model = Model(base=rod_base())
-    if path is not None:
-        model.save(path)
-    return model
+def model_of(source: str) -> Model:
+    """The physics model before any measurement, as `ecm diagnose body.toml` makes it."""
+    body = Mechanism.from_dict(rod_mechanism()) if source == "rod" else Mechanism()
+    return Model(base=physics_map(body))

@@ -12,6 +12,8 @@ from blind_parts.sets import ALL_SETS, ARM
 from blind_parts.simple import SIMPLE
 from ecm.stages import write_atomically
 
+_MET = {True: "yes", False: "no", None: "–"}
+
 
 def write_table(results: Sequence[dict[str, Any]], folder: Path, broken: int = 0) -> bool:
     """Prints and writes table.md and table.json; whether every goal is met."""
@@ -48,15 +50,15 @@ def table_text(results: Sequence[dict[str, Any]], broken: int = 0) -> tuple[str,
     lines.append("|---|---|---|" + "---|" * len(methods) + "---|")
     for line in tiers:
         cells = [_cell(line, m) for m in methods]
-        met = {True: "yes", False: "no", None: "–"}[line["met"]]
         lines.append(
-            f"| {line['what']} | {line['sets']} | {line['goal']} | {' | '.join(cells)} | {met} |"
+            f"| {line['what']} | {line['sets']} | {line['goal']} | {' | '.join(cells)} "
+            f"| {_MET[line['met']]} |"
         )
     lines += ["", "| beside | of | goal | ours | goal met |", "|---|---|---|---|---|"]
     for line in rest:
-        met = "yes" if line["met"] else "no"
         lines.append(
-            f"| {line['what']} | {line['sets']} | {line['goal']} | {line['value']:.3f} | {met} |"
+            f"| {line['what']} | {line['sets']} | {line['goal']} | {line['value']:.3f} "
+            f"| {_MET[line['met']]} |"
         )
     wrong = failing(results)
     lines += ["", f"Failing sets: {len(wrong)}."]

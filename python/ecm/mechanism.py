@@ -267,6 +267,12 @@ class Mechanism:
         """
         from ecm._native import Fem
 
+        if self.builtin == "rod":
+            raise InputError(
+                "[mechanism] builtin = 'rod' is a line, its solid would be about 10 % stiffer: "
+                "for FEM give builtin = 'cylinder' with radius_m and young_modulus_Pa; compare, "
+                "diagnose and fit --model physics take the rod as it is"
+            )
         if self.young_modulus_Pa <= 0.0:
             raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
         weight = None

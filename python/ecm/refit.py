@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 
 from ecm.compare.lack_of_fit import orthonormal
 from ecm.compare.noise import Noise, whiteners
+from ecm.compare.zero import zero_errors
 from ecm.effects.protocol import Effect
 from ecm.effects.rows import Rows
 
@@ -57,7 +58,7 @@ class JointFit:
     design: F
     """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
     covariance: F
-    """(k, k) of the parameters, base first."""
+    """(k, k) of the parameters, base first; with errors that all rows share."""
     iterations: int
     converged: bool
 
@@ -120,6 +121,11 @@ def joint_fit(
     size = np.where(size > 0.0, size, 1.0)
     inverse = np.linalg.pinv((weighted / size).T @ (weighted / size), hermitian=True)
     covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
+    # What one standard deviation of an error that all rows share would move the parameters by.
+    shared = np.einsum("nij,njk->nik", whitener, zero_errors(rows, residual, noise))
+    shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
+    shift = covariance @ shift
+    covariance = covariance + shift @ shift.T
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=base,

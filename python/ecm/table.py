@@ -41,6 +41,8 @@ class Table:
     source: str
     """File name or description, for messages."""
     warnings: tuple[str, ...] = ()
+    zeros_s: tuple[float, ...] = ()
+    """Times at which the sensor's zero was taken, of readings that were left out since."""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0

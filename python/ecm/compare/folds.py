@@ -6,10 +6,13 @@ effects of time on clusters of poses, several runs of a continuous test one run 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ecm.sensor_zero import is_zero, zero_times
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -80,19 +83,16 @@ def is_pose(table: Table) -> NDArray[np.bool_]:
 
 
 def informative(table: Table) -> Table:
-    """Without unloaded readings of exactly zero: the zero was taken from them, they say nothing."""
-    return table.select(informative_rows(table))
+    """Without unloaded readings of exactly zero: the zero was taken from them, they say nothing.
+
+    When that was stays known.
+    """
+    return replace(table.select(informative_rows(table)), zeros_s=zero_times(table))
 
 
 def informative_rows(table: Table) -> I:
     """Index of the rows that `informative` keeps."""
-    names = table.wrench_columns
-    if not names or not table.has("kind"):
-        return np.arange(len(table))
-    silent = np.asarray(table.text("kind") == "unloaded", dtype=np.bool_)
-    for name in names:
-        silent &= table.column(name) == 0.0
-    return np.flatnonzero(~silent)
+    return np.flatnonzero(~is_zero(table))
 
 
 def distinct_rows(table: Table) -> I:

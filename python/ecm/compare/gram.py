@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 
-_RIDGE = 1e-10
+RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def solve(matrix: F, vector: F) -> F:
         return np.zeros(0)
     diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(diagonal, diagonal)
-    scaled[np.diag_indices_from(scaled)] += _RIDGE
+    scaled[np.diag_indices_from(scaled)] += RIDGE
     return np.asarray(np.linalg.solve(scaled, vector / diagonal) / diagonal)
 
 
@@ -115,23 +115,31 @@ def without(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
         return matrix, vector
     diagonal = np.sqrt(np.maximum(np.diag(matrix)[take], 1e-300))
     inner = matrix[np.ix_(take, take)] / np.outer(diagonal, diagonal)
-    inner[np.diag_indices_from(inner)] += _RIDGE
+    inner[np.diag_indices_from(inner)] += RIDGE
     cross = matrix[take] / diagonal[:, None]
     right = np.column_stack([cross, vector[take] / diagonal])
     found = np.linalg.solve(inner, right)
     return matrix - cross.T @ found[:, :-1], vector - cross.T @ found[:, -1]
 
 
-def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int, ...]]) -> F:
+def gains(
+    equations: tuple[F, F],
+    left: tuple[F, F],
+    blocks: Sequence[tuple[int, ...]],
+    signs: F | None = None,
+) -> F:
     """(b,) sum of squares that each block of columns explains beyond what was projected out.
 
     Parameters
     ----------
     left
         `without` of the equations.
+    signs
+        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
+        the wrong sign are left out of their block.
     """
     found = np.zeros(len(blocks))
-    ridge = _RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == size).tolist()
@@ -141,6 +149,13 @@ def gains(equations: tuple[F, F], left: tuple[F, F], blocks: Sequence[tuple[int,
         vectors = left[1][take]
         solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
         found[which] = (vectors * solved).sum(axis=1)
+        if signs is None:
+            continue
+        wrong = signs[take] * solved < 0.0
+        held = np.flatnonzero(wrong.any(axis=1))
+        if len(held):
+            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in held]
+            found[np.asarray(which)[held]] = gains(equations, left, fewer, signs)
     return found
 
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from ecm.compare.folds import folds, held_out_by
 from ecm.compare.gram import explained
+from ecm.diagnose.bounds import bounded_estimate
+from ecm.diagnose.own_sign import own_sign_is_seen
 from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.resample import shares_won
 from ecm.diagnose.search import (
     LEAST_BIC,
-    best_shapes,
     estimate,
     fall,
     further_falls,
@@ -25,8 +26,7 @@ from ecm.diagnose.search import (
 F = NDArray[np.float64]
 
 LEVEL = 0.01
-_BOOTSTRAPS = 60
-_CHOSEN = 0.8
+CHOSEN = 0.8
 _CONTENDS = 0.3
 """An effect that explains less than this share of what the first one does wins no resampling."""
 _INFLUENTIAL = 0.02
@@ -49,6 +49,8 @@ class Check:
     robust: bool
     """The same without the 2 % most influential rows."""
     within_bounds: bool
+    own_seen: bool
+    """What it alone does is seen, or its class says that it may be something plainer."""
 
     @property
     def accepted(self) -> bool:
@@ -57,9 +59,10 @@ class Check:
             self.p_holm < LEVEL
             and self.delta_bic > LEAST_BIC
             and self.held_out_fall > 1.0
-            and self.chosen_share >= _CHOSEN
+            and self.chosen_share >= CHOSEN
             and self.robust
             and self.within_bounds
+            and self.own_seen
         )
 
 
@@ -87,7 +90,7 @@ def check(
         found.candidate.id for found in ranked.values() if found.drop > _CONTENDS * own.drop
     }
     if winners is None:
-        winners = _bootstrap_winners(problem, others, contenders, seed)
+        winners = shares_won(problem, others, contenders, seed)
     return Check(
         id=item.id,
         p_holm=min(1.0, own.p * rivals),
@@ -97,42 +100,8 @@ def check(
         winners=winners,
         robust=_robust(problem, others, item, members),
         within_bounds=_within(problem, chosen, item),
+        own_seen=len(members) > 1 or own_sign_is_seen(problem, chosen, item),
     )
-
-
-def _bootstrap_winners(
-    problem: Problem, others: Sequence[Candidate], contenders: Collection[str], seed: int
-) -> dict[str, float]:
-    """How often each contender comes first when groups of rows are drawn with replacement."""
-    rng = np.random.default_rng([seed, 5])
-    count = len(problem.gram.squares)
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
-    weights = drawn.astype(np.float64)
-    small, others = _only(problem, others, contenders)
-    size = small.gram.rows.shape[1]
-    matrices = (weights @ small.gram.matrices.reshape(count, -1)).reshape(-1, size, size)
-    vectors = weights @ small.gram.vectors
-    won: dict[str, float] = {}
-    for matrix, vector in zip(matrices / problem.scale, vectors / problem.scale, strict=True):
-        found = best_shapes(small, (matrix, vector), others)
-        first = max(found, key=lambda item: item[2], default=None)
-        if first is not None and first[2] > 0.0:
-            won[first[0].id] = won.get(first[0].id, 0.0) + 1.0 / _BOOTSTRAPS
-    return won
-
-
-def _only(
-    problem: Problem, others: Sequence[Candidate], contenders: Collection[str]
-) -> tuple[Problem, list[Candidate]]:
-    """The normal equations of base, others and contenders alone, and the others in them."""
-    kept = [*others, *(c for c in problem.candidates if c.id in contenders)]
-    columns = [*problem.base_index, *(c for item in kept for c in item.columns)]
-    place = {column: i for i, column in enumerate(columns)}
-    moved = [replace(c, columns=tuple(place[j] for j in c.columns)) for c in kept]
-    small = replace(
-        problem, gram=problem.gram.only(columns), candidates=tuple(moved[len(others) :])
-    )
-    return small, moved[: len(others)]
 
 
 def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:
@@ -208,30 +177,11 @@ def _within(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> b
 
     A form that is not quite the truth's may push a parameter that is zero a little below it.
     """
-    theta, _, columns = estimate(problem, normal_equations(problem), chosen)
-    place = {column: i for i, column in enumerate(columns)}
-    own = [place[column] for column in item.columns]
-    lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
-    for i, column, parameter in zip(own, item.columns, item.effect.parameters, strict=True):
-        lower[i] = parameter.lower * problem.norms[column]
-        upper[i] = parameter.upper * problem.norms[column]
-    if np.all((theta >= lower) & (theta <= upper)):
+    found = bounded_estimate(problem, chosen, (item,))
+    if not found.at_bound.any():
         return True
-    matrix, vector = normal_equations(problem)
-    take = np.asarray(columns, dtype=np.int64)
-    matrix, vector = matrix[np.ix_(take, take)], vector[take]
-    matrix = matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take))
-    root = np.linalg.cholesky(matrix)
-    slack = 1e-9
-    found = lsq_linear(
-        root.T,
-        np.linalg.solve(root, vector),
-        bounds=(lower - slack, upper + slack),
-        method="bvls",
-    ).x
-    bounded = 2.0 * float(found @ vector) - float(found @ matrix @ found)
     others = [other for other in chosen if other is not item]
     equations = normal_equations(problem)
     without = explained(*equations, problem.base_index) + fall(equations, problem, others)
-    free = explained(*equations, columns)
-    return bool(bounded - without > _KEPT_WITHIN_BOUNDS * (free - without))
+    gained = found.explained - without
+    return bool(gained > _KEPT_WITHIN_BOUNDS * (gained + found.lost))

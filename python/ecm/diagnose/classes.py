@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.gram import solve, without
+from ecm.diagnose.own_sign import own_sign_is_seen, plainer_form
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import LEAST_BIC, bic, bics, estimate, normal_equations
 
@@ -96,7 +97,12 @@ def answer_class(
     near = [id for id in ordered if found[id] < least]
     # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
     alike_only = [id for id in ordered if id not in near][: max(0, most - 1 - len(near))]
-    return [item.id, *near, *alike_only]
+    members = [item.id, *near, *alike_only]
+    plain = plainer_form(item)
+    if len(members) == 1 and plain is not None and plain.id in {rival.id for rival in rivals}:
+        # It won by having fewer numbers than what is plainer, not by what it alone does.
+        return members if own_sign_is_seen(problem, chosen, item) else [*members, plain.id]
+    return members
 
 
 class _Later:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.folds import folds, held_out_by
-from ecm.compare.gram import Gram
 from ecm.diagnose.accept import held_out_squares
-from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.problem import Candidate, Problem, with_more
 from ecm.diagnose.search import fall, normal_equations
-from ecm.diagnose.tangents import tangent
 from ecm.effects import Effect
 
 F = NDArray[np.float64]
@@ -57,7 +55,7 @@ def further(problem: Problem, chosen: Sequence[Candidate]) -> list[Further]:
         forms = tuple(getattr(item.effect, "further", lambda table: ())(problem.table))
         if not forms:
             continue
-        wider, candidates = _with(problem, forms)
+        wider, candidates = with_more(problem, forms)
         others = [other for other in chosen if other is not item]
         equations = normal_equations(wider)
         best = max(candidates, key=lambda c: fall(equations, wider, (*others, c)))
@@ -65,26 +63,6 @@ def further(problem: Problem, chosen: Sequence[Candidate]) -> list[Further]:
         richer = held_out_by_fold(wider, (*others, best))
         found.append(Further(item.id, best.effect, plain, richer))
     return found
-
-
-def _with(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
-    """The problem with the columns of more effects appended."""
-    blocks = [tangent(problem.rows, problem.whitener, effect) for effect in effects]
-    norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
-    at = problem.design.shape[2]
-    candidates = []
-    for effect, block in zip(effects, blocks, strict=True):
-        candidates.append(Candidate(effect, tuple(range(at, at + block.shape[2]))))
-        at += block.shape[2]
-    scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
-    design = np.concatenate([problem.design, *scaled], axis=2)
-    wider = replace(
-        problem,
-        design=design,
-        norms=np.concatenate([problem.norms, *norms]),
-        gram=Gram.of(design, problem.response, problem.groups, problem.weights),
-    )
-    return wider, candidates
 
 
 def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:

@@ -24,6 +24,7 @@ from ecm.diagnose.tangents import (
     refined,
     robust_weights,
     screened,
+    tangent,
     tangents_of,
 )
 from ecm.effects import Effect, Missing, Rows
@@ -113,6 +114,15 @@ class Problem:
                 best[candidate.id] = (gain, candidate)
         return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
 
+    @cached_property
+    def signs(self) -> F:
+        """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
+        found = np.zeros(self.gram.rows.shape[1])
+        for item in (*self.candidates, *self.shadows):
+            for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
+                found[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
+        return found
+
     @property
     def ids(self) -> tuple[str, ...]:
         """Testable ids in the order of the catalogue."""
@@ -199,6 +209,26 @@ def _scaled(problem: Problem) -> Problem:
     # Where nothing is known of the noise the spread of the base's residual stands for it.
     least = 1e-6 if problem.noise.components and problem.noise.source == "assumed" else 0.25
     return replace(problem, scale=float(np.clip(test.rest / test.dof_error, least, np.inf)))
+
+
+def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
+    """The problem with the columns of more effects appended, and where they stand."""
+    blocks = [tangent(problem.rows, problem.whitener, effect) for effect in effects]
+    norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
+    at = problem.design.shape[2]
+    candidates = []
+    for effect, block in zip(effects, blocks, strict=True):
+        candidates.append(Candidate(effect, tuple(range(at, at + block.shape[2]))))
+        at += block.shape[2]
+    scaled = [block / np.where(n > 0.0, n, 1.0) for block, n in zip(blocks, norms, strict=True)]
+    design = np.concatenate([problem.design, *scaled], axis=2)
+    wider = replace(
+        problem,
+        design=design,
+        norms=np.concatenate([problem.norms, *norms]),
+        gram=Gram.of(design, problem.response, problem.groups, problem.weights),
+    )
+    return wider, candidates
 
 
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:

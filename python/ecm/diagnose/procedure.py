@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy import special
 
 from ecm.blas import one_blas_thread
 from ecm.check import never_excited
+from ecm.columns import POSE, WRENCH
 from ecm.compare.covariates import derived, ordered_with
 from ecm.compare.estimate import repeat_cells
 from ecm.compare.folds import distinct_rows, held_out_by, informative_rows
@@ -18,8 +20,9 @@ from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
 from ecm.compare.noise import Noise
 from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
-from ecm.diagnose.accept import LEVEL, Check, check, held_out_rms
+from ecm.diagnose.accept import CHOSEN, LEVEL, Check, check, held_out_rms
 from ecm.diagnose.base import choose_base
+from ecm.diagnose.bounds import bounded_estimate
 from ecm.diagnose.classes import (
     MOST_IN_CLASS,
     NEAR,
@@ -32,17 +35,20 @@ from ecm.diagnose.further import further, held_out_by_fold
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
-from ecm.diagnose.scatter import scatter_effects, with_growth
+from ecm.diagnose.scatter import Scatter, scatter_effects, with_growth
 from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
 from ecm.diagnose.unknown import describe, structure
 from ecm.diagnose.verdict import Diagnosis, Verdict
 from ecm.effects import Effect, all_effects, get_effect
 from ecm.errors import InputError
+from ecm.models.by_degree import symmetric_energy
 from ecm.models.ladder import ceiling_rms
 from ecm.models.physics import PhysicsMap
 from ecm.refit import JointFit, joint_fit
+from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
     from ecm.table import Table
 
@@ -59,10 +65,17 @@ _LEAST_STRENGTH = 0.15
 """Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
 _MOST_SCALE = {"repeats": 2.5, "declared": 9.0, "assumed": np.inf}
 """A name needs a residual that is noise: its variance over that of the noise, by its source."""
+_OTHER_BODY = {"single": 1.5, "several or none": 0.5}
+"""Structure left, rms in noise units, from which on the body may be another: more than the form of
+one effect leaves, or so much that several names stand in for a body, or that none was found."""
+_TAKEN = 0.9
+"""Share of it, in squares, that a symmetric energy must take to say so."""
 _MOST_FACTOR = 5.0
 """The stated E is not wrong by more than this; then it is a sign or a unit."""
 _CLOSE_BIC = 20.0
 """A rival that wins some bootstraps is a close one within this loss of BIC."""
+_WINS = 0.02
+"""Some bootstraps: more than this share of them."""
 
 
 @one_blas_thread()
@@ -92,11 +105,81 @@ def diagnose(
     kept = informative_rows(table)
     distinct = distinct_rows(table.select(kept))
     copies, kept = len(kept) - len(distinct), kept[distinct]
-    table = table.select(kept)
+    table = replace(table.select(kept), zeros_s=zero_times(table))
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
     tested = [effect for effect in tested if effect.id not in carried]
-    problem = assemble(choose_base(model, table), _without(model, table), tested, noise)
+    own = _without(model, table)
+    found = _judged(choose_base(model, table), own, tested, noise, seed)
+    found = _against_energy(found, own, tested, noise, seed)
+    problem, accepted, classes = found.problem, found.accepted, found.classes
+    verdict, unknown = found.verdict, found.unknown
+    final = joint_fit(
+        problem.base,
+        [item.effect for item in accepted],
+        problem.table,
+        problem.noise,
+        row_weights=problem.weights,
+    )
+    return Diagnosis(
+        verdict=verdict,
+        answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
+        effects=final.effects,
+        base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
+        noise=problem.noise.to_dict() | {"effects": [item.to_dict() for item in found.scatter]},
+        gate=found.gate,
+        ranking=tuple(_row(problem, item) for item in found.ranked),
+        checks=tuple(found.checks),
+        confusable=tuple(tuple(pair) for pair in confusable(problem)),
+        not_testable=tuple(
+            {"id": id, "reason": lacking.reason, "record": lacking.record}
+            for id, lacking in problem.untestable.items()
+        ),
+        detection_limits=detection_limits(problem),
+        unknown=unknown,
+        rmse=_rmse(model, table, problem, final),
+        held_out=_held_out(problem, accepted),
+        further=tuple(item.to_dict() for item in further(problem, accepted)),
+        signature=signature_shares(
+            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+        ),
+        next_experiment=tuple(next_experiments(problem, accepted, classes)),
+        outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
+        seed=seed,
+        upper_bound=_upper_bound(problem, found.smooth),
+        warnings=(*_warnings(problem, copies), *found.warnings),
+        left=found.left,
+    )
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Gate, names and verdict against one base."""
+
+    problem: Problem
+    scatter: list[Scatter]
+    smooth: FTest
+    gate: dict[str, float]
+    ranked: list[Ranked]
+    accepted: list[Candidate]
+    classes: list[list[str]]
+    checks: list[Check]
+    left: dict[str, float]
+    verdict: Verdict
+    unknown: dict[str, Any] | None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def strength_left(self) -> float:
+        """Structure that stays after the accepted effects, rms in noise units."""
+        return float(np.sqrt(self.left["beyond_chance"] / self.problem.size))
+
+
+def _judged(
+    base: StiffnessMap, table: Table, tested: list[Effect], noise: Noise | None, seed: int
+) -> _Judged:
+    """Steps 1 to 6 of the procedure and the verdict."""
+    problem = assemble(base, table, tested, noise)
     scatter = scatter_effects(problem, tested)
     grown = with_growth(problem.noise, scatter)
     if grown is not problem.noise:
@@ -133,42 +216,42 @@ def diagnose(
         unknown = describe(problem, left, accepted, before)
     else:
         verdict = "none"
-    final = joint_fit(
-        problem.base,
-        [item.effect for item in accepted],
-        problem.table,
-        problem.noise,
-        row_weights=problem.weights,
+    return _Judged(
+        problem, scatter, first, gate, ranked, accepted, classes, checks, over, verdict, unknown
     )
-    return Diagnosis(
-        verdict=verdict,
-        answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
-        effects=final.effects,
-        base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
-        noise=problem.noise.to_dict() | {"effects": [item.to_dict() for item in scatter]},
-        gate=gate,
-        ranking=tuple(_row(problem, item) for item in ranked),
-        checks=tuple(checks),
-        confusable=tuple(tuple(pair) for pair in confusable(problem)),
-        not_testable=tuple(
-            {"id": id, "reason": lacking.reason, "record": lacking.record}
-            for id, lacking in problem.untestable.items()
-        ),
-        detection_limits=detection_limits(problem),
-        unknown=unknown,
-        rmse=_rmse(model, table, problem, final),
-        held_out=_held_out(problem, accepted),
-        further=tuple(item.to_dict() for item in further(problem, accepted)),
-        signature=signature_shares(
-            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
-        ),
-        next_experiment=tuple(next_experiments(problem, accepted, classes)),
-        outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
-        seed=seed,
-        upper_bound=_upper_bound(problem, first),
-        warnings=_warnings(problem, copies),
-        left=over,
+
+
+def _against_energy(
+    found: _Judged, table: Table, tested: list[Effect], noise: Noise | None, seed: int
+) -> _Judged:
+    """The same against the symmetric energy model, where the stated body is not the one measured.
+
+    What the physics leaves and the energy takes is elasticity or geometry that keeps the symmetry
+    (references.py). As long as it stands above the noise it hides everything else, and effects
+    that can imitate a little of it are named for the rest of it.
+    """
+    problem = found.problem
+    known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
+    if not isinstance(problem.base, PhysicsMap) or not known or _implausible(problem):
+        return found
+    single = len(found.accepted) == 1 and found.verdict != "unknown"
+    if found.strength_left < _OTHER_BODY["single" if single else "several or none"]:
+        return found
+    other = _judged(symmetric_energy(table), table, tested, noise, seed)
+    taken = 1.0 - other.left["beyond_chance"] / found.left["beyond_chance"]
+    if taken < _TAKEN:
+        return found
+    words = (
+        f"the stated body is not the one that was measured: with E and nu free it leaves "
+        f"{found.strength_left:.2g} times the noise, of which a symmetric energy model takes "
+        f"{taken:.0%}: elasticity or geometry that keeps the symmetry"
     )
+    advice = "names are against the energy model; fit energy6, or mend [mechanism]"
+    other = replace(other, warnings=(f"{words}; {advice}",))
+    if other.verdict != "none":
+        return other
+    everything = describe(problem, problem.response, (), structure(problem, found.smooth))
+    return replace(other, verdict="unknown", unknown=everything | {"words": words})
 
 
 def _without(model: Model, table: Table) -> Table:
@@ -212,10 +295,11 @@ def _accepted(
         for item in chosen:
             members = answer_class(problem, chosen, item)
             evidence = check(problem, chosen, item, members, seed)
-            if evidence.chosen_share < 0.8 and len(members) < MOST_IN_CLASS:
+            if evidence.chosen_share < CHOSEN and len(members) < MOST_IN_CLASS:
                 # A close rival that wins among resampled rows belongs to the class as well.
                 close = answer_class(problem, chosen, item, _CLOSE_BIC)
-                extra = [id for id in close if id not in members and id in evidence.winners]
+                wins = {id for id, share in evidence.winners.items() if share > _WINS}
+                extra = [id for id in close if id not in members and id in wins]
                 members = [*members, *extra[: MOST_IN_CLASS - len(members)]]
                 evidence = check(problem, chosen, item, members, seed, winners=evidence.winners)
             found.append((evidence, members))
@@ -234,17 +318,20 @@ def _left_over(
     """Whitened residual after the accepted effects, whether it matters, and its figures.
 
     It must be seen by the omnibus, exceed a share of what was there, and a strength below which
-    neither the base nor the form of an effect can be trusted.
+    neither the base nor the form of an effect can be trusted. A parameter that would explain more
+    beyond its bound stands at the bound: what it does there is not this effect.
     """
-    columns = [*problem.base_index, *(c for item in accepted for c in item.columns)]
-    fitted = problem.design[:, :, columns]
-    test = omnibus(problem.response, smooth, fitted, problem.weights)
+    found = bounded_estimate(problem, accepted, accepted)
+    held = found.columns[found.at_bound]
+    response = problem.response - problem.design[:, :, held] @ found.theta[found.at_bound]
+    fitted = problem.design[:, :, found.columns[~found.at_bound]]
+    test = omnibus(response, smooth, fitted, problem.weights)
     size = problem.response.size
     root = np.sqrt(problem.weights)
     z = (fitted * root[:, None, None]).reshape(size, -1)
-    theta = np.linalg.lstsq(z, (problem.response * root[:, None]).ravel(), rcond=1e-10)[0]
-    left = problem.response - fitted @ theta
-    after = max(0.0, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else 0.0
+    theta = np.linalg.lstsq(z, (response * root[:, None]).ravel(), rcond=1e-10)[0]
+    left = response - fitted @ theta
+    after = max(found.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else found.lost
     strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
     # What the effects explain was structure, whether smooth functions see it or not.
     before = max(before, fall(normal_equations(problem), problem, accepted))
@@ -256,7 +343,7 @@ def _left_over(
         "beyond_chance": after,
         "dof": test.dof,
         "share": after / before if before > 0.0 else 0.0,
-        "p": test.p,
+        "p": min(test.p, float(special.chdtrc(max(1, len(held)), found.lost))),
     }
     return left, bool(test.p < LEVEL and strong and share), figures
 
@@ -335,8 +422,6 @@ def _rmse(
         "after": dict(zip(names, after.tolist(), strict=True)),
         "floor": dict(zip(names, floor.tolist(), strict=True)),
     }
-    from dataclasses import replace
-
     ceiling = ceiling_rms(problem.fit, table, replace(model, noise=problem.noise))
     if ceiling is not None:
         found["ceiling"] = {"whitened": ceiling}

@@ -52,16 +52,9 @@ def further_falls(
     chosen: Sequence[Candidate],
     candidates: Sequence[Candidate],
 ) -> F:
-    """(c,) what each candidate explains beyond base and chosen, with the sign that it may have."""
+    """(c,) what each candidate explains beyond base and chosen, with the signs that it may have."""
     left = without(*equations, _columns(problem, chosen))
-    found = gains(equations, left, [candidate.columns for candidate in candidates])
-    for i, candidate in enumerate(candidates):
-        if len(candidate.columns) == 1:
-            # The slope of the sum of squares, base and chosen fitted: its sign is known.
-            slope = float(left[1][candidate.columns[0]])
-            if not candidate.effect.parameters[0].allows(slope):
-                found[i] = 0.0
-    return found
+    return gains(equations, left, [candidate.columns for candidate in candidates], problem.signs)
 
 
 def fall(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:

@@ -112,6 +112,7 @@ class Diagnosis:
                     "chosen_share": found.chosen_share,
                     "robust": found.robust,
                     "within_bounds": found.within_bounds,
+                    "own_seen": found.own_seen,
                     "accepted": found.accepted,
                 }
                 for found in self.checks

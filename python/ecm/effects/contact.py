@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.effects.boundary import BaseCompliance
 from ecm.effects.history import step_times
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, needs_full
@@ -145,6 +146,10 @@ class Debonding(LinearEffect):
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
             found += [Debonding("torn", t) for t in step_times(table, 5)]
         return tuple(found)
+
+    def plainer(self) -> Effect | None:
+        """A joint that gives way in push as in pull is no open bond but a base that yields."""
+        return None if self._opens == "torn" else BaseCompliance()
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between a tear and its neighbours."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,12 +12,8 @@ from ecm.effects.moved import moved_in_base, moved_in_top, turned
 from ecm.effects.protocol import (
     Effect,
     EffectBase,
-    LinearEffect,
-    Missing,
     Parameter,
     Shape,
-    needs_full,
-    needs_varying,
 )
 from ecm.effects.rows import Rows
 
@@ -28,7 +23,7 @@ if TYPE_CHECKING:
 F = NDArray[np.float64]
 
 
-def _twist(frame: str) -> tuple[Parameter, ...]:
+def twist(frame: str) -> tuple[Parameter, ...]:
     """A small rigid motion."""
     return (
         *(Parameter(f"{frame}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
@@ -62,7 +57,7 @@ class TipFrameMisalignment(_FrameMisalignment):
 
     id = "tip_frame_misalignment"
     physics = "The measured top frame is a shifted and turned copy of the real one."
-    parameters = _twist("tip")
+    parameters = twist("tip")
     signature = "constant twist in body axes, -K_s B (d, w)"
 
     @property
@@ -90,7 +85,7 @@ class BaseFrameMisalignment(_FrameMisalignment):
 
     id = "base_frame_misalignment"
     physics = "The measured base frame is a shifted and turned copy of the real one."
-    parameters = _twist("base")
+    parameters = twist("base")
     signature = "constant twist in base axes, -K_s (d + w x r, w)"
 
     @property
@@ -138,62 +133,8 @@ def _turned_vector(vector: F, rotation: F) -> F:
     return turned(both, rotation)[0, :3]
 
 
-class LedOcclusion(LinearEffect):
-    """-K_s B (d, w) times the share of markers that the camera does not see, one bias per side.
-
-    Which markers are hidden depends on the way the platform leans; the bias is taken as constant
-    and as linear in the two leaning rotations.
-    """
-
-    id = "led_occlusion"
-    physics = "Where some of the markers are hidden the camera's pose is biased."
-    parameters: tuple[Parameter, ...] = _twist("hidden")
-    signature = "follows the number of visible markers, in clusters of orientation"
-    side = "measurement"
-    kind = "time"
-
-    def __init__(self, sides: str = "one") -> None:
-        self._sides = sides
-        if sides == "each":
-            self.parameters = tuple(
-                replace(p, name=f"{p.name}{suffix}")
-                for suffix in ("", "_y", "_z")
-                for p in _twist("hidden")
-            )
-
-    @property
-    def shape(self) -> Shape:
-        """One bias, or one that turns with the side to which the platform leans (`each`)."""
-        return {"sides": self._sides}
-
-    def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both."""
-        return (LedOcclusion("one"), LedOcclusion("each"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"outliers": "a second place of the camera"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the number of visible markers."""
-        return needs_full(table) or needs_varying(table, "leds_visible", 0.5)
-
-    def columns(self, rows: Rows) -> F:
-        """-K_s times the hidden share."""
-        seen = rows.table.column("leds_visible")
-        hidden = 1.0 - seen / max(float(seen.max()), 1.0)
-        columns = -(rows.screw_stiffness @ rows.base_from_top) * hidden[:, None, None]
-        if self._sides == "one":
-            return np.asarray(columns)
-        lean = rows.rotation_vectors / max(float(np.abs(rows.rotation_vectors).max()), 1e-9)
-        sided = [columns, columns * lean[:, 1, None, None], columns * lean[:, 2, None, None]]
-        return np.concatenate(sided, axis=2)
-
-
 EFFECTS: Sequence[Effect] = (
     TipFrameMisalignment(),
     BaseFrameMisalignment(),
     CameraScale(),
-    LedOcclusion(),
 )

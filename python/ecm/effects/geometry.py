@@ -1,4 +1,4 @@
-"""Effects of the mechanism's own shape: length, diameter, taper, tilt, curvature, preload."""
+"""Effects of the mechanism's own shape: length, diameter, taper, tilt, preload."""
 
 from __future__ import annotations
 
@@ -207,33 +207,6 @@ class FaceTilt(EffectBase):
         return turned(rows.predict(felt), turn) - rows.wrench
 
 
-class PreCurvature(EffectBase):
-    """The unloaded mechanism is bent by kappa = (0, k_y, k_z) over its length: U(c, theta - k)."""
-
-    id = "pre_curvature"
-    physics = "The mechanism is curved when nothing loads it."
-    parameters = (
-        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
-        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
-    )
-    signature = "m = 1, axes of the mechanism, a moment at home; conservative"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "payload": "remount turned by 180 degrees",
-            "fts_offset": "remount turned by 180 degrees",
-            "face_tilt": "turn the mechanism end for end",
-        }
-
-    def correction(self, rows: Rows, values: F) -> F:
-        """Wrench of the shifted energy minus that of the base."""
-        shift = np.zeros((len(rows), 6))
-        shift[:, 3:] = -_turned_mounting(rows, values)
-        return stretched(rows, np.eye(6), shift) - rows.wrench
-
-
 def _turned_mounting(rows: Rows, values: F) -> F:
     """(N, 3) of (0, y, z) in the mechanism's axes, turned with its mounting about x."""
     cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
@@ -247,5 +220,4 @@ EFFECTS: Sequence[Effect] = (
     LengthError(),
     DiameterError(),
     FaceTilt(),
-    PreCurvature(),
 )

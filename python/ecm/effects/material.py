@@ -12,7 +12,7 @@ from ecm import _native
 from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
-from ecm.effects.rod_strain import rest_stiffness, rod_strain
+from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
 from ecm.effects.rows import Rows
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ _LAWS = {
     "even": ("modulus_at_strain_0p1",),
     "energy": ("modulus_at_strain_0p1",),
     "both": ("modulus_at_strain_0p1", "modulus_at_energy"),
-    "series": ("stretch", "stretch_and_shear", "shear", "even"),
+    "series": ("stretch", "stretch_and_shear", "shear", "lateral_shear", "even"),
+    "sections": ("by_stretch", "by_bend", "torsion_by_bend", "shear_by_bend"),
 }
 
 
@@ -87,7 +88,12 @@ class StrainStiffening(LinearEffect):
 
     psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod; or,
     for a body too stubby for a rod, h c W / W_typical with W the energy of the pose (`energy`).
-    As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4 and e^3 (`series`).
+    As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4, the same of lateral
+    shear alone, which bonded ends spread unevenly over a short body, and e^3 (`series`).
+
+    A filled rubber has a modulus of its strain rather than an energy (Payne): then each section is
+    secant (`sections`), N = E A e m and M = E I kappa m with m = 1 + c1 e / e0 + c2 b, b = (r kappa
+    / e0)^2, its torsion times 1 + c3 b and its lateral shear times 1 + c4 b.
     """
 
     id = "strain_stiffening"
@@ -101,7 +107,8 @@ class StrainStiffening(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, `both` odd and energy, `series`."""
+        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, `both` odd and energy, `series`,
+        or secant `sections`."""
         return {"law": self._law}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
@@ -122,6 +129,8 @@ class StrainStiffening(LinearEffect):
         if self._law == "energy":
             return self._by_energy(rows)
         strain = rod_strain(rows)
+        if self._law == "sections":
+            return _by_section(rows, strain)
         e, gamma = strain.axial, strain.shear
         even = strain.wrench(rows, -(e**2) / _REFERENCE_STRAIN, np.zeros_like(gamma))
         if self._law == "even":
@@ -131,11 +140,14 @@ class StrainStiffening(LinearEffect):
                 e**2 / _REFERENCE_STRAIN**2,
                 (gamma**2).sum(axis=2) / _REFERENCE_STRAIN**2,
             )
+            lateral = strain.mean_of_sections(gamma)
+            across = (lateral**2).sum(axis=2) / _REFERENCE_STRAIN**2
             none = np.zeros_like(gamma)
             terms = [
                 strain.wrench(rows, axial * e, none),
                 strain.wrench(rows, shear * e, axial[:, :, None] * gamma),
                 strain.wrench(rows, np.zeros_like(e), shear[:, :, None] * gamma),
+                strain.wrench(rows, np.zeros_like(e), across[:, :, None] * lateral),
                 even,
             ]
             return np.stack(terms, axis=2)
@@ -152,6 +164,22 @@ class StrainStiffening(LinearEffect):
         energy = 0.5 * np.abs((q * generalised(rows.poses, rows.wrench)).sum(axis=1))
         typical = max(float(np.median(energy[~rows.unloaded], axis=0)), 1e-300)
         return np.asarray((energy / typical)[:, None, None] * rows.wrench[:, :, None])
+
+
+def _by_section(rows: Rows, strain: RodStrain) -> F:
+    """(N, 6, 4) of a section's stretch and bending by both, its torsion and its shear by bend."""
+    stretch, bend = strain.of_sections()
+    stretch, bend = stretch / _REFERENCE_STRAIN, bend**2 / _REFERENCE_STRAIN**2
+    e, gamma = strain.axial, strain.shear
+    lateral = strain.mean_of_sections(gamma)
+    no_e, no_gamma = np.zeros_like(e), np.zeros_like(gamma)
+    terms = [
+        strain.wrench(rows, stretch * e, no_gamma),
+        strain.wrench(rows, bend * e, no_gamma),
+        strain.wrench(rows, no_e, bend[:, :, None] * (gamma - lateral) / 3.0),
+        strain.wrench(rows, no_e, bend[:, :, None] * lateral / 3.0),
+    ]
+    return np.stack(terms, axis=2)
 
 
 class Compressibility(EffectBase):

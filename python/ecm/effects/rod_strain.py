@@ -90,6 +90,18 @@ class RodStrain:
     shear_slope: F
     """(P, 2, 6)."""
 
+    def mean_of_sections(self, values: F) -> F:
+        """(N, P, ...) at each point the mean over the points of its section."""
+        n, tail = len(values), values.shape[2:]
+        parts = values.reshape(n, -1, len(_DISC_WEIGHT), *tail)
+        means = np.einsum("nsd...,d->ns...", parts, _DISC_WEIGHT)
+        return np.repeat(means, len(_DISC_WEIGHT), axis=1)
+
+    def of_sections(self) -> tuple[F, F]:
+        """(N, P) strain of the centre line and strain of the rim by bending alone, r |kappa|."""
+        stretch = self.mean_of_sections(self.axial)
+        return stretch, np.sqrt(4.0 * self.mean_of_sections((self.axial - stretch) ** 2))
+
     def wrench(self, rows: Rows, by_axial: F, by_shear: F) -> F:
         """(N, 6) of V = EA L sum_p w_p psi from d psi / de (N, P) and d psi / d gamma (N, P, 2)."""
         size = self.stiffness.axial * self.stiffness.length_m**2

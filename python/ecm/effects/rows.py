@@ -96,6 +96,11 @@ class Rows:
                 load[:, j] += force[:, WRENCH.index(name)]
         return load
 
+    @property
+    def dead_weight(self) -> B:
+        """(N,) rows in which nothing but a weight hangs on the sensor."""
+        return self._dead_weight_kg > 0.0
+
     @cached_property
     def _dead_weight_kg(self) -> F:
         if not self.unloaded.any() or not self.table.has("run"):

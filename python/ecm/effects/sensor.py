@@ -18,6 +18,7 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.effects.rows import Rows
+from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -39,22 +40,12 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
     )
 
 
-_NOTHING = 5.0
-"""A free sensor reads nothing where it reads less than so many standard deviations."""
-
-
 def zeroings(table: Table) -> tuple[str, ...]:
     """Whether the sensor was zeroed `once`, or with several campaigns at the begin of `each`."""
     begins_s = table.meta.file.begins_s
     if not begins_s:
         return ("once",)
-    sd = (table.meta.instrument.force_sd_N, table.meta.instrument.torque_sd_Nm)
-    first = np.searchsorted(table.column("time_s"), begins_s)
-    if None not in sd and (table.text("kind")[first] == "unloaded").all():
-        limit = _NOTHING * np.repeat(np.array(sd, dtype=np.float64), 3)
-        if (np.abs(table.wrenches[first]) < limit).all():
-            return ("each",)
-    return ("once", "each")
+    return ("each",) if set(begins_s) <= set(zero_times(table)) else ("once", "each")
 
 
 def zeroed_shape(zeroed: str) -> Shape:
@@ -88,7 +79,7 @@ class FtsOffset(LinearEffect):
         }
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A zero that was taken wrongly; a strain of the mounting where the free sensor was read."""
+        """A zero that was taken wrongly; where the free sensor was read also a strain by bolts."""
         free = bool((table.text("kind") == "unloaded").any())
         return (FtsOffset(), FtsOffset("mounted")) if free else (FtsOffset(),)
 

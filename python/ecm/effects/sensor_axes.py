@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.effects.history import known_before, order_of_visits
+from ecm.effects.history import known_before
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
+from ecm.sensor_zero import zero_of_rows, zero_times
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -25,6 +26,8 @@ F = NDArray[np.float64]
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of an axis' readings at which a knee is tried."""
+_WIDTHS = (0.15, 0.5, 1.2)
+"""Widths of the play that are tried, over the spread of an axis' load."""
 
 
 def in_sensor(rows: Rows, wrench: F | None = None) -> tuple[F, F]:
@@ -59,22 +62,36 @@ class FtsGain(LinearEffect):
 
 
 class FtsCrosstalk(LinearEffect):
-    """B A C A^-1 B' h, C without its diagonal: each axis reads a little of the others."""
+    """B A C A^-1 B' h, C without its diagonal: each axis reads a little of the others.
+
+    Or of C one row alone, an axis that reads all others, or one column, an axis that all others
+    read.
+    """
 
     id = "fts_crosstalk"
     physics = "A load along one axis of the sensor shows in the others."
-    parameters = tuple(
-        Parameter(
-            f"{to}_from_{of}",
-            ("1" if (i < 3) == (j < 3) else "1/m" if i < 3 else "m"),
-            (0.01 if (i < 3) == (j < 3) else 0.2 if i < 3 else 5e-4),
-        )
-        for i, to in enumerate(AXES)
-        for j, of in enumerate(AXES)
-        if i != j
-    )
     signature = "body axes, each component proportional to the others"
     side = "measurement"
+
+    def __init__(self, to: str = "each", of: str = "each") -> None:
+        self._to, self._of = to, of
+        self._pairs = [
+            (i, j)
+            for i, reads in enumerate(AXES)
+            for j, loaded in enumerate(AXES)
+            if i != j and to in ("each", reads) and of in ("each", loaded)
+        ]
+        self.parameters = tuple(_talk(i, j) for i, j in self._pairs)
+
+    @property
+    def shape(self) -> Shape:
+        """The axis that reads, and the one that is read; none where it is each."""
+        return {k: v for k, v in (("to", self._to), ("of", self._of)) if v != "each"}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """All of the matrix, each row, each column."""
+        rows = (FtsCrosstalk(to=axis) for axis in AXES)
+        return (FtsCrosstalk(), *rows, *(FtsCrosstalk(of=axis) for axis in AXES))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -88,9 +105,15 @@ class FtsCrosstalk(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """B A e_i (A^-1 B' h)_j."""
         base_from_sensor, own = in_sensor(rows)
-        pairs = [(i, j) for i in range(6) for j in range(6) if i != j]
-        columns = [base_from_sensor[:, :, i] * own[:, j : j + 1] for i, j in pairs]
+        columns = [base_from_sensor[:, :, i] * own[:, j : j + 1] for i, j in self._pairs]
         return np.stack(columns, axis=2)
+
+
+def _talk(i: int, j: int) -> Parameter:
+    """What axis i reads of axis j."""
+    alike = (i < 3) == (j < 3)
+    unit, scale = ("1", 0.01) if alike else ("1/m", 0.2) if i < 3 else ("m", 5e-4)
+    return Parameter(f"{AXES[i]}_from_{AXES[j]}", unit, scale)
 
 
 class FtsFrame(LinearEffect):
@@ -191,7 +214,8 @@ class FtsHysteresis(LinearEffect):
     """c_j times the lag of a play operator of width w s_j behind each axis' load, s_j its spread.
 
     The operator follows the load at a distance of its width at most, from reading to reading and
-    over the load of the pose that each one was approached from.
+    over the load of the pose that each one was approached from. What it lags when the sensor's zero
+    is read goes into the zero, and shifts all readings around it.
     """
 
     id = "fts_hysteresis"
@@ -214,8 +238,15 @@ class FtsHysteresis(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three widths, axes alike or not."""
-        widths = (0.15, 0.5, 1.2)
-        return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in widths)
+        return tuple(FtsHysteresis(w, axes) for axes in ("alike", "each") for w in _WIDTHS)
+
+    def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
+        """Widths between this one and its neighbours."""
+        factor = 2.4 ** (0.5 ** (round_ + 1))
+        widths = (self._width / factor, self._width * factor)
+        # Wider than the loads it never turns over, and would be a gain.
+        most = max(_WIDTHS)
+        return tuple(FtsHysteresis(float(f"{w:.3g}"), self._axes) for w in widths if w < most)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -237,15 +268,27 @@ class FtsHysteresis(LinearEffect):
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(known_before(rows)))
         width = self._width * own[~rows.unloaded].std(axis=0)
-        lag = np.zeros_like(own)
+        time, zeros = _times(rows.table)
+        lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
         state = np.zeros(6)
-        for order in order_of_visits(rows.table):
-            for i in order:
-                for load in (own_before[i], own[i]):
-                    state = np.clip(state, load - width, load + width)
-                lag[i] = state - own[i]
+        # The sensor's history goes on through all runs, and through the readings of its zero.
+        for i in np.argsort(np.concatenate([time, zeros]), kind="stable"):
+            if i >= len(own):
+                state = np.clip(state, -width, width)
+                zero_lag[i - len(own)] = state
+                continue
+            for load in (own_before[i], own[i]):
+                state = np.clip(state, load - width, load + width)
+            lag[i] = state - own[i]
+        lag -= zero_of_rows(time, zeros, zero_lag)
         columns = base_from_sensor * lag[:, None, :]
         return np.asarray(columns if self._axes == "each" else columns.sum(axis=2, keepdims=True))
+
+
+def _times(table: Table) -> tuple[F, F]:
+    """(N,) times of the rows, or their order; (k,) times at which the zero was taken."""
+    time = table.column("time_s") if table.has("time_s") else np.arange(float(len(table)))
+    return np.asarray(time), np.asarray(zero_times(table), dtype=np.float64)
 
 
 def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:

@@ -22,7 +22,9 @@ from ecm.errors import ComputationError
 from ecm.models.maps import StiffnessMap, partial_to
 
 F = NDArray[np.float64]
-_ITERATIONS = 40
+_ITERATIONS = 15
+_WALK = 8
+"""Steps from rest to a pose that one leap does not reach."""
 _FIT_ITERATIONS = 15
 _STEP = np.array([1e-3] * 3 + [1e-5] * 3)
 
@@ -159,36 +161,70 @@ class RodMap(_Backbone):
 
     def predict(self, poses: F) -> F:
         """(N, 6) to (N, 6); NaN where no equilibrium was found."""
+        return self._solved(np.ascontiguousarray(poses, dtype=np.float64))[0]
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6): the inverse of the slope of pose over wrench; NaN where `predict` is."""
+        return self.wrench_and_stiffness(poses, kind)[1]
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) and (N, 6, 6)."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        h = self._start(poses)
+        h, slope = self._solved(poses)
+        known = np.isfinite(slope).all(axis=(1, 2))
+        found = np.full_like(slope, np.nan)
+        found[known] = np.linalg.inv(slope[known])
+        return h, partial_to(kind, found, poses, cast(StiffnessMap, self))
+
+    def _solved(self, poses: F) -> tuple[F, F]:
+        """Wrenches and d pose / d wrench; what one leap does not reach is walked to from rest."""
+        h, slope = self._newton(poses, self._start(poses))
+        far = np.flatnonzero(np.isnan(h).any(axis=1))
+        if len(far):
+            rest = np.zeros(6)
+            rest[0] = self.length
+            there = poses[far]
+            before, here = rest + 0.0 * there, np.zeros((len(far), 6))
+            for share in np.linspace(0.0, 1.0, _WALK + 1)[1:]:
+                aim = rest + share * (there - rest)
+                lean = self._slope(here)
+                fine = np.isfinite(lean).all(axis=(1, 2))
+                lean[~fine] = np.eye(6)
+                guess = here + np.linalg.solve(lean, (aim - before)[:, :, None])[:, :, 0]
+                here, own = self._newton(aim, guess)
+                before = aim
+            h[far], slope[far] = here, own
+        return h, slope
+
+    def _newton(self, poses: F, start: F) -> tuple[F, F]:
+        """(N, 6) wrenches and their (N, 6, 6) slope d pose / d wrench; NaN where it fails."""
+        h, slopes = start.copy(), np.full((len(poses), 6, 6), np.nan)
         scale = np.array([self.length] * 3 + [1.0] * 3)
         open_rows = np.arange(len(poses))
         for _ in range(_ITERATIONS):
-            here, part = poses[open_rows], h[open_rows]
-            found = self._poses(part)
-            left = here - found
-            size = np.abs(left / scale).max(axis=1)
-            going = ~(size < 1e-11)
-            open_rows, part, left = open_rows[going], part[going], left[going]
-            if len(open_rows) == 0:
-                return h
-            slope = np.empty((len(part), 6, 6))
-            for j in range(6):
-                step = np.zeros(6)
-                step[j] = _STEP[j]
-                slope[:, :, j] = (self._poses(part + step) - self._poses(part - step)) / (
-                    2.0 * _STEP[j]
-                )
+            part = h[open_rows]
+            left = poses[open_rows] - self._poses(part)
+            slope = self._slope(part)
             bad = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(left).all(axis=1)
-            slope[bad], left[bad] = np.eye(6), 0.0
-            move = np.linalg.solve(slope, left[:, :, None])[:, :, 0]
+            done = ~bad & (np.abs(left / scale).max(axis=1) < 1e-11)
+            slopes[open_rows[done]] = slope[done]
+            h[open_rows[bad]] = np.nan
+            going = ~bad & ~done
+            open_rows = open_rows[going]
+            if len(open_rows) == 0:
+                return h, slopes
+            move = np.linalg.solve(slope[going], left[going][:, :, None])[:, :, 0]
             limit = np.array([40.0] * 3 + [1.0] * 3)
             move /= np.maximum(1.0, np.abs(move / limit).max(axis=1))[:, None]
-            h[open_rows] = part + move
-            h[open_rows[bad]] = np.nan
-            open_rows = open_rows[~bad]
+            h[open_rows] = part[going] + move
         h[open_rows] = np.nan
-        return h
+        return h, slopes
+
+    def _slope(self, wrenches: F) -> F:
+        """(N, 6, 6) d pose / d wrench, by central differences."""
+        steps = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
+        found = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
+        return np.swapaxes((found[:, :6] - found[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
 
     def _poses(self, wrenches: F) -> F:
         found, ok = _native.rod_poses(

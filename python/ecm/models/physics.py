@@ -283,6 +283,7 @@ def physics_map(
             "mesh, and young_modulus_Pa"
         )
     from ecm.models.physics_build import BuildSettings, build_family, shape_of
+    from ecm.models.physics_rod import stated_rod
 
     if settings is None:
         # A mesh of one's own may have no symmetry, and then ten times the terms.
@@ -303,8 +304,9 @@ def physics_map(
         _write(path, family)
         stage.forget_parts()
     length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
+    stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
     values = {
-        "young_modulus_Pa": mechanism.young_modulus_Pa,
+        "young_modulus_Pa": stated.young_modulus_Pa,
         "poisson_ratio": mechanism.poisson_ratio,
         "length_m": length,
         "diameter_m": family.centre[1] * length,

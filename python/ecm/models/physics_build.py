@@ -30,6 +30,7 @@ from ecm.models.physics_fit import (
     best_family,
 )
 from ecm.models.physics_poses import ROTATION_LIMIT_RAD, spread_poses, workspace_poses
+from ecm.models.physics_rod import RodBody, scaled_rod, stated_rod
 from ecm.stages import Stage
 
 if TYPE_CHECKING:
@@ -55,6 +56,8 @@ def shape_of(mechanism: Mechanism) -> Mechanism:
 
     Ratios keep twelve digits, so that a body and its scaled copy are the same shape.
     """
+    if mechanism.builtin == "rod":
+        return scaled_rod(stated_rod(mechanism), LENGTH_M, SHEAR_MODULUS_PA)
     length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
     nu = mechanism.poisson_ratio
     across = {
@@ -100,7 +103,7 @@ def build_family(
         Too few poses have a stable state in all nine bodies.
     """
     nodes = Nodes.around(compressibility(shape.poisson_ratio))
-    made = _Bodies(shape)
+    made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     limit = settings.rotation_limit_rad
     poses = spread_poses(
@@ -160,6 +163,18 @@ def build_family(
         for b, at in zip(solved[9:], nodes.unseen, strict=True)
     ]
     return best_family(fit, tests, nodes, made.diameter_over_length)
+
+
+class _Rods:
+    """The bodies of one rod: its section stiffnesses scaled."""
+
+    def __init__(self, shape: Mechanism) -> None:
+        self._shape = shape
+        self.diameter_over_length = 2.0 * shape.radius_m / shape.length_m
+
+    def fem(self, s: float, x: float) -> RodBody:
+        """The rod with mu/kappa = s and its diameter times exp(x)."""
+        return RodBody.of(self._shape, poisson_ratio(s), float(np.exp(x)))
 
 
 class _Bodies:

@@ -1,0 +1,44 @@
+"""What all rows share: the noise of the reading from which the sensor's zero was taken.
+
+It is no scatter of the rows, however many there are, and yet every one of them holds it: a constant
+wrench in body axes. Readings of the free sensor that follow show how much such a reading scatters.
+Where each of them reads exactly zero it was the zero of the rows about it; these errors are not
+seen, and they average out over the campaign.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.columns import POSE, WRENCH
+from ecm.compare.noise import Noise
+from ecm.effects.rows import Rows
+
+F = NDArray[np.float64]
+
+_LEAST_READINGS = 3
+
+
+def zero_errors(rows: Rows, residual: F, noise: Noise) -> F:
+    """(N, 6, 6) of each row per standard deviation of the zero's error, in N and N m, base axes.
+
+    One column per axis of the top frame, where the scatter of the unloaded readings about their
+    mean, whatever drew that aside, gives a force's and a torque's standard deviation; a reading
+    scatters no more than a row. None, (N, m, 0), where fewer than three were read.
+
+    Parameters
+    ----------
+    residual
+        (N, m) measured minus predicted.
+    """
+    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+        return np.zeros((*residual.shape, 0))
+    free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
+    if free.sum() < _LEAST_READINGS:
+        return np.zeros((*residual.shape, 0))
+    left = np.einsum("nji,nj->ni", rows.base_from_top[free], residual[free])
+    variance = left.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
+    most = np.array([noise.force_sd_N, noise.torque_sd_Nm])
+    sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
+    return np.asarray(rows.base_from_top * sd)

@@ -1,0 +1,28 @@
+"""Whether the data show what an effect alone does, beyond a plainer thing that does the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ecm.diagnose.problem import Candidate, Problem, with_more
+from ecm.diagnose.search import LEAST_BIC, fall, normal_equations
+from ecm.effects import Effect
+
+
+def plainer_form(item: Candidate) -> Effect | None:
+    """What would look the same without the effect's own sign; most effects have no such thing."""
+    find = getattr(item.effect, "plainer", None)
+    found: Effect | None = None if find is None else find()
+    return found
+
+
+def own_sign_is_seen(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
+    """Whether the effect explains more than its plainer form does in its place."""
+    plain = plainer_form(item)
+    if plain is None:
+        return True
+    wider, (other,) = with_more(problem, (plain,))
+    equations = normal_equations(wider)
+    others = [one for one in chosen if one is not item]
+    own = fall(equations, wider, (*others, item))
+    return own - fall(equations, wider, (*others, other)) > LEAST_BIC

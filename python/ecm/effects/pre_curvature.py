@@ -1,0 +1,79 @@
+"""A mechanism that is curved when nothing loads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape
+from ecm.effects.rows import Rows
+from ecm.effects.section_moment import section_moment_slopes
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
+_POWERS = (0.0, 2.0, 6.0)
+
+
+class PreCurvature(LinearEffect):
+    """V = -int kappa(s) . m(s) ds, to the first order of the natural curvature kappa.
+
+    m is the moment in each section of the straight mechanism, in the section's own axes: what the
+    curvature would have spared it. kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the whole bend
+    about the body's y and z: one arc for p = 0, gathered towards both bonds for p above it (a body
+    straight in its middle, with end faces that both stand askew).
+    """
+
+    id = "pre_curvature"
+    physics = "The mechanism is curved when nothing loads it."
+    parameters = (
+        Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
+        Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
+    )
+    signature = "m = 1, axes of the mechanism, a moment at home; conservative"
+
+    def __init__(self, power: float = 0.0) -> None:
+        self._power = power
+
+    @property
+    def shape(self) -> Shape:
+        """The power p with which the curvature grows towards both ends."""
+        return {"power": self._power}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """An arc, and a bend more and more at the ends."""
+        return tuple(PreCurvature(power) for power in _POWERS)
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {
+            "payload": "remount turned by 180 degrees",
+            "fts_offset": "remount turned by 180 degrees",
+            "face_tilt": "turn the mechanism end for end",
+        }
+
+    def columns(self, rows: Rows) -> F:
+        """Wrench per radian of the whole bend; the bend turns with the mounting."""
+        weight = 0.5 * _WEIGHT * (self._power + 1.0) * np.abs(_ALONG) ** self._power
+        slopes = -np.einsum("p,npki->nik", weight, section_moment_slopes(rows, _ALONG))
+        cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
+        about_y, about_z = slopes[:, :, 1], slopes[:, :, 2]
+        columns = np.stack(
+            [
+                cos[:, None] * about_y + sin[:, None] * about_z,
+                cos[:, None] * about_z - sin[:, None] * about_y,
+            ],
+            axis=2,
+        )
+        columns[rows.unloaded] = 0.0
+        return columns
+
+
+EFFECTS: Sequence[Effect] = (PreCurvature(),)
