@@ -94,11 +94,15 @@ def test_nothing_hidden_is_given_no_name(folder: Path) -> None:
         assert answer["verdict"] == "none"
 
 
-@pytest.mark.parametrize(("index", "id"), [(982, "payload"), (986, "tip_frame_misalignment")])
-def test_a_weak_effect_brings_no_wrong_name(folder: Path, index: int, id: str) -> None:
+def test_weak_effects_bring_hardly_a_wrong_name(folder: Path) -> None:
     """At a third of the noise on 120 rows: what resampled rows do not choose again is not said."""
-    answer = result_of(Set(1, index, "rod", hidden=((id, 0.3),)), folder)["ours"]["answer"]
-    assert all(id in members for members in answer), answer
+    right = wrong = 0
+    for i, id in enumerate(("payload", "hysteresis", "fts_drift", "tip_frame_misalignment") * 2):
+        answer = result_of(Set(1, 980 + i, "rod", hidden=((id, 0.3),)), folder)["ours"]["answer"]
+        right += len(answer) == 1 and id in answer[0]
+        wrong += any(id not in members for members in answer)
+    assert wrong <= 1
+    assert right >= 4
 
 
 def test_two_effects_are_both_found(folder: Path) -> None:
@@ -172,13 +176,24 @@ def test_thresholds_keep_the_columns_that_count() -> None:
 
 
 def test_a_class_is_told_apart_by_the_experiment_that_is_proposed(folder: Path) -> None:
-    asked = Set(5, 900, "rod", hidden=(("own_weight", 1.0),))
+    asked = Set(5, 900, "rod", hidden=(("face_tilt", 1.0),))
     data = _data(asked, folder)
     first = our_answer(asked, data)
     assert first["verdict"] == "ambiguous", first["answer"]
     second = second_answer(asked, data, first, folder)
     assert second is not None
     assert one_named({"set": asked.to_dict(), "second": second}, "second"), second["answer"]
+
+
+@pytest.mark.parametrize(
+    ("hidden", "wrong"), [("base_compliance", "debonding"), ("own_weight", "payload")]
+)
+def test_a_name_needs_its_own_sign(hidden: str, wrong: str, folder: Path) -> None:
+    """A spring is no bond that opens, nor does what hangs below the top face stand above it."""
+    asked = Set(3, 903, "rod", hidden=((hidden, 1.0),), removed=(hidden,))
+    report = our_answer(asked, _data(asked, folder))
+    assert report["first"][0] == wrong
+    assert not clean_wrong({"set": asked.to_dict(), "ours": report}), report["answer"]
 
 
 @pytest.mark.parametrize("gap_m", [0.0, 4e-4])

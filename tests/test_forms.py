@@ -211,6 +211,17 @@ def test_the_series_holds_the_odd_law(rows: Rows) -> None:
     assert np.abs(left).max() < 1e-9 * np.abs(odd).max()
 
 
+def test_a_secant_section_is_stiffer_by_the_square_of_its_bend() -> None:
+    """An arc: M = E I kappa (r kappa / e0)^2, and neither torsion nor lateral shear."""
+    angle = 0.02
+    arc = at((L * (np.cos(0.5 * angle) - 1.0), L * np.sin(0.5 * angle), 0.0, 0.0, 0.0, angle))
+    columns = StrainStiffening("sections").columns(arc)[0]
+    known = rest_stiffness(arc)
+    rim = known.radius_m * angle / L
+    assert columns[5, 1] == pytest.approx(known.bending * angle * (rim / 0.1) ** 2, rel=1e-2)
+    assert np.abs(columns[:, 2:]).max() < 1e-9 * columns[5, 1]
+
+
 # --- arithmetic of the search -------------------------------------------------------------------
 def test_what_dependent_columns_explain_does_not_depend_on_their_order() -> None:
     random = np.random.default_rng(0)
@@ -237,6 +248,20 @@ def test_gains_beside_fixed_columns_are_those_of_whole_fits() -> None:
     for gain, block in zip(found, [(2,), (3, 4), (5, 6), (8,)], strict=True):
         whole = explained(matrix, vector, (0, 1, *block)) - explained(matrix, vector, (0, 1))
         assert gain == pytest.approx(whole, rel=1e-6)
+
+
+def test_a_coefficient_of_the_wrong_sign_explains_nothing() -> None:
+    random = np.random.default_rng(2)
+    design = random.standard_normal((40, 2, 5))
+    y = design @ np.array([1.0, 2.0, -1.0, 0.5, -2.0])
+    gram = Gram.of(design, y, np.repeat(np.arange(10), 4))
+    matrix, vector, _ = gram.total()
+    left = without(matrix, vector, (0,))
+    signs = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
+    blocks = [(1, 2), (1, 3), (2,), (3, 4)]
+    allowed = [(1,), (1, 3), (), (3, 4)]
+    found = gains((matrix, vector), left, blocks, signs)
+    np.testing.assert_allclose(found, gains((matrix, vector), left, allowed), rtol=1e-9)
 
 
 def test_two_effects_are_found_where_neither_stands_out_alone() -> None:

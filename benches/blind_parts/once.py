@@ -11,20 +11,21 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 from unittest import mock
 
-from ecm.diagnose import procedure
+from ecm.diagnose import judge, procedure
 from ecm.diagnose.problem import Problem
 
 SHARED = ("assemble", "search", "scatter_effects")
+"""Of `ecm.diagnose.judge`."""
 UNREAD: dict[str, Callable[..., Any]] = {
     "next_experiments": lambda *a, **k: [],
     "detection_limits": lambda *a, **k: {},
     "further": lambda *a, **k: [],
     "confusable": lambda *a, **k: [],
-    "describe": lambda *a, **k: {},
     "ceiling_rms": lambda *a, **k: None,
     "signature_shares": lambda *a, **k: {},
 }
-"""Functions of `ecm.diagnose.procedure` whose value stands in the report alone."""
+"""Functions of `ecm.diagnose.procedure` whose value stands in the report alone; `describe` of
+`judge` as well."""
 
 
 class Work:
@@ -44,7 +45,7 @@ class Work:
         """Keep what the shared steps return."""
 
         def kept(name: str) -> Callable[..., Any]:
-            real = getattr(procedure, name)
+            real = getattr(judge, name)
 
             def step(*given: Any, **named: Any) -> Any:
                 found = real(*given, **named)
@@ -55,7 +56,7 @@ class Work:
 
         with ExitStack() as stack:
             for name in SHARED:
-                stack.enter_context(mock.patch.object(procedure, name, kept(name)))
+                stack.enter_context(mock.patch.object(judge, name, kept(name)))
             yield
 
     @contextmanager
@@ -63,12 +64,12 @@ class Work:
         """Return the same again; what no score reads is not worked out."""
         with ExitStack() as stack:
             for name in SHARED:
-                stack.enter_context(mock.patch.object(procedure, name, self._again(name)))
+                stack.enter_context(mock.patch.object(judge, name, self._again(name)))
             stack.enter_context(only_the_answer())
             yield
 
     def _again(self, name: str) -> Callable[..., Any]:
-        real, left = getattr(procedure, name), iter(self._kept[name])
+        real, left = getattr(judge, name), iter(self._kept[name])
 
         def step(*given: Any, **named: Any) -> Any:
             found = next(left, None)
@@ -81,6 +82,7 @@ class Work:
 def only_the_answer() -> Iterator[None]:
     """`diagnose` without those parts of the report that the verdict does not depend on."""
     with ExitStack() as stack:
+        stack.enter_context(mock.patch.object(judge, "describe", return_value={"words": ""}))
         for name, nothing in UNREAD.items():
             stack.enter_context(mock.patch.object(procedure, name, nothing))
         yield

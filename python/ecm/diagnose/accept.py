@@ -31,6 +31,8 @@ _CONTENDS = 0.3
 """An effect that explains less than this share of what the first one does wins no resampling."""
 _INFLUENTIAL = 0.02
 _KEPT_WITHIN_BOUNDS = 0.8
+_LARGEST = 3
+"""So many members of a class count in its share of the resamplings: a longer list names nothing."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Check:
     held_out_fall: float
     """Fall of the held-out sum of squares in its standard errors."""
     chosen_share: float
-    """Share of group bootstraps in which it, or a member of its class, is chosen."""
+    """Share of group bootstraps in which it, or one of the best of its class, is chosen."""
     winners: dict[str, float]
     """Share of bootstraps won by each effect."""
     robust: bool
@@ -96,7 +98,7 @@ def check(
         p_holm=min(1.0, own.p * rivals),
         delta_bic=own.delta_bic,
         held_out_fall=held_out_fall(problem, others, item),
-        chosen_share=sum(winners.get(id, 0.0) for id in members),
+        chosen_share=sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:_LARGEST]),
         winners=winners,
         robust=_robust(problem, others, item, members),
         within_bounds=_within(problem, chosen, item),

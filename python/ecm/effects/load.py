@@ -24,7 +24,7 @@ _SIDES = 8
 
 
 class Payload(LinearEffect):
-    """-(m g, R c x m g), c the centre of mass in top axes, beyond the top face: c_x >= 0.
+    """-(m g, R c x m g), c the centre of mass in top axes.
 
     A sensor zeroed with the payload on reads, in its own axes, nothing at the zeroing pose R_z:
     then B B_z' of the same at that pose is taken away again.
@@ -33,8 +33,8 @@ class Payload(LinearEffect):
     id = "payload"
     physics = "A mass on the sensor's side of the platform weighs on every reading."
     parameters = (
-        Parameter("mass", "kg", 0.1, 0.0, 5.0),
-        Parameter("mass_x", "kg m", 0.005, 0.0, 0.5),
+        Parameter("mass", "kg", 0.1, -5.0, 5.0),
+        Parameter("mass_x", "kg m", 0.005, -0.5, 0.5),
         Parameter("mass_y", "kg m", 0.005, -0.5, 0.5),
         Parameter("mass_z", "kg m", 0.005, -0.5, 0.5),
     )

@@ -26,6 +26,8 @@ F = NDArray[np.float64]
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of an axis' readings at which a knee is tried."""
+_LOADED = {"each": AXES, "bending": AXES[4:]}
+"""Axes whose load others read, where it is not one: bending loads the sensor most."""
 _WIDTHS = (0.15, 0.5, 1.2)
 """Widths of the play that are tried, over the spread of an axis' load."""
 
@@ -79,7 +81,7 @@ class FtsCrosstalk(LinearEffect):
             (i, j)
             for i, reads in enumerate(AXES)
             for j, loaded in enumerate(AXES)
-            if i != j and to in ("each", reads) and of in ("each", loaded)
+            if i != j and to in ("each", reads) and loaded in _LOADED.get(of, (of,))
         ]
         self.parameters = tuple(_talk(i, j) for i, j in self._pairs)
 
@@ -89,9 +91,10 @@ class FtsCrosstalk(LinearEffect):
         return {k: v for k, v in (("to", self._to), ("of", self._of)) if v != "each"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """All of the matrix, each row, each column."""
+        """All of the matrix, each row, each column, the two columns of bending."""
         rows = (FtsCrosstalk(to=axis) for axis in AXES)
-        return (FtsCrosstalk(), *rows, *(FtsCrosstalk(of=axis) for axis in AXES))
+        columns = (FtsCrosstalk(of=axis) for axis in (*AXES, "bending"))
+        return (FtsCrosstalk(), *rows, *columns)
 
     @property
     def rivals(self) -> dict[str, str]:

@@ -1,0 +1,248 @@
+"""Gate, search, acceptance and verdict against one base; where it is the wrong body, another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ecm.columns import POSE, WRENCH
+from ecm.compare.estimate import repeat_cells
+from ecm.compare.lack_of_fit import FTest, lack_of_fit, omnibus
+from ecm.compare.noise import Noise
+from ecm.diagnose.accept import CHOSEN, LEVEL, Check, check
+from ecm.diagnose.bounds import bounded_estimate
+from ecm.diagnose.classes import MOST_IN_CLASS, NEAR, NEAR_IN_DOUBT, answer_class, widened
+from ecm.diagnose.problem import Candidate, Problem, assemble, omnibus_columns
+from ecm.diagnose.scatter import Scatter, scatter_effects, with_growth
+from ecm.diagnose.search import Ranked, fall, normal_equations, rank, search
+from ecm.diagnose.unknown import describe, structure
+from ecm.diagnose.verdict import Verdict
+from ecm.effects import Effect
+from ecm.models.by_degree import symmetric_energy
+from ecm.models.physics import PhysicsMap
+
+if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
+"""Unknown where more than this share of the structure stays, in squares, after 0, 1, 2 or more
+effects: right ones leave the misfit of their form, wrong ones come in numbers and leave more."""
+_SURELY = 1.645
+_DOUBTFUL_SHARE = 0.04
+_DOUBTFUL_P = 0.05
+"""Where more than this share stays, and is seen, the form is in doubt, and no name stands alone."""
+_LEAST_STRENGTH = 0.15
+"""Structure weaker than this in noise units is not called unknown: the base may be as wrong."""
+_MOST_SCALE = {"repeats": 2.5, "declared": 9.0, "assumed": np.inf}
+"""A name needs a residual that is noise: its variance over that of the noise, by its source."""
+_OTHER_BODY = {"single": 1.5, "several or none": 0.5}
+"""Structure left, rms in noise units, from which on the body may be another: more than the form of
+one effect leaves, or so much that several names stand in for a body, or that none was found."""
+_TAKEN = 0.9
+"""Share of it, in squares, that a symmetric energy must take to say so."""
+_MOST_FACTOR = 5.0
+"""The stated E is not wrong by more than this; then it is a sign or a unit."""
+_CLOSE_BIC = 20.0
+"""A rival that wins some bootstraps is a close one within this loss of BIC."""
+_WINS = 0.02
+"""Some bootstraps: more than this share of them."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Gate, names and verdict against one base."""
+
+    problem: Problem
+    scatter: list[Scatter]
+    smooth: FTest
+    gate: dict[str, float]
+    ranked: list[Ranked]
+    accepted: list[Candidate]
+    classes: list[list[str]]
+    checks: list[Check]
+    left: dict[str, float]
+    verdict: Verdict
+    unknown: dict[str, Any] | None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def strength_left(self) -> float:
+        """Structure that stays after the accepted effects, rms in noise units."""
+        return float(np.sqrt(self.left["beyond_chance"] / self.problem.size))
+
+
+def judged(
+    base: StiffnessMap, table: Table, tested: list[Effect], noise: Noise | None, seed: int
+) -> Judged:
+    """Steps 1 to 6 of the procedure and the verdict."""
+    problem = assemble(base, table, tested, noise)
+    scatter = scatter_effects(problem, tested)
+    grown = with_growth(problem.noise, scatter)
+    if grown is not problem.noise:
+        problem = assemble(problem.base, problem.table, tested, grown)
+    smooth = omnibus_columns(problem)
+    base_columns = problem.design[:, :, : problem.n_base]
+    first = omnibus(problem.response, smooth, base_columns, problem.weights)
+    before = structure(problem, first)
+    gate, rejected = _gate(problem, first)
+    ranked = rank(problem)
+    chosen = list(search(problem)) if ranked else []
+    accepted, classes, checks = _accepted(problem, chosen, seed)
+    left, remains, over = _left_over(problem, smooth, accepted, before)
+    verdict: Verdict
+    unknown: dict[str, Any] | None = None
+    strange = implausible(problem)
+    noisy = problem.scale > _MOST_SCALE[problem.noise.source]
+    if strange:
+        accepted, classes, verdict = [], [], "unknown"
+        unknown = describe(problem, problem.response, (), before) | {"words": strange}
+    elif accepted and not remains and not noisy:
+        doubtful = over["share"] > _DOUBTFUL_SHARE and over["p"] < _DOUBTFUL_P
+        # Two names that stand in for a third leave little: each needs its rivals far away.
+        if doubtful or len(accepted) > 1:
+            pairs = zip(accepted, classes, strict=True)
+            near = NEAR_IN_DOUBT if doubtful else NEAR
+            classes = [widened(problem, accepted, item, m, near) for item, m in pairs]
+        verdict = "named" if all(len(members) == 1 for members in classes) else "ambiguous"
+    elif accepted or (remains and rejected):
+        verdict = "unknown"
+        unknown = describe(problem, left, accepted, before)
+        if noisy:
+            far = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
+            unknown = unknown | {"words": f"{far}; {unknown['words']}"}
+    else:
+        verdict = "none"
+    return Judged(
+        problem, scatter, first, gate, ranked, accepted, classes, checks, over, verdict, unknown
+    )
+
+
+def against_energy(
+    found: Judged, table: Table, tested: list[Effect], noise: Noise | None, seed: int
+) -> Judged:
+    """The same against the symmetric energy model, where the stated body is not the one measured.
+
+    What the physics leaves and the energy takes is elasticity or geometry that keeps the symmetry
+    (references.py). As long as it stands above the noise it hides everything else, and effects
+    that can imitate a little of it are named for the rest of it.
+    """
+    problem = found.problem
+    known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
+    if not isinstance(problem.base, PhysicsMap) or not known or implausible(problem):
+        return found
+    single = len(found.accepted) == 1 and found.verdict != "unknown"
+    if found.strength_left < _OTHER_BODY["single" if single else "several or none"]:
+        return found
+    other = judged(symmetric_energy(table), table, tested, noise, seed)
+    taken = 1.0 - other.left["beyond_chance"] / found.left["beyond_chance"]
+    if taken < _TAKEN:
+        return found
+    words = (
+        f"the stated body is not the one that was measured: with E and nu free it leaves "
+        f"{found.strength_left:.2g} times the noise, of which a symmetric energy model takes "
+        f"{taken:.0%}: elasticity or geometry that keeps the symmetry"
+    )
+    advice = "names are against the energy model; fit energy6, or mend [mechanism]"
+    other = replace(other, warnings=(f"{words}; {advice}",))
+    if other.verdict != "none":
+        return other
+    everything = describe(problem, problem.response, (), structure(problem, found.smooth))
+    return replace(other, verdict="unknown", unknown=everything | {"words": words})
+
+
+def _gate(problem: Problem, smooth: FTest) -> tuple[dict[str, float], bool]:
+    """Lack of fit from repeats, and the omnibus of smooth functions; either may reject."""
+    tests = [smooth]
+    cells = lack_of_fit(
+        problem.response,
+        np.where(problem.scored, repeat_cells(problem.table), -1 - np.arange(len(problem.table))),
+        len(problem.base.coefficients),
+        problem.weights * problem.scored,
+    )
+    if cells is not None:
+        tests.append(cells)
+    best = min(tests, key=lambda test: test.p)
+    p = min(1.0, best.p * len(tests))
+    return {"F": best.F, "p": p}, p < LEVEL
+
+
+def _accepted(
+    problem: Problem, chosen: list[Candidate], seed: int
+) -> tuple[list[Candidate], list[list[str]], list[Check]]:
+    """The chosen effects that pass every check, their classes, and the evidence."""
+    checks: list[Check] = []
+    while chosen:
+        found: list[tuple[Check, list[str]]] = []
+        for item in chosen:
+            members = answer_class(problem, chosen, item)
+            evidence = check(problem, chosen, item, members, seed)
+            if evidence.chosen_share < CHOSEN and len(members) < MOST_IN_CLASS:
+                # A close rival that wins among resampled rows belongs to the class as well.
+                close = answer_class(problem, chosen, item, _CLOSE_BIC)
+                wins = {id for id, share in evidence.winners.items() if share > _WINS}
+                extra = [id for id in close if id not in members and id in wins]
+                members = [*members, *extra[: MOST_IN_CLASS - len(members)]]
+                evidence = check(problem, chosen, item, members, seed, winners=evidence.winners)
+            found.append((evidence, members))
+        checks = [evidence for evidence, _ in found]
+        if all(evidence.accepted for evidence in checks):
+            return chosen, [members for _, members in found], checks
+        failing = [i for i, evidence in enumerate(checks) if not evidence.accepted]
+        weakest = min(failing, key=lambda i: checks[i].delta_bic)
+        chosen = [item for i, item in enumerate(chosen) if i != weakest]
+    return [], [], checks
+
+
+def _left_over(
+    problem: Problem, smooth: F, accepted: Sequence[Candidate], before: float
+) -> tuple[F, bool, dict[str, float]]:
+    """Whitened residual after the accepted effects, whether it matters, and its figures.
+
+    It must be seen by the omnibus, exceed a share of what was there, and a strength below which
+    neither the base nor the form of an effect can be trusted. A parameter that would explain more
+    beyond its bound stands at the bound: what it does there is not this effect.
+    """
+    found = bounded_estimate(problem, accepted, accepted)
+    held = found.columns[found.at_bound]
+    response = problem.response - problem.design[:, :, held] @ found.theta[found.at_bound]
+    fitted = problem.design[:, :, found.columns[~found.at_bound]]
+    test = omnibus(response, smooth, fitted, problem.weights)
+    size = problem.response.size
+    root = np.sqrt(problem.weights)
+    z = (fitted * root[:, None, None]).reshape(size, -1)
+    theta = np.linalg.lstsq(z, (response * root[:, None]).ravel(), rcond=1e-10)[0]
+    left = response - fitted @ theta
+    after = max(found.lost, (test.F - 1.0) * test.dof) if np.isfinite(test.F) else found.lost
+    strong = after > problem.size * max(_LEAST_STRENGTH, 1.5 * problem.base_error) ** 2
+    # What the effects explain was structure, whether smooth functions see it or not.
+    before = max(before, fall(normal_equations(problem), problem, accepted))
+    allowed = _LEFT_SHARE[min(len(accepted), 3)] * before
+    # Chance adds to what stays: it must be seen to be more than the form of an effect may leave.
+    spread = float(np.sqrt(2.0 * test.dof + 4.0 * allowed))
+    share = not accepted or after > allowed + _SURELY * spread
+    figures = {
+        "beyond_chance": after,
+        "dof": test.dof,
+        "share": after / before if before > 0.0 else 0.0,
+        "p": min(test.p, float(special.chdtrc(max(1, len(held)), found.lost))),
+    }
+    return left, bool(test.p < LEVEL and strong and share), figures
+
+
+def implausible(problem: Problem) -> str:
+    """What is wrong with the factor on E of a physics base; empty where it could be true."""
+    if not isinstance(problem.base, PhysicsMap):
+        return ""
+    factor = problem.base.factor
+    if 1.0 / _MOST_FACTOR < factor < _MOST_FACTOR:
+        return ""
+    guess = "a sign" if factor < 0.0 else "a unit"
+    return f"the wrench is {factor:.3g} times that of the stated body: {guess} is likely wrong"
