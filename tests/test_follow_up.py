@@ -121,6 +121,35 @@ def test_holds_and_both_sides_have_what_they_are_named_for() -> None:
     assert len(both) >= 5
 
 
+def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
+    first = campaign(seed=3)
+    session = "remount turned by 180 degrees + calliper + a pair of push and pull poses"
+    assert drivable(session)
+    plan = follow_up_plan(first, session)
+    runs = plan.column("run").astype(int)
+    own = int(first.column("run").max()) + 1
+    assert set(runs) == {own, own + 1}
+    actions = [str(a) for a in plan.text("action")]
+    assert runs[actions.index("remount:180")] == own + 1
+    for run, single in ((own, "push and pull"), (own + 1, "remount turned by 180 degrees")):
+        alone = [str(a) for a in follow_up_plan(first, single).text("action")]
+        assert [a for a, r in zip(actions, runs, strict=True) if r == run][: len(alone) - 1] == (
+            alone[:-1]
+        )
+    second = run_campaign(plan, RigSettings(), None, seed=4, source=StandIn())
+    assert len(set(second.column("run"))) == 3
+
+
+def test_home_checks_stand_between_large_poses_on_one_side() -> None:
+    first = campaign(seed=3)
+    plan = follow_up_plan(first, "home pose after every sample")
+    kinds = [str(k) for k in plan.text("kind")][2:-1]
+    assert kinds[1::2] == ["home"] * len(kinds[1::2])
+    moved = plan.measured().poses - [float(first.meta.length_m or 0.0), 0, 0, 0, 0, 0]
+    scaled = moved / np.abs(moved).max(axis=0)
+    assert (scaled @ scaled[0]).min() > 0.0
+
+
 def test_what_is_done_by_hand_is_said() -> None:
     first = campaign(seed=3)
     with pytest.raises(InputError, match="by hand"):

@@ -56,7 +56,7 @@ def worked_answer(
     )  # fmt: skip
     kept = {key: report[key] for key in keys}
     kept["first"] = [row["id"] for row in report["ranking"][:3]]
-    kept["sizes"] = {row["id"]: row["size"] for row in report["ranking"]}
+    kept["needed"] = {row["id"]: (row["size"], row["unit"]) for row in report["ranking"]}
     kept["left_over"] = report["left_over"]
     kept["seconds"] = seconds
     kept["rows"] = len(data.table)

@@ -1,8 +1,10 @@
 """Tier 5: the first answer is a class; the proposed experiment is simulated and its data join.
 
-The first proposal that can be simulated is taken. Most are campaigns, driven as `ecm diagnose
---next` plans them. A measurement by hand reads the size of the effects that it is named for, with
-the error of the tool: what it shows is the answer, what it does not show is out of question.
+The first proposal that can be simulated is taken: a campaign, driven as `ecm diagnose --next`
+plans it, a measurement by hand, or both in one session. A measurement by hand reads the size of the
+effects that it is named for, with the error of the tool. What it shows is in the answer; what it
+would have to show and does not is taken out and the data are diagnosed again; a reading between the
+two says nothing.
 """
 
 from __future__ import annotations
@@ -19,23 +21,25 @@ import numpy as np
 from blind_parts.analysis import our_answer
 from blind_parts.data import Data, data_of
 from blind_parts.sets import Set
-from ecm.design.follow_up import drivable, follow_up_plan
+from ecm.design.follow_up import drivable, follow_up_plan, parts
 from ecm.table import Table, read_table
 
-BY_HAND: dict[str, dict[str, float]] = {
-    "calliper": {"length_error": 5e-5, "diameter_error": 1e-3},
-    "survey the base": {"base_frame_misalignment": 5e-4},
-    "re-seat": {"tip_frame_misalignment": 5e-4},
-    "gauge bar": {"camera_scale": 1e-3},
-    "dial gauge on the base plate": {"base_compliance": 3e-5},
-    "look at the base marker": {"marker_motion": 2e-5},
-    "detach the cable": {"cable_drag": 0.0},
+BY_HAND: dict[str, dict[str, dict[str, float]]] = {
+    "calliper": {"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}},
+    "survey the base": {"base_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "re-seat": {"tip_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "gauge bar": {"camera_scale": {"1": 1e-3}},
+    "dial gauge on the base plate": {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}},
+    "look at the base marker": {"marker_motion": {"m": 2e-5, "rad": 3e-4}},
+    "warm-up log": {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}},
+    "place of the camera": {"led_occlusion": {"m": 5e-5, "rad": 1e-3}},
+    "detach the cable": {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}},
 }
-"""Effects that a tool reads, and its standard deviation in the unit of the effect's size; a cable
-that is off is seen to be off."""
+"""Effects that a tool reads, and its standard deviation by unit; the first is that of the size that
+a source hides."""
 _SEEN = 3.0
-_ONE_NUMBER = ("length_error", "diameter_error", "camera_scale")
-"""Effects of one parameter: the reading is nearer to what the first analysis fitted, or to 0."""
+_LEAST_ODDS = 6.0
+"""Twice the logarithm of the odds at which a reading decides, as a difference of BIC does."""
 
 
 def second_answer(
@@ -45,40 +49,69 @@ def second_answer(
     if first["verdict"] != "ambiguous":
         return None
     told = [str(entry["action"]) for entry in first["next_experiment"]]
+    members = {id for one in first["answer"] for id in one}
     for action in told:
-        read = _read_by(action)
-        if drivable(action):
-            plan = follow_up_plan(data.table, action)
-            second = data_of(asked, folder, plan, data.truth)
-            joined = replace(data, table=_joined(data.table, second.table))
-            return {"proposed": told, "done": action, **our_answer(asked, joined)}
-        if read and any(id in members for id in read for members in first["answer"]):
-            return {"proposed": told, "done": action, **_by_hand(asked, data, first, read)}
+        read = {id: tool for part in parts(action) for id, tool in _read_by(part).items()}
+        if drivable(action) or set(read) & members:
+            found = _after(asked, data, first, read, (action, folder))
+            return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
 
-def _read_by(action: str) -> dict[str, float]:
+def _read_by(action: str) -> dict[str, dict[str, float]]:
+    if drivable(action):
+        return {}
     return next((read for word, read in BY_HAND.items() if re.search(word, action)), {})
 
 
-def _by_hand(
-    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, float]
+def _after(
+    asked: Set,
+    data: Data,
+    first: dict[str, Any],
+    read: Mapping[str, Mapping[str, float]],
+    campaign: tuple[str, Path],
 ) -> dict[str, Any]:
+    """What the readings by hand show and rule out, and the data with those of the campaign."""
+    seen, absent = _readings(asked, data, first, read)
+    answer, (action, folder) = first["answer"], campaign
+    if drivable(action):
+        plan = follow_up_plan(data.table, action)
+        second = data_of(asked, folder, plan, data.truth)
+        data = replace(data, table=_joined(data.table, second.table))
+    if drivable(action) or (absent and not seen):
+        found = our_answer(asked, data, without=absent)
+        if not seen:
+            return found
+        answer = found["answer"]
+    if not seen:
+        return {"verdict": "ambiguous", "answer": answer}
+    answer = [[id for id in m if id in seen] or list(m) for m in answer]
+    # What a tool shows is there, whether the data need it or not.
+    answer += [[id] for id in seen if not any(id in m for m in answer)]
+    single = all(len(m) == 1 for m in answer)
+    return {"verdict": "named" if single else "ambiguous", "answer": answer}
+
+
+def _readings(
+    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, Mapping[str, float]]
+) -> tuple[list[str], list[str]]:
+    """Effects that readings show, and those that they rule out; some do neither.
+
+    A reading is held against nothing and against the size that the first analysis needs.
+    """
     random = np.random.default_rng([asked.seed, 11])
-    seen = []
+    seen, absent = [], []
     for id, sd in read.items():
-        reading = abs(_size(data.truth.get(id)) + sd * random.standard_normal())
-        least = max(_SEEN * sd, 1e-12)
-        if id in _ONE_NUMBER:
-            least = max(0.5 * abs(first.get("sizes", {}).get(id, np.inf)), 2.0 * sd)
-            least = min(least, _SEEN * sd)
-        if reading > least:
+        # In deviations of the tool: the reading, and what the first analysis needs of the effect.
+        r = abs(_size(data.truth.get(id)) / next(iter(sd.values())) + random.standard_normal())
+        size, unit = first.get("needed", {}).get(id, (np.inf, ""))
+        d = abs(size) / sd[unit] if unit in sd else (0.0 if unit else np.inf)
+        odds = 2.0 * r * d - d * d if np.isfinite(d) else -np.inf
+        if r > _SEEN or odds > _LEAST_ODDS:
             seen.append(id)
-    answer = [[id for id in m if id in seen] or list(m) for m in first["answer"]]
-    if seen:
-        single = all(len(m) == 1 for m in answer)
-        return {"verdict": "named" if single else "ambiguous", "answer": answer}
-    return our_answer(asked, data, without=tuple(read))
+        elif odds < -_LEAST_ODDS:
+            absent.append(id)
+    return seen, absent
 
 
 def _size(truth: Any) -> float:

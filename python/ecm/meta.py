@@ -38,6 +38,9 @@ class FileMeta:
     """0, 1 or 2 lines of names; with 2 the upper names a group of columns."""
     truth_sha256: str = ""
     """Sum of the sealed truth file, where an effect was hidden."""
+    begins_s: tuple[float, ...] = ()
+    """time_s at which each campaign after the first began, where a table holds several: the sensor
+    was zeroed anew then."""
 
     def __post_init__(self) -> None:
         if self.header_rows not in (0, 1, 2):

@@ -35,6 +35,7 @@ def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tup
     runs: dict[int, dict[str, Any]] = {}
     first_run = 0
     last_time: float | None = None
+    begins_s: list[float] = []
     for index, (part, own_meta, source) in enumerate(parts):
         size = len(next(iter(part.values())))
         current = {name: part[name] if name in part else _filled(name, size) for name in names}
@@ -47,7 +48,10 @@ def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tup
                 runs[first_run + offset] = values
         first_run += len(numbers)
         if "time_s" in names:
-            current["time_s"] = _later(part["time_s"], last_time, source, warnings)
+            time = current["time_s"] = _later(part["time_s"], last_time, source, warnings)
+            shift = float(time[0] - part["time_s"][0])
+            begins_s += [float(time[0])] if index else []
+            begins_s += [begin + shift for begin in own_meta.file.begins_s]
             last_time = float(current["time_s"][-1])
         if "pose_id" in names and index:
             earlier = {name: np.concatenate(columns[name]) for name in names}
@@ -57,7 +61,8 @@ def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tup
     joined = {name: np.concatenate(arrays) for name, arrays in columns.items()}
     if "repeat" in joined and "pose_id" in joined:
         joined["repeat"] = _visits(joined["pose_id"])
-    return joined, replace(meta, runs=runs), tuple(warnings)
+    file = replace(meta.file, begins_s=tuple(begins_s))
+    return joined, replace(meta, runs=runs, file=file), tuple(warnings)
 
 
 def _common_columns(parts: Sequence[Part], warnings: list[str]) -> list[str]:

@@ -126,8 +126,9 @@ def _print(document: Mapping[str, Any], console: Console) -> None:
 def _write_next(
     path: Path, table: Table, proposed: Sequence[Mapping[str, Any]], console: Console
 ) -> None:
-    """The first proposed experiment that a campaign can drive."""
+    """The first proposed experiment, or of a session what a campaign can drive."""
     from ecm.design import drivable, follow_up_plan
+    from ecm.design.follow_up import parts
 
     chosen = next((item["action"] for item in proposed if drivable(item["action"])), None)
     if chosen is None:
@@ -136,3 +137,6 @@ def _write_next(
     plan = follow_up_plan(table, chosen)
     plan.write(path)
     console.say(f"{path}: {len(plan)} visits, to {chosen}")
+    by_hand = [part for part in parts(chosen) if not drivable(part)]
+    if by_hand:
+        console.say(f"  by hand in the same session: {', '.join(by_hand)}")

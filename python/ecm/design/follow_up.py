@@ -2,13 +2,15 @@
 
 The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
 so that both tables together are one campaign; a sweep also stops on the straight ways to them.
+A session joins several experiments, "a + b": one plan, each part in a run of its own, what changes
+the set-up last.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,8 @@ from ecm.table import Table
 F = NDArray[np.float64]
 
 HOLDS_S = (2.0, 8.0, 60.0)
+AND = " + "
+"""Between the parts of a session."""
 _DWELL_S = 2.0
 
 
@@ -34,6 +38,8 @@ class _Visit:
     """Of the straight way from home to the pose."""
     approach: str = "initial"
     dwell_s: float = _DWELL_S
+    run: int = 0
+    """Of the plan, from 0."""
 
 
 def follow_up_plan(data: Table, experiment: str) -> Table:
@@ -44,7 +50,7 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     data
         The measurement table that was diagnosed; needs all six pose columns.
     experiment
-        The `action` of an entry of `next_experiment`.
+        The `action` of an entry of `next_experiment`; of a session what a campaign can drive.
 
     Raises
     ------
@@ -54,20 +60,40 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     lacking = [name for name in POSE if not data.has(name)]
     if lacking:
         raise InputError(f"{data.source}: a plan needs the pose column {lacking[0]}")
-    recipe = next((make for pattern, make in _RECIPES if re.search(pattern, experiment)), None)
-    if recipe is None:
+    driven = {recipe for part in parts(experiment) if (recipe := _recipe(part)) is not None}
+    if not driven:
         raise InputError(
             f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
             "it into the data's TOML, and run diagnose again."
         )
     poses, ids = _distinct(data)
-    visits = [_Visit("unload"), _Visit("home"), *recipe(poses, ids), _Visit("home")]
-    return _plan(data, poses, ids, [*visits, _Visit("unload")])
+    visits: list[_Visit] = []
+    in_order = sorted(driven, key=lambda recipe: (recipe.disturbs, _RECIPES.index(recipe)))
+    for run, recipe in enumerate(in_order):
+        own = [_Visit("unload"), _Visit("home"), *recipe.make(poses, ids), _Visit("home")]
+        visits += [replace(visit, run=run) for visit in own]
+    return _plan(data, poses, ids, [*visits, replace(visits[-1], action="unload")])
+
+
+def parts(experiment: str) -> list[str]:
+    """The experiments of a session; of a single one itself."""
+    return experiment.split(AND)
 
 
 def drivable(experiment: str) -> bool:
-    """Whether a campaign can carry the experiment out."""
-    return any(re.search(pattern, experiment) for pattern, _ in _RECIPES)
+    """Whether a campaign can carry the experiment out, or some part of a session."""
+    return any(_recipe(part) is not None for part in parts(experiment))
+
+
+def same_campaign(experiment: str) -> str:
+    """Alike for two texts of one campaign; by hand the text itself."""
+    recipe = _recipe(experiment)
+    return experiment if recipe is None else recipe.pattern
+
+
+def _recipe(experiment: str) -> _Recipe | None:
+    """None for what is done by hand."""
+    return next((one for one in _RECIPES if re.search(one.pattern, experiment)), None)
 
 
 def _distinct(data: Table) -> tuple[F, NDArray[np.int64]]:
@@ -149,7 +175,14 @@ def _zeros(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
 
 
 def _homes(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
-    return _between(_measure(_spread_out(poses, 20)), "home", 1)
+    """Large poses on one side only, again and again, home after each.
+
+    A set grows that way, and faster than before; a slip stays, a marker goes on with time.
+    """
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = away[int((away**2).sum(axis=1).argmax())]
+    one_side = np.argsort(-(away @ largest))[:8].tolist()
+    return _between(_measure(one_side * 8), "home", 1)
 
 
 def _turned(degrees: int) -> Callable[[F, NDArray[np.int64]], list[_Visit]]:
@@ -189,21 +222,29 @@ def _sweep(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
     return [_Visit("measure", i, share=float(s)) for i in _spread_out(poses, 6) for s in shares]
 
 
-_RECIPES: tuple[tuple[str, Callable[[F, NDArray[np.int64]], list[_Visit]]], ...] = (
-    (r"remount.*\b90\b", _turned(90)),
-    (r"remount.*\b180\b", _turned(180)),
-    (r"warm", _warm_and_cold),
-    (r"conditioning", _conditioning),
-    (r"both sides", _both_sides),
-    (r"\bhold\b|dwell", _holds),
-    (r"payload", _without_payload),
-    (r"dead weight", _dead_weights),
-    (r"push and pull", _push_and_pull),
-    (r"sweep", _sweep),
-    (r"home", _homes),
-    (r"unloaded|\bzero\b", _zeros),
-    (r"repeat the first", _first_ten),
-    (r"repeat", _repeated),
+@dataclass(frozen=True)
+class _Recipe:
+    pattern: str
+    make: Callable[[F, NDArray[np.int64]], list[_Visit]]
+    disturbs: int = 0
+    """How much of what was there before is changed by it: in a session the least comes first."""
+
+
+_RECIPES = (
+    _Recipe(r"remount.*\b90\b", _turned(90), 4),
+    _Recipe(r"remount.*\b180\b", _turned(180), 4),
+    _Recipe(r"warm(?!-up log)", _warm_and_cold, 2),
+    _Recipe(r"conditioning", _conditioning, 1),
+    _Recipe(r"both sides", _both_sides),
+    _Recipe(r"\bhold\b|dwell", _holds),
+    _Recipe(r"payload", _without_payload, 3),
+    _Recipe(r"dead weight", _dead_weights, 5),
+    _Recipe(r"push and pull", _push_and_pull),
+    _Recipe(r"sweep", _sweep),
+    _Recipe(r"home", _homes),
+    _Recipe(r"unloaded|\bzero\b", _zeros),
+    _Recipe(r"repeat the first", _first_ten),
+    _Recipe(r"repeat", _repeated),
 )
 """First match wins."""
 
@@ -235,7 +276,7 @@ def _plan(data: Table, poses: F, ids: NDArray[np.int64], visits: list[_Visit]) -
         "kind": np.array([kinds.get(v.action, "home") for v in visits], dtype=object),
         "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
         "dwell_s": np.array([v.dwell_s for v in visits]),
-        "run": np.full(len(visits), run),
+        "run": np.array([run + v.run for v in visits]),
         "action": np.array([v.action for v in visits], dtype=object),
     }
     meta = Meta(mechanism=data.meta.mechanism, scene=data.meta.scene, source=data.meta.source)

@@ -16,14 +16,15 @@ F = NDArray[np.float64]
 
 SEPARABLE = 0.1
 MOST_IN_CLASS = 3
-_FORM = 0.06
+FORM = 0.06
 """What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
 no more than this may be the truth."""
-_REFUTED = 0.3
-_REFUTED_BY = 12.0
+REFUTED = 2.5 * FORM
+REFUTED_BY = 12.0
 """A run that was measured later refutes a rival which leaves this share of what the effect explains
-in that run, and so much in squares: with the rival true and d^2 between the two, the excess is
-normal with mean -d^2 and variance 4 d^2, which comes beyond 12 in 3 of 10000 runs at most."""
+in that run, more than the form of a right effect may, and so much in squares: with the rival true
+and d^2 between the two, the excess is normal with mean -d^2 and variance 4 d^2, which comes beyond
+12 in 3 of 10000 runs at most."""
 NEAR = 0.3
 NEAR_IN_DOUBT = 0.6
 """Share of what an effect explains that a rival may lose and still stand for it: beside another
@@ -61,9 +62,19 @@ def _left(matrix: F, columns: tuple[int, ...], values: F, fixed: tuple[int, ...]
 
 
 def answer_class(
-    problem: Problem, chosen: Sequence[Candidate], item: Candidate, least: float = LEAST_BIC
+    problem: Problem,
+    chosen: Sequence[Candidate],
+    item: Candidate,
+    least: float = LEAST_BIC,
+    most: int = MOST_IN_CLASS,
 ) -> list[str]:
-    """The effect and its rivals: within `least` in BIC in its place, or not separable."""
+    """The effect and its rivals: within `least` in BIC in its place, or not separable.
+
+    Parameters
+    ----------
+    most
+        Members that a class has; of rivals that only look alike the nearest.
+    """
     equations = normal_equations(problem)
     others = [other for other in chosen if other is not item]
     present = {other.id for other in chosen}
@@ -74,7 +85,7 @@ def answer_class(
     later = _Later(problem, equations, others, item)
     for rival, loss in zip(rivals, losses.tolist(), strict=True):
         alike = (
-            loss < max(least, _FORM * own)
+            loss < max(least, FORM * own)
             and separability(problem, equations, item, rival, others) < SEPARABLE
         )
         if rival in problem.shadows:
@@ -85,7 +96,7 @@ def answer_class(
     ordered = sorted(found, key=lambda id: found[id])
     near = [id for id in ordered if found[id] < least]
     # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
-    alike_only = [id for id in ordered if id not in near][: max(0, MOST_IN_CLASS - 1 - len(near))]
+    alike_only = [id for id in ordered if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
     plain = plainer_form(item)
     if len(members) == 1 and plain is not None and plain.id in {rival.id for rival in rivals}:
@@ -116,7 +127,7 @@ class _Later:
         if self._count:
             self._with_item = self._squares((*others, item))
             explained = np.maximum(self._squares(others) - self._with_item, 0.0)
-            self._limit = np.maximum(_REFUTED_BY, _REFUTED * explained)
+            self._limit = np.maximum(REFUTED_BY, REFUTED * explained)
 
     def refutes(self, rival: Candidate) -> bool:
         """Whether one of them speaks against the rival and none as clearly for it."""

@@ -54,10 +54,21 @@ def sides(table: Table, length_m: float | None = None) -> F:
     return np.where(np.isfinite(product), np.sign(product), 0.0)
 
 
-def order_of_visits(table: Table) -> list[NDArray[np.int64]]:
-    """Rows of each run in order of time."""
+def memories(table: Table) -> tuple[str, ...]:
+    """Memory ends with a `run`; where tables were joined it may also have been `kept`."""
+    return ("run", "kept") if table.meta.file.begins_s else ("run",)
+
+
+def memory_shape(memory: str) -> dict[str, float | str]:
+    """The entry of a shape; none for a memory that ends with the run."""
+    return {} if memory == "run" else {"history": memory}
+
+
+def order_of_visits(table: Table, memory: str = "run") -> list[NDArray[np.int64]]:
+    """Rows of each run in order of time; of all runs together where the memory is `kept`."""
     time = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
-    run = table.column("run") if table.has("run") else np.zeros(len(table))
+    by_run = table.has("run") and memory == "run"
+    run = table.column("run") if by_run else np.zeros(len(table))
     found = []
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
@@ -65,10 +76,10 @@ def order_of_visits(table: Table) -> list[NDArray[np.int64]]:
     return found
 
 
-def largest_so_far(table: Table, values: F, *, index: bool = False) -> F:
+def largest_so_far(table: Table, values: F, memory: str = "run", *, index: bool = False) -> F:
     """(N,) largest value of the rows up to each row of its run, or with `index` that row."""
     found = np.empty(len(table))
-    for rows in order_of_visits(table):
+    for rows in order_of_visits(table, memory):
         largest = np.maximum.accumulate(values[rows])
         if index:
             new = np.concatenate([[True], largest[1:] > largest[:-1]])

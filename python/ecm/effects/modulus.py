@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import again, largest_so_far
+from ecm.effects.history import again, largest_so_far, memories, memory_shape
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -94,6 +94,8 @@ class Ageing(LinearEffect):
 class MullinsSoftening(LinearEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
+    Where tables were joined the memory may also have been `kept` over all runs.
+
     W = h (p - p0) / 2, that of a linear body. With a `width` the loss is full a width below the
     maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
     the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
@@ -106,19 +108,21 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     kind = "time"
 
-    def __init__(self, width: float = 0.0, measure: str = "energy") -> None:
-        self._width, self._measure = width, measure
+    def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:
+        self._width, self._measure, self._history = width, measure, history
 
     @property
     def shape(self) -> Shape:
         """Over which the loss sets in, in typical sizes of the measure; none for a line."""
         found: Shape = {} if self._width == 0.0 else {"width": self._width}
-        return found if self._measure == "energy" else found | {"measure": self._measure}
+        found |= {} if self._measure == "energy" else {"measure": self._measure}
+        return found | memory_shape(self._history)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A straight line, and three widths, for each measure of the largest load."""
         return tuple(
-            MullinsSoftening(w, measure)
+            MullinsSoftening(w, measure, kept)
+            for kept in memories(table)
             for measure in ("energy", "bend", "reach")
             for w in (0.0, 0.25, 0.7, 2.0)
         )
@@ -142,7 +146,7 @@ class MullinsSoftening(LinearEffect):
         if self._measure != "energy":
             return self._of_deflection(rows)
         energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
-        largest = largest_so_far(rows.table, energy)
+        largest = largest_so_far(rows.table, energy, self._history)
         if self._width > 0.0:
             typical = float(np.median(energy[~rows.unloaded])) if not rows.unloaded.all() else 1.0
             lost = np.tanh((largest - energy) / max(self._width * typical, 1e-300))
@@ -157,7 +161,7 @@ class MullinsSoftening(LinearEffect):
         if self._measure == "reach":
             size = np.hypot(np.linalg.norm(away[:, :3], axis=1), rows.length_m * size)
         size = np.where(rows.unloaded, 0.0, size)
-        largest = largest_so_far(rows.table, size)
+        largest = largest_so_far(rows.table, size, self._history)
         below = largest - size
         if self._width > 0.0:
             typical = float(np.median(size[~rows.unloaded])) if not rows.unloaded.all() else 1.0

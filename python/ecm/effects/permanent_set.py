@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects.history import largest_so_far, order_of_visits
+from ecm.effects.history import largest_so_far, memories, memory_shape, order_of_visits
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -30,7 +30,7 @@ class PermanentSet(LinearEffect):
     """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
 
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
-    with rotations times the length.
+    with rotations times the length. It ends with a run, or is `kept` where tables were joined.
     """
 
     id = "permanent_set"
@@ -39,15 +39,17 @@ class PermanentSet(LinearEffect):
     signature = "the wrench at home grows after large poses"
     kind = "time"
 
-    def __init__(self, memory: str = "largest", yield_m: float = 0.0) -> None:
+    def __init__(self, memory: str = "largest", yield_m: float = 0.0, history: str = "run") -> None:
         self._memory = memory
         self._yield_m = yield_m
+        self._history = history
 
     @property
     def shape(self) -> Shape:
         """`largest`: the set of the largest pose; `summed`: of all poses beyond the yield."""
         found: Shape = {"memory": self._memory}
-        return found | ({"yield_m": self._yield_m} if self._yield_m > 0.0 else {})
+        found |= {"yield_m": self._yield_m} if self._yield_m > 0.0 else {}
+        return found | memory_shape(self._history)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both memories, the second with four yield lengths."""
@@ -56,7 +58,8 @@ class PermanentSet(LinearEffect):
         rest = np.array([np.median(poses[:, 0]) if length is None else length, 0, 0, 0, 0, 0])
         far = _far(poses - rest, float(rest[0]))
         yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in (0.3, 0.55, 0.8))]
-        return (PermanentSet("largest"), *(PermanentSet("summed", y) for y in yields))
+        forms = (("largest", 0.0), *(("summed", y) for y in yields))
+        return tuple(PermanentSet(*form, kept) for kept in memories(table) for form in forms)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Yield lengths between this one and its neighbours."""
@@ -64,7 +67,7 @@ class PermanentSet(LinearEffect):
             return ()
         factor = 1.0 + 0.2 * 0.5**round_
         yields = (self._yield_m / factor, self._yield_m * factor)
-        return tuple(PermanentSet("summed", y) for y in yields)
+        return tuple(PermanentSet("summed", y, self._history) for y in yields)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -91,12 +94,13 @@ class PermanentSet(LinearEffect):
             excess = np.maximum(0.0, far - self._yield_m) / np.maximum(far, 1e-12)
             deflection = deflection * excess[:, None]
             past = np.zeros_like(deflection)
-            for order in order_of_visits(rows.table):
+            for order in order_of_visits(rows.table, self._history):
                 own = deflection[order]
                 past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
         else:
             energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
-            at = largest_so_far(rows.table, energy, index=True).astype(np.int64)
+            found = largest_so_far(rows.table, energy, self._history, index=True)
+            at = found.astype(np.int64)
             past = deflection[at]
         return np.asarray(-(rows.stiffness @ past[:, :, None]))
 

@@ -183,6 +183,18 @@ class Rows:
         return self.table.column("time_s")
 
     @cached_property
+    def campaign(self) -> NDArray[np.int64]:
+        """(N,) number of the campaign that each row belongs to, from 0."""
+        begins = self.table.meta.file.begins_s
+        if not begins or not self.table.has("time_s"):
+            return np.zeros(len(self), dtype=np.int64)
+        return np.searchsorted(np.array(begins), self.time_s(), side="right").astype(np.int64)
+
+    def begin_s(self) -> F:
+        """(N,) time at which the campaign of each row began: its sensor was zeroed then."""
+        return np.array([0.0, *self.table.meta.file.begins_s])[self.campaign]
+
+    @cached_property
     def mount_angle_rad(self) -> F:
         """(N,) turn of the mechanism about its axis against the first mounting, by run."""
         return self.of_run("mount_angle_rad", 0.0)

@@ -18,6 +18,7 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.effects.rows import Rows
+from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -39,14 +40,35 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
     )
 
 
+def zeroings(table: Table) -> tuple[str, ...]:
+    """Whether the sensor was zeroed `once`, or with several campaigns at the begin of `each`."""
+    begins_s = table.meta.file.begins_s
+    if not begins_s:
+        return ("once",)
+    return ("each",) if set(begins_s) <= set(zero_times(table)) else ("once", "each")
+
+
+def zeroed_shape(zeroed: str) -> Shape:
+    """The entry of a shape; none for a sensor that was zeroed once."""
+    return {} if zeroed == "once" else {"zeroed": zeroed}
+
+
 class FtsOffset(LinearEffect):
-    """B b: a constant in sensor axes."""
+    """B b: a constant in sensor axes; of a sensor strained by its bolts only while they hold."""
 
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
     parameters = _six("offset", "", 1.0, 0.03)
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
+
+    def __init__(self, acts: str = "always") -> None:
+        self._acts = acts
+
+    @property
+    def shape(self) -> Shape:
+        """`mounted`: not on the free sensor; none for a zero that is wrong always."""
+        return {} if self._acts == "always" else {"acts": self._acts}
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -56,13 +78,23 @@ class FtsOffset(LinearEffect):
             "tip_frame_misalignment": "unloaded zero",
         }
 
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """A zero that was taken wrongly; where the free sensor was read also a strain by bolts."""
+        free = bool((table.text("kind") == "unloaded").any())
+        return (FtsOffset(), FtsOffset("mounted")) if free else (FtsOffset(),)
+
     def columns(self, rows: Rows) -> F:
-        """B."""
-        return rows.base_from_top
+        """B, or B on rows where the mechanism hangs on the sensor."""
+        if self._acts == "always":
+            return rows.base_from_top
+        return np.asarray(rows.base_from_top * ~rows.unloaded[:, None, None])
 
 
 class FtsDrift(LinearEffect):
-    """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles."""
+    """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
+
+    Zeroed at the begin of `each` campaign: B b (g(t) - g(t_begin)).
+    """
 
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
@@ -71,8 +103,9 @@ class FtsDrift(LinearEffect):
     side = "measurement"
     kind = "time"
 
-    def __init__(self, tau_s: float = np.inf) -> None:
+    def __init__(self, tau_s: float = np.inf, zeroed: str = "once") -> None:
         self._tau_s = float(tau_s)
+        self._zeroed = zeroed
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -84,8 +117,9 @@ class FtsDrift(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """The time in which the drift settles; none for a steady one."""
-        return {} if np.isinf(self._tau_s) else {"tau_s": self._tau_s}
+        """The time in which the drift settles, none for a steady one; when it was zeroed."""
+        found: Shape = {} if np.isinf(self._tau_s) else {"tau_s": self._tau_s}
+        return found | zeroed_shape(self._zeroed)
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time."""
@@ -94,18 +128,27 @@ class FtsDrift(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Steady, and settling within the campaign."""
         span = float(np.ptp(table.column("time_s")))
-        return (FtsDrift(), *(FtsDrift(round(span * share, 1)) for share in (0.35, 1.0)))
+        taus = (np.inf, *(round(span * share, 1) for share in (0.35, 1.0)))
+        return tuple(FtsDrift(tau, zeroed) for zeroed in zeroings(table) for tau in taus)
 
     def columns(self, rows: Rows) -> F:
-        """B g(t)."""
-        time = rows.time_s()
-        if np.isfinite(self._tau_s):
-            time = self._tau_s * -np.expm1(-time / self._tau_s)
-        return np.asarray(rows.base_from_top * time[:, None, None])
+        """B g(t), or B (g(t) - g(t_begin))."""
+        grown = self._grown(rows.time_s())
+        if self._zeroed == "each":
+            grown = grown - self._grown(rows.begin_s())
+        return np.asarray(rows.base_from_top * grown[:, None, None])
+
+    def _grown(self, time_s: F) -> F:
+        if np.isinf(self._tau_s):
+            return time_s
+        return np.asarray(self._tau_s * -np.expm1(-time_s / self._tau_s))
 
 
 class FtsThermalDrift(LinearEffect):
-    """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean."""
+    """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
+
+    Zeroed at the begin of `each` campaign: T0 is that of the campaign's first row.
+    """
 
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows the sensor's own temperature."
@@ -114,13 +157,16 @@ class FtsThermalDrift(LinearEffect):
     side = "measurement"
     kind = "time"
 
-    def __init__(self, reference_degC: float | None = None) -> None:
+    def __init__(self, reference_degC: float | None = None, zeroed: str = "once") -> None:
         self._reference_degC = reference_degC
+        self._zeroed = zeroed
 
     @property
     def shape(self) -> Shape:
-        """The temperature at which the sensor was zeroed."""
-        return {} if self._reference_degC is None else {"reference_degC": self._reference_degC}
+        """The temperature at which the sensor was zeroed, and when."""
+        known = self._reference_degC is not None
+        found: Shape = {"reference_degC": float(self._reference_degC or 0.0)} if known else {}
+        return found | zeroed_shape(self._zeroed)
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -137,13 +183,22 @@ class FtsThermalDrift(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Zeroed at the temperature of the first row, or at the mean."""
         temperature = table.column("sensor_temperature_degC")
-        references = (temperature[0], temperature.mean())
-        return tuple(FtsThermalDrift(round(float(t), 3)) for t in references)
+        mean = FtsThermalDrift(round(float(temperature.mean()), 3))
+        once = FtsThermalDrift(round(float(temperature[0]), 3))
+        return (
+            *(FtsThermalDrift(zeroed=z) if z == "each" else once for z in zeroings(table)),
+            mean,
+        )
 
     def columns(self, rows: Rows) -> F:
         """B (T - T0)."""
         temperature = rows.table.column("sensor_temperature_degC")
-        zero = temperature[0] if self._reference_degC is None else self._reference_degC
+        zero = np.full(len(rows), temperature[0])
+        if self._reference_degC is not None:
+            zero[:] = self._reference_degC
+        elif self._zeroed == "each":
+            first = np.unique(rows.campaign, return_index=True)[1]
+            zero = temperature[first][np.unique(rows.campaign, return_inverse=True)[1]]
         return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 

@@ -99,7 +99,10 @@ class PlatformSlip(LinearEffect):
 
 
 class MarkerMotion(LinearEffect):
-    """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t)."""
+    """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
+
+    Where the base is measured anew at the begin of `each` campaign its creep counts from there.
+    """
 
     id = "marker_motion"
     physics = "The marker that stands for the base moves, and all poses seem to move with it."
@@ -108,20 +111,25 @@ class MarkerMotion(LinearEffect):
     side: Side = "measurement"
     kind = "time"
 
-    def __init__(self, course: str = "ramp", at_s: float = 0.0) -> None:
+    def __init__(self, course: str = "ramp", at_s: float = 0.0, counted: str = "once") -> None:
         self._course = course
         self._at_s = at_s
+        self._counted = counted
 
     @property
     def shape(self) -> Shape:
-        """`ramp`, `settling` with its time, or `step` with its moment."""
-        return {"course": self._course} | ({} if self._course == "ramp" else {"at_s": self._at_s})
+        """`ramp`, `settling` with its time, or `step` with its moment; from when it counts."""
+        moment: Shape = {} if self._course == "ramp" else {"at_s": self._at_s}
+        counted: Shape = {} if self._counted == "once" else {"counted": self._counted}
+        return {"course": self._course} | moment | counted
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A ramp, a creep that settles, and a few moments of a jump."""
         span = float(np.ptp(table.column("time_s")))
         steps = tuple(MarkerMotion("step", t) for t in step_times(table, STEPS))
-        return (MarkerMotion(), MarkerMotion("settling", round(0.35 * span, 1)), *steps)
+        creeps = (("ramp", 0.0), ("settling", round(0.35 * span, 1)))
+        counted = ("once", "each") if table.meta.file.begins_s else ("once",)
+        return (*(MarkerMotion(*creep, c) for c in counted for creep in creeps), *steps)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between a jump and its neighbours."""
@@ -145,6 +153,8 @@ class MarkerMotion(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """-K_s (d + w x r, w) g(t), g per hour for the ramp, else from 0 to 1."""
         time = rows.time_s()
+        if self._counted == "each":
+            time = time - rows.begin_s()
         if self._course == "step":
             growth = (time > self._at_s).astype(np.float64)
         elif self._course == "settling":
