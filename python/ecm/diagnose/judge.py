@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from ecm.table import Table
 
 F = NDArray[np.float64]
+Answer = tuple[list[Candidate], list[list[str]], list[Check]]
+"""Accepted effects, the class of each, the evidence."""
 
 _LEFT_SHARE = (1.0, 0.15, 0.12, 0.08)
 """Unknown where more than this share of the structure stays, in squares, after 0, 1, 2 or more
@@ -95,7 +97,8 @@ def judged(
     gate, rejected = _gate(problem, first)
     ranked = rank(problem)
     chosen = list(search(problem)) if ranked else []
-    accepted, classes, checks = _accepted(problem, chosen, seed)
+    plain = _accepted(problem, chosen, seed)
+    accepted, classes, checks = _in_full(problem, smooth, plain, before, seed)
     left, remains, over = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
@@ -174,9 +177,7 @@ def _gate(problem: Problem, smooth: FTest) -> tuple[dict[str, float], bool]:
     return {"F": best.F, "p": p}, p < LEVEL
 
 
-def _accepted(
-    problem: Problem, chosen: list[Candidate], seed: int
-) -> tuple[list[Candidate], list[list[str]], list[Check]]:
+def _accepted(problem: Problem, chosen: list[Candidate], seed: int) -> Answer:
     """The chosen effects that pass every check, their classes, and the evidence."""
     checks: list[Check] = []
     while chosen:
@@ -199,6 +200,29 @@ def _accepted(
         weakest = min(failing, key=lambda i: checks[i].delta_bic)
         chosen = [item for i, item in enumerate(chosen) if i != weakest]
     return [], [], checks
+
+
+def _in_full(problem: Problem, smooth: F, answer: Answer, before: float, seed: int) -> Answer:
+    """The answer, or where it leaves something and the fullest forms of its effects do not, theirs.
+
+    A plain form is cheaper where little is seen; it is no reason to call the rest unknown.
+    """
+    accepted = answer[0]
+    if not accepted or not _left_over(problem, smooth, accepted, before)[1]:
+        return answer
+    equations = normal_equations(problem)
+    fullest = list(accepted)
+    for i, item in enumerate(fullest):
+        others = [*fullest[:i], *fullest[i + 1 :]]
+        same = [c for c in problem.candidates if c.id == item.id]
+        more = [item, *(c for c in same if c.parameters > item.parameters)]
+        falls = [fall(equations, problem, (*others, c)) for c in more]
+        fullest[i] = more[int(np.argmax(falls))]
+    if _left_over(problem, smooth, fullest, before)[1]:
+        return answer
+    found = _accepted(problem, fullest, seed)
+    stands = len(found[0]) == len(accepted) and all(len(m) <= MOST_IN_CLASS for m in found[1])
+    return found if stands else answer
 
 
 def _left_over(
