@@ -110,6 +110,8 @@ def fts_hysteresis(random: np.random.Generator, world: World) -> Made:
                 for goal, _, _ in way:
                     load = np.zeros(6) if goal < 0 else raw[goal]
                     state = np.clip(state, load[:, None] - widths, load[:, None] + widths)
+                # What hangs on the free sensor is no place on the way.
+                state = np.clip(state, raw[i][:, None] - widths, raw[i][:, None] + widths)
                 out[i] = raw[i] + size * (state.mean(axis=1) - raw[i])
             return out
 
