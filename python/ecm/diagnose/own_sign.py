@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ecm.diagnose.problem import Candidate, Problem, with_more
 from ecm.diagnose.search import LEAST_BIC, fall, normal_equations
 from ecm.effects import Effect
@@ -17,7 +19,7 @@ def plainer_form(item: Candidate) -> Effect | None:
 
 
 def own_sign_is_seen(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
-    """Whether the effect explains more than its plainer form does in its place."""
+    """Whether the effect explains more than its plainer form does in its place, by BIC at least."""
     plain = plainer_form(item)
     if plain is None:
         return True
@@ -25,4 +27,5 @@ def own_sign_is_seen(problem: Problem, chosen: Sequence[Candidate], item: Candid
     equations = normal_equations(wider)
     others = [one for one in chosen if one is not item]
     own = fall(equations, wider, (*others, item))
-    return own - fall(equations, wider, (*others, other)) > LEAST_BIC
+    price = np.log(problem.size) * max(0, item.parameters - other.parameters)
+    return bool(own - fall(equations, wider, (*others, other)) > LEAST_BIC + price)

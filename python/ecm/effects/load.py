@@ -162,9 +162,11 @@ class CableDrag(LinearEffect):
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
 
-    def __init__(self, azimuth_rad: float | None = None) -> None:
-        self._azimuth_rad = azimuth_rad
-        if azimuth_rad is not None:
+    def __init__(self, azimuth_rad: float | None = None, *, slack: bool = False) -> None:
+        self._azimuth_rad, self._slack = azimuth_rad, slack
+        if slack:
+            self.parameters = CableDrag.parameters[6:]
+        elif azimuth_rad is not None:
             self.parameters = (
                 *CableDrag.parameters[:3],
                 Parameter("along", "N/m", 10.0, -1e4, 1e4),
@@ -189,6 +191,10 @@ class CableDrag(LinearEffect):
         step = np.pi / _SIDES * 0.5**round_
         return tuple(CableDrag(self._azimuth_rad + turn) for turn in (-step, step))
 
+    def plainer(self) -> Effect | None:
+        """A spring to the rest place pulls to no side: any softer or stiffer body does as much."""
+        return CableDrag(slack=True) if self._azimuth_rad is None and not self._slack else None
+
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
@@ -204,6 +210,7 @@ class CableDrag(LinearEffect):
             columns = np.zeros((len(rows), 6, 7))
             columns[:, :, :6] = np.eye(6)
             columns[:, :3, 6] = rows.poses[:, :3] - rows.rest_pose[:3]
+            columns = columns[:, :, 6:] if self._slack else columns
         else:
             columns = self._from_rim(rows)
         columns[rows.unloaded] = 0.0

@@ -87,7 +87,8 @@ class StrainStiffening(LinearEffect):
     """sigma = E e (1 + c (e / 0.1)^2) (Yeoh, Gent), or E e (1 - c e / 0.1) (Mooney, Ogden).
 
     psi = c (e^2 + gamma^2 / 3)^2 / (4 e0^2), or -c e^3 / (3 e0), over the strains of the rod; or,
-    for a body too stubby for a rod, h c W / W_typical with W the energy of the pose (`energy`).
+    for a body too stubby for a rod, h c W / W_0 with W the energy of the pose, W_0 that of an axial
+    strain e0 (`energy`).
     As a series to the fourth order of the strains: e^4, e^2 gamma^2, gamma^4, the same of lateral
     shear alone, which bonded ends spread unevenly over a short body, and e^3 (`series`).
 
@@ -159,11 +160,12 @@ class StrainStiffening(LinearEffect):
         return wrench[:, :, None]
 
     def _by_energy(self, rows: Rows) -> F:
-        """h W / W_typical, W = q Q / 2: the gradient of W^2 / (2 W_typical)."""
+        """h W / W_0, the gradient of W^2 / (2 W_0); W = q Q / 2, W_0 that of an axial strain e0."""
+        rest = rest_stiffness(rows)
+        reference = 0.5 * rest.axial * (_REFERENCE_STRAIN * rest.length_m) ** 2
         q = _native.mid_frame(rows.poses, rows.length_m)
         energy = 0.5 * np.abs((q * generalised(rows.poses, rows.wrench)).sum(axis=1))
-        typical = max(float(np.median(energy[~rows.unloaded], axis=0)), 1e-300)
-        return np.asarray((energy / typical)[:, None, None] * rows.wrench[:, :, None])
+        return np.asarray((energy / reference)[:, None, None] * rows.wrench[:, :, None])
 
 
 def _by_section(rows: Rows, strain: RodStrain) -> F:
