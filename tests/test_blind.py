@@ -186,10 +186,10 @@ def test_a_class_is_told_apart_by_the_experiment_that_is_proposed(folder: Path) 
 
 
 @pytest.mark.parametrize(
-    ("hidden", "wrong"), [("base_compliance", "debonding"), ("own_weight", "payload")]
+    ("hidden", "wrong"), [("base_compliance", "debonding"), ("taper", "cable_drag")]
 )
 def test_a_name_needs_its_own_sign(hidden: str, wrong: str, folder: Path) -> None:
-    """A spring is no bond that opens, nor does what hangs below the top face stand above it."""
+    """A spring is no bond that opens, and a softer body is no cable, which pulls to a side."""
     asked = Set(3, 903, "rod", hidden=((hidden, 1.0),), removed=(hidden,))
     report = our_answer(asked, _data(asked, folder))
     assert report["first"][0] == wrong

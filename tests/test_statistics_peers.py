@@ -131,7 +131,7 @@ def test_the_omnibus_is_the_f_test_of_nested_models() -> None:
 
 
 # --- choosing among effects ---------------------------------------------------------------------
-@pytest.mark.parametrize("place", [0, 1, 5])
+@pytest.mark.parametrize("place", [0, 1, 3, 5])
 def test_bic_and_its_p_are_those_of_a_regression_of_known_variance(
     problem: Problem, place: int
 ) -> None:
@@ -150,6 +150,11 @@ def test_bic_and_its_p_are_those_of_a_regression_of_known_variance(
     # BIC is -2 log L + k ln n.
     gain = ratio - own * np.log(small.nobs)
     assert bic(equations, problem, [item.candidate]) == pytest.approx(gain, rel=1e-6)
+    # A coefficient of a sign that its parameter may not have explains nothing in the ranking.
+    signs = problem.signs[list(item.candidate.columns)]
+    if np.any(signs * large.params[len(base) :] < 0.0):
+        assert item.drop < drop
+        return
     assert item.drop == pytest.approx(drop, rel=1e-9)
     if problem.base_error < 1e-9 and len(item.candidate.effect.variants(problem.table)) == 1:
         wald = large.wald_test(np.eye(z.shape[1])[len(base) :], use_f=False, scalar=True)
