@@ -29,8 +29,9 @@ def _named(ids: list[str]) -> Answer:
     return {"verdict": "named" if ids else "none", "answer": [[id] for id in ids]}
 
 
-def _flat(problem: Problem) -> tuple[F, F, list[str]]:
-    """Weighted response and what testable effects add to the base; an id per column."""
+def _flat(problem: Problem) -> tuple[F, F, list[str], dict[int, int]]:
+    """Weighted response and what testable effects add to the base; an id per column, and the
+    place of each column of the problem's design."""
     root = np.sqrt(problem.weights)[:, None]
     y = (problem.response * root).ravel()
     z = (problem.design * root[:, :, None]).reshape(len(y), -1)
@@ -43,7 +44,8 @@ def _flat(problem: Problem) -> tuple[F, F, list[str]]:
     # Columns without an id belong to effects that these rows cannot test.
     own = [j for j, id in enumerate(ids) if id]
     rest = rest[:, own]
-    return y - q @ (q.T @ y), rest - q @ (q.T @ rest), [ids[j] for j in own]
+    place = {j + problem.n_base: i for i, j in enumerate(own)}
+    return y - q @ (q.T @ y), rest - q @ (q.T @ rest), [ids[j] for j in own], place
 
 
 def sparse_regression(asked: Set, data: Data, work: Work) -> Answer:
@@ -52,7 +54,7 @@ def sparse_regression(asked: Set, data: Data, work: Work) -> Answer:
     A column stays while its coefficient exceeds a threshold in standard errors; the threshold is
     the largest within one standard error of the least error in random cross-validation.
     """
-    y, z, ids = _flat(work.problem)
+    y, z, ids, _ = _flat(work.problem)
     z = z / np.maximum(np.linalg.norm(z, axis=0), 1e-12)
     fold = np.random.default_rng([asked.seed, 4]).permutation(len(y)) % 5
     whole = z.T @ z, z.T @ y
@@ -128,10 +130,10 @@ def gaussian_process(asked: Set, data: Data, work: Work) -> Answer:
     mean = best[1].ravel()
     if not np.any(mean):
         return _named([])
-    _, z, _ids = _flat(problem)
+    _, z, _, place = _flat(problem)
     shares: dict[str, float] = {}
     for candidate in problem.candidates:
-        own = z[:, [c - problem.n_base for c in candidate.columns]]
+        own = z[:, [place[c] for c in candidate.columns]]
         fitted = own @ np.linalg.lstsq(own, mean, rcond=1e-10)[0]
         shares[candidate.id] = max(
             shares.get(candidate.id, 0.0), float((fitted**2).sum() / (mean**2).sum())
