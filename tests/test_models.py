@@ -12,6 +12,7 @@ import pytest
 import ecm.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
 from ecm.columns import POSE, WRENCH
+from ecm.effects.occlusion import LedOcclusion
 from ecm.errors import InputError
 from ecm.meta import Meta
 from ecm.models import (
@@ -23,6 +24,7 @@ from ecm.models import (
     parse_polynomial_name,
     surrogate_of,
 )
+from ecm.refit import FittedEffect
 from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, workspace_poses
 from test_rig_stand_in import L, wrench
@@ -219,6 +221,9 @@ def test_bare_poses_get_physics_and_tables_get_instruments_too() -> None:
     np.testing.assert_array_equal(
         fitted.predict(timeless, skip_untestable=True), without.predict(table)
     )
+    # Also what is no effect of time, but of a column that is not there.
+    seen = replace(without, effects=(FittedEffect(LedOcclusion(), np.ones(6), np.ones(6)),))
+    assert set(seen.left_out(table.drop("leds_visible"))) == {"led_occlusion"}
     # A part of a table is predicted as in the whole: time counts from the campaign's beginning.
     part = np.arange(len(table) // 2, len(table))
     np.testing.assert_allclose(fitted.predict(table.select(part)), fitted.predict(table)[part])

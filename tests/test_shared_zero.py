@@ -11,6 +11,7 @@ from ecm.compare.noise import Noise
 from ecm.compare.zero import zero_errors
 from ecm.effects import Rows, get_effect
 from ecm.refit import joint_fit
+from ecm.runs import join_runs
 from ecm.table import Table
 from stand_in_campaign import campaign, physics
 
@@ -80,3 +81,20 @@ def test_without_readings_that_show_it_the_zero_adds_nothing() -> None:
     for other in (table.select(np.flatnonzero(~free)), silent):
         rows = Rows(other, physics())
         assert zero_errors(rows, other.wrenches - rows.sensor_load, NOISE).shape[2] == 0
+
+
+def test_each_campaign_has_a_zero_of_its_own() -> None:
+    both = (measured(seed, "fts_offset", np.zeros(6)) for seed in (1, 2))
+    first, second = (t.select(np.argsort(t.column("time_s"))) for t in both)
+    columns, meta, _ = join_runs([(t.columns, t.meta, t.source) for t in (first, second)])
+    joined = Table(columns, meta, "both")
+    rows = Rows(joined, physics())
+    errors = zero_errors(rows, joined.wrenches - rows.sensor_load, NOISE)
+    assert errors.shape[2] == 12
+    size = np.abs(errors).sum(axis=1)
+    early = rows.campaign == 0
+    assert early.sum() == len(first)
+    assert size[early][:, :6].any()
+    assert not size[early][:, 6:].any()
+    assert size[~early][:, 6:].any()
+    assert not size[~early][:, :6].any()

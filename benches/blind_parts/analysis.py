@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from ecm.effects import all_effects
 from ecm.effects.registry import with_shape
 from ecm.models import Model
 from ecm.refit import joint_fit
+from ecm.sensor_zero import zero_times
 
 SEEDS = 20
 _NORMAL_90 = 1.6449
@@ -101,7 +103,7 @@ def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str,
     # The same rows: those that the diagnosis leaves out would pull the reference alone.
     kept = informative_rows(data.table)
     kept = kept[distinct_rows(data.table.select(kept))]
-    quiet = data.quiet.select(kept)
+    quiet = replace(data.quiet.select(kept), zeros_s=zero_times(data.table))
     base = choose_base(data.model, quiet)
     found = joint_fit(base, effects, quiet, declared_noise(data.table))
     result = []

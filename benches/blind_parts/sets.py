@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -88,11 +89,12 @@ def balanced(sets: Sequence[Set]) -> list[Set]:
     )
 
 
-def hideable(source: str) -> list[str]:
+@lru_cache(maxsize=3)
+def hideable(source: str) -> tuple[str, ...]:
     """Ids that a source can hide and the library can name."""
     known = {effect.id for effect in all_effects()}
     own = ROD_EFFECTS if source == "rod" else RIG_EFFECTS
-    return sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED)
+    return tuple(sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED))
 
 
 def each_of(source: str, strength: float) -> list[Set]:

@@ -45,6 +45,8 @@ class FileMeta:
     def __post_init__(self) -> None:
         if self.header_rows not in (0, 1, 2):
             raise InputError(f"header_rows = {self.header_rows}: expected 0, 1 or 2")
+        if list(self.begins_s) != sorted(set(self.begins_s)):
+            raise InputError(f"begins_s = {list(self.begins_s)}: expected times that grow")
 
 
 @dataclass(frozen=True)

@@ -49,9 +49,10 @@ def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tup
         first_run += len(numbers)
         if "time_s" in names:
             time = current["time_s"] = _later(part["time_s"], last_time, source, warnings)
-            shift = float(time[0] - part["time_s"][0])
             begins_s += [float(time[0])] if index else []
-            begins_s += [begin + shift for begin in own_meta.file.begins_s]
+            # The times of the rows themselves, to the last digit.
+            first = np.searchsorted(part["time_s"], own_meta.file.begins_s)
+            begins_s += time[first[first < size]].tolist()
             last_time = float(current["time_s"][-1])
         if "pose_id" in names and index:
             earlier = {name: np.concatenate(columns[name]) for name in names}

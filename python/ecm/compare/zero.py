@@ -21,11 +21,12 @@ _LEAST_READINGS = 3
 
 
 def zero_errors(rows: Rows, residual: F, noise: Noise) -> F:
-    """(N, 6, 6) of each row per standard deviation of the zero's error, in N and N m, base axes.
+    """(N, 6, 6 c) of each row per standard deviation of the zero's error, in N and N m, base axes.
 
-    One column per axis of the top frame, where the scatter of the unloaded readings about their
-    mean, whatever drew that aside, gives a force's and a torque's standard deviation; a reading
-    scatters no more than a row. None, (N, m, 0), where fewer than three were read.
+    One column per axis of the top frame for each of c campaigns, which have a zero of their own:
+    the scatter of its unloaded readings about their mean, whatever drew that aside, gives a force's
+    and a torque's standard deviation; a reading scatters no more than a row. None where fewer than
+    three were read.
 
     Parameters
     ----------
@@ -35,10 +36,15 @@ def zero_errors(rows: Rows, residual: F, noise: Noise) -> F:
     if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
         return np.zeros((*residual.shape, 0))
     free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
-    if free.sum() < _LEAST_READINGS:
-        return np.zeros((*residual.shape, 0))
-    left = np.einsum("nji,nj->ni", rows.base_from_top[free], residual[free])
-    variance = left.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
     most = np.array([noise.force_sd_N, noise.torque_sd_Nm])
-    sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
-    return np.asarray(rows.base_from_top * sd)
+    found = [np.zeros((*residual.shape, 0))]
+    for campaign in np.unique(rows.campaign).tolist():
+        own = rows.campaign == campaign
+        read = free & own
+        if read.sum() < _LEAST_READINGS:
+            continue
+        left = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
+        variance = left.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
+        sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
+        found.append(rows.base_from_top * sd * own[:, None, None])
+    return np.concatenate(found, axis=2)

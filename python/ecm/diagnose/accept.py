@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ecm.compare.folds import folds, held_out_by
 from ecm.compare.gram import explained
 from ecm.diagnose.bounds import bounded_estimate
-from ecm.diagnose.own_sign import own_sign_is_seen
+from ecm.diagnose.own_sign import own_sign_is_seen, plainer_form
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.resample import shares_won
 from ecm.diagnose.search import (
@@ -102,8 +102,18 @@ def check(
         winners=winners,
         robust=_robust(problem, others, item, members),
         within_bounds=_within(problem, chosen, item),
-        own_seen=len(members) > 1 or own_sign_is_seen(problem, chosen, item),
+        own_seen=_told_from_plainer(problem, chosen, item, members),
     )
+
+
+def _told_from_plainer(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
+) -> bool:
+    """Whether the effect is more than its plainer form, or its class says that it may be that."""
+    plain = plainer_form(item)
+    if plain is None or (plain.id != item.id and plain.id in members):
+        return True
+    return own_sign_is_seen(problem, chosen, item)
 
 
 def held_out_fall(problem: Problem, others: Sequence[Candidate], item: Candidate) -> float:

@@ -44,13 +44,13 @@ def separability(
     own = np.array([weight[c] for c in item.columns])
     matrix = equations[0]
     fixed = problem.base_index + tuple(c for other in others for c in other.columns)
-    size = _left(matrix, item.columns, own, fixed)
+    size = left_after(matrix, item.columns, own, fixed)
     if size <= 0.0:
         return 1.0
-    return _left(matrix, item.columns, own, fixed + rival.columns) / size
+    return left_after(matrix, item.columns, own, fixed + rival.columns) / size
 
 
-def _left(matrix: F, columns: tuple[int, ...], values: F, fixed: tuple[int, ...]) -> float:
+def left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
     """Squared length of columns @ values after projecting out the fixed columns."""
     a = np.asarray(columns, dtype=np.int64)
     whole = float(values @ matrix[np.ix_(a, a)] @ values)
@@ -99,9 +99,11 @@ def answer_class(
     alike_only = [id for id in ordered if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
     plain = plainer_form(item)
-    if len(members) == 1 and plain is not None and plain.id in {rival.id for rival in rivals}:
+    known = plain is not None and plain.id in {rival.id for rival in rivals}
+    hidden = plain is not None and known and plain.id not in members
+    if plain is not None and hidden and not own_sign_is_seen(problem, chosen, item):
         # It won by having fewer numbers than what is plainer, not by what it alone does.
-        return members if own_sign_is_seen(problem, chosen, item) else [*members, plain.id]
+        members = [*members[: most - 1], plain.id]
     return members
 
 

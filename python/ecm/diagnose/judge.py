@@ -258,7 +258,7 @@ def _left_over(
         "share": after / before if before > 0.0 else 0.0,
         "p": min(test.p, float(special.chdtrc(max(1, len(held)), found.lost))),
     }
-    return left, bool(test.p < LEVEL and strong and share), figures
+    return left, bool(figures["p"] < LEVEL and strong and share), figures
 
 
 def implausible(problem: Problem) -> str:

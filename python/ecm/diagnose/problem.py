@@ -102,6 +102,12 @@ class Problem:
         return tuple(range(self.n_base))
 
     @cached_property
+    def equations(self) -> tuple[F, F]:
+        """G and c over all groups, divided by the noise scale; not to be written into."""
+        matrix, vector, _ = self.gram.total()
+        return matrix / self.scale, vector / self.scale
+
+    @cached_property
     def leading(self) -> I:
         """Columns of each effect's best shape: what stays is noise, and enough of it is left."""
         matrix, vector, _ = self.gram.total()

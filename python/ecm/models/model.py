@@ -105,7 +105,7 @@ class Model:
         filled = table.with_columns(_zeros(table, self.outputs))
         for item in self.effects:
             lacking = item.effect.missing(filled)
-            if lacking is not None and lacking.absent and item.effect.kind == "time":
+            if lacking is not None and lacking.absent:
                 found[item.id] = lacking
         return found
 
