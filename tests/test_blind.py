@@ -26,7 +26,7 @@ from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section, turn, turn_back
 from blind_parts.rod_tables import EFFECTS, asked_of, rod_table
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
-from blind_parts.second import BY_HAND, second_answer
+from blind_parts.second import BY_HAND, _readings, second_answer
 from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
 from blind_parts.simple import SIMPLE, _thresholded, bic_forward, random_folds
 from blind_parts.strange import STRANGE
@@ -217,6 +217,37 @@ def test_a_measurement_by_hand_confirms_or_rules_out(folder: Path, gap_m: float)
         assert "length_error" not in second["answer"][0]
     known = {effect.id for effect in all_effects()}
     assert {id for read in BY_HAND.values() for id in read} <= known
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.05])
+def test_read_by_hand_and_needed_in_another_unit_rules_nothing_out(
+    folder: Path, turn_rad: float
+) -> None:
+    id = "base_frame_misalignment"
+    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(asked, folder), truth={id: turn_rad} if turn_rad else {})
+    first = {"needed": {id: (1e-2, "m")}}
+    read = BY_HAND["survey the base"]
+    assert _readings(asked, data, first, read) == ([id] if turn_rad else [], [])
+    first = {"needed": {id: (1e-2, "rad")}}
+    assert _readings(asked, data, first, read) == (([id], []) if turn_rad else ([], [id]))
+
+
+def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(asked, folder), truth={"length_error": 4e-4})
+    unknown = {"verdict": "unknown", "answer": []}
+    monkeypatch.setattr("blind_parts.second.our_answer", lambda *_, **__: unknown)
+    first = {
+        "verdict": "ambiguous",
+        "answer": [["base_frame_misalignment", "length_error"]],
+        "next_experiment": [{"action": "calliper + a pair of push and pull poses"}],
+    }
+    second = second_answer(asked, data, first, folder)
+    assert second is not None
+    assert (second["verdict"], second["answer"]) == ("unknown", [])
 
 
 # --- the second generator -----------------------------------------------------------------------

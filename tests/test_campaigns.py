@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from ecm.columns import WRENCH
+from ecm.diagnose.odds import _joined_forms
+from ecm.diagnose.problem import Candidate
 from ecm.effects import Rows, get_effect
+from ecm.effects.protocol import Shape
 from ecm.effects.registry import with_shape
 from ecm.effects.sensor import zeroings
+from ecm.errors import InputError
 from ecm.table import Table, read_table
 from stand_in_campaign import campaign, physics
 
@@ -62,6 +66,24 @@ def test_a_drift_counts_from_the_zero_of_its_campaign(joined: Table, id: str) ->
     time = second.column("time_s")
     alone = Rows(second.with_columns({"time_s": time - time[0]}), physics())
     assert columns[half:] == pytest.approx(get_effect(id).jacobian(alone, np.zeros(6)))
+
+
+@pytest.mark.parametrize(
+    ("id", "shape"),
+    [
+        ("fts_thermal_drift", {"reference_degC": 21.0, "zeroed": "each"}),
+        ("marker_motion", {"course": "step", "at_s": 60.0, "counted": "each"}),
+    ],
+)
+def test_a_shape_that_contradicts_itself_is_refused(id: str, shape: Shape) -> None:
+    with pytest.raises(InputError, match="each"):
+        with_shape(id, shape)
+
+
+def test_the_zero_of_a_second_campaign_replaces_the_reference_of_the_first() -> None:
+    once = Candidate(with_shape("fts_thermal_drift", {"reference_degC": 21.0}), (0,))
+    anew = _joined_forms(once)
+    assert [form.effect.shape for form in anew] == [{"zeroed": "each"}]
 
 
 def test_a_set_that_is_kept_is_there_when_the_second_campaign_begins(joined: Table) -> None:

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from ecm.columns import POSE
+from ecm.compare.noise import declared_noise
 from ecm.design import drivable, follow_up_plan
+from ecm.design.base import BaseForDesign
+from ecm.design.separable import predicted_table
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.rig import RigSettings, run_campaign
+from ecm.sensor_zero import is_zero
 from ecm.table import read_table
 from stand_in_campaign import campaign, physics
 from test_rig_stand_in import StandIn
@@ -138,6 +142,24 @@ def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
         )
     second = run_campaign(plan, RigSettings(), None, seed=4, source=StandIn())
     assert len(set(second.column("run"))) == 3
+
+
+def test_remounts_of_a_session_end_at_the_angles_that_were_proposed() -> None:
+    session = "remount turned by 180 degrees + remount the mechanism turned by 90 degrees"
+    plan = follow_up_plan(campaign(seed=3), session)
+    runs = run_campaign(plan, RigSettings(), None, seed=4, source=StandIn()).meta.runs
+    turned = sorted({run["mount_angle_rad"] for run in runs.values() if "mount_angle_rad" in run})
+    np.testing.assert_allclose(np.rad2deg(turned), [90.0, 180.0])
+
+
+def test_a_dead_weight_is_foretold_as_the_sensor_feels_it() -> None:
+    first = campaign(seed=3)
+    base = BaseForDesign(physics(), declared_noise(first), first.meta)
+    rows = Rows(predicted_table(follow_up_plan(first, "dead weights"), base), physics())
+    assert rows.dead_weight.sum() == 7
+    hung = rows.table.wrenches[rows.dead_weight]
+    np.testing.assert_allclose(hung, (rows.sensor_load - rows.wrench)[rows.dead_weight], atol=1e-12)
+    assert not is_zero(rows.table)[rows.dead_weight].any()
 
 
 def test_home_checks_stand_between_large_poses_on_one_side() -> None:

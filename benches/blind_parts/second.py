@@ -80,7 +80,8 @@ def _after(
         data = replace(data, table=_joined(data.table, second.table))
     if drivable(action) or (absent and not seen):
         found = our_answer(asked, data, without=absent)
-        if not seen:
+        # What a reading shows does not explain what the joint data leave.
+        if not seen or found["verdict"] == "unknown":
             return found
         answer = found["answer"]
     if not seen:
@@ -97,15 +98,17 @@ def _readings(
 ) -> tuple[list[str], list[str]]:
     """Effects that readings show, and those that they rule out; some do neither.
 
-    A reading is held against nothing and against the size that the first analysis needs.
+    A reading is held against nothing and, in the same unit, against the size that the first
+    analysis needs; of a need in another unit it says nothing.
     """
     random = np.random.default_rng([asked.seed, 11])
     seen, absent = [], []
     for id, sd in read.items():
         # In deviations of the tool: the reading, and what the first analysis needs of the effect.
-        r = abs(_size(data.truth.get(id)) / next(iter(sd.values())) + random.standard_normal())
-        size, unit = first.get("needed", {}).get(id, (np.inf, ""))
-        d = abs(size) / sd[unit] if unit in sd else (0.0 if unit else np.inf)
+        read_unit, error = next(iter(sd.items()))
+        r = abs(_size(data.truth.get(id)) / error + random.standard_normal())
+        size, unit = first.get("needed", {}).get(id, (np.inf, read_unit))
+        d = abs(size) / error if unit == read_unit else 0.0
         odds = 2.0 * r * d - d * d if np.isfinite(d) else -np.inf
         if r > _SEEN or odds > _LEAST_ODDS:
             seen.append(id)

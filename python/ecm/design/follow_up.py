@@ -72,7 +72,8 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     for run, recipe in enumerate(in_order):
         own = [_Visit("unload"), _Visit("home"), *recipe.make(poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
-    return _plan(data, poses, ids, [*visits, replace(visits[-1], action="unload")])
+    visits.append(replace(visits[-1], action="unload"))
+    return _plan(data, poses, ids, _turned_on(visits))
 
 
 def parts(experiment: str) -> list[str]:
@@ -161,7 +162,8 @@ def _first_ten(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
 
 def _conditioning(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:
     """Five times to the three largest poses, then the first ten again."""
-    largest = np.argsort(-(((poses - np.median(poses, axis=0)) / poses.std(axis=0)) ** 2).sum(1))
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = np.argsort(-(away**2).sum(axis=1))
     return [*(v for _ in range(5) for v in _measure(largest[:3])), *_first_ten(poses, ids)]
 
 
@@ -190,6 +192,20 @@ def _turned(degrees: int) -> Callable[[F, NDArray[np.int64]], list[_Visit]]:
         _Visit(f"remount:{degrees}"), _Visit("unload"), _Visit("home"),
         *_measure(_spread_out(poses, 20)),
     ]  # fmt: skip
+
+
+def _turned_on(visits: Iterable[_Visit]) -> list[_Visit]:
+    """Remounts from the mounting that the plan has reached: for the rig the turns add up."""
+    reached = 0
+    found = []
+    for visit in visits:
+        name, _, degrees = visit.action.partition(":")
+        if name != "remount":
+            found.append(visit)
+            continue
+        found.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
+        reached = int(degrees)
+    return found
 
 
 def _without_payload(poses: F, ids: NDArray[np.int64]) -> list[_Visit]:

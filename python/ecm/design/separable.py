@@ -82,6 +82,8 @@ def predicted_table(plan: Table, base: BaseForDesign, rig: RigSettings | None = 
     poses = np.stack([visit.pose for visit in visits])
     free = np.array([visit.kind == UNLOADED for visit in visits])
     wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
+    hung_kg = np.array([visit.dead_weight_kg for visit in visits])
+    wrenches[:, :3] -= hung_kg[:, None] * np.asarray(base.meta.scene.gravity_m_s2)
     time = np.array([visit.time_s for visit in visits])
     climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
     columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))

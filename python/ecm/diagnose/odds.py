@@ -20,7 +20,7 @@ from scipy import special
 
 from ecm.compare.gram import solve
 from ecm.compare.noise import whiteners
-from ecm.diagnose.classes import FORM, REFUTED, REFUTED_BY
+from ecm.diagnose.classes import FORM, REFUTED, REFUTED_BY, left_after
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.search import LEAST_BIC, estimate, fall, normal_equations
 from ecm.diagnose.tangents import tangent
@@ -85,9 +85,9 @@ class OpenClass:
         own = _values(self.problem, self.others, item)
         equations = normal_equations(self.problem)[0]
         fixed = (*self.problem.base_index, *(c for o in self.others for c in o.columns))
-        whole = _left(equations, item.columns, own, fixed)
+        whole = left_after(equations, item.columns, own, fixed)
         apart = min(
-            _left(equations, item.columns, own, (*fixed, *shape.columns))
+            left_after(equations, item.columns, own, (*fixed, *shape.columns))
             for shape in self.shapes[rival]
         )
         # Whatever was to be expected: the data so far have not told the two apart.
@@ -146,8 +146,12 @@ def _joined_forms(one: Candidate) -> list[Candidate]:
 
 
 def _with_entry(one: Candidate, name: str, value: str) -> Candidate | None:
+    shape = {**one.effect.shape, name: value}
+    if name == "zeroed":
+        # A sensor that is zeroed anew has no one temperature of its zero.
+        shape.pop("reference_degC", None)
     try:
-        return Candidate(with_shape(one.id, {**one.effect.shape, name: value}), one.columns)
+        return Candidate(with_shape(one.id, shape), one.columns)
     except EcmError:
         return None
 
@@ -213,8 +217,8 @@ class _Added:
         count = int(self.run.max()) + 1
         excess = np.bincount(self.run, self._after(at, own, more) ** 2, count)
         explained = np.bincount(self.run, self._after(at, own, rest) ** 2, count)
-        gained = _left(self.matrix, at, own, more) - _left(self.old, at, own, more)
-        whole = _left(self.matrix, at, own, rest)
+        gained = left_after(self.matrix, at, own, more) - left_after(self.old, at, own, more)
+        whole = left_after(self.matrix, at, own, rest)
         return gained, excess.astype(np.float64), whole, explained.astype(np.float64)
 
     def _after(self, at: Sequence[int], own: F, fixed: Sequence[int]) -> F:
@@ -235,21 +239,11 @@ def _values(problem: Problem, others: Sequence[Candidate], item: Candidate) -> F
     return np.array([value[c] for c in item.columns])
 
 
-def _left(matrix: F, columns: Sequence[int], own: F, fixed: Sequence[int]) -> float:
-    """Squared length of columns @ own after projecting out the fixed columns."""
-    a, b = list(columns), list(fixed)
-    whole = float(own @ matrix[np.ix_(a, a)] @ own)
-    if not b:
-        return whole
-    cross = matrix[np.ix_(b, a)] @ own
-    return max(whole - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
-
-
 def together(*parts: Sequence[Odds]) -> list[Odds]:
     """Chance that one of several measurements tells, pair by pair, class by class."""
     found = []
     for odds in zip(*parts, strict=True):
-        pairs = {pair for one in odds for pair in one}
+        pairs = dict.fromkeys(pair for one in odds for pair in one)
         found.append(
             {p: 1.0 - float(np.prod([1.0 - one.get(p, 0.0) for one in odds])) for p in pairs}
         )
@@ -260,7 +254,7 @@ def sure(classes: Sequence[Odds]) -> float:
     """Chance of the right single name in every class, each member as likely as the others."""
     chance = 1.0
     for odds in classes:
-        truths = {truth for truth, _ in odds}
+        truths = dict.fromkeys(truth for truth, _ in odds)
         each = [np.prod([p for (a, _), p in odds.items() if a == truth]) for truth in truths]
         chance *= float(np.mean(each)) if each else 1.0
     return chance

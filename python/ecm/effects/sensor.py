@@ -18,6 +18,7 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.effects.rows import Rows
+from ecm.errors import InputError
 from ecm.sensor_zero import zero_times
 
 if TYPE_CHECKING:
@@ -158,6 +159,8 @@ class FtsThermalDrift(LinearEffect):
     kind = "time"
 
     def __init__(self, reference_degC: float | None = None, zeroed: str = "once") -> None:
+        if reference_degC is not None and zeroed == "each":
+            raise InputError(f"effect {self.id}: zeroed 'each' has no reference_degC, remove one")
         self._reference_degC = reference_degC
         self._zeroed = zeroed
 

@@ -20,6 +20,7 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.effects.rows import Rows
+from ecm.errors import InputError
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -112,6 +113,8 @@ class MarkerMotion(LinearEffect):
     kind = "time"
 
     def __init__(self, course: str = "ramp", at_s: float = 0.0, counted: str = "once") -> None:
+        if course == "step" and counted == "each":
+            raise InputError(f"effect {self.id}: a step comes once, counted 'each' is for a creep")
         self._course = course
         self._at_s = at_s
         self._counted = counted
