@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,22 +82,11 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
 
 
 def best_shapes(
-    problem: Problem,
-    equations: tuple[F, F],
-    chosen: Sequence[Candidate],
-    only: Collection[str] | None = None,
+    problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]
 ) -> list[tuple[Candidate, float, float]]:
-    """(candidate, fall, fall of BIC) of each effect's best shape beside the chosen.
-
-    Parameters
-    ----------
-    only
-        Ids to look at; default all.
-    """
+    """(candidate, fall, fall of BIC) of each effect's best shape beside the chosen."""
     present = {item.id for item in chosen}
-    tried = [
-        c for c in problem.candidates if c.id not in present and (only is None or c.id in only)
-    ]
+    tried = [c for c in problem.candidates if c.id not in present]
     drops = further_falls(equations, problem, chosen, tried)
     penalty = float(np.log(problem.size))
     best: dict[str, tuple[Candidate, float, float]] = {}
