@@ -7,12 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.columns import POSE, WRENCH
+from ecm.compare.noise import Noise
+from ecm.effects import get_effect
 from ecm.errors import InputError
 from ecm.mechanism import Mechanism
+from ecm.meta import Meta
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.backbone import RodMap
 from ecm.models.physics_build import BuildSettings, shape_of
 from ecm.models.physics_rod import stated_rod
+from ecm.refit import joint_fit
+from ecm.table import Table
 
 F = NDArray[np.float64]
 SECTIONS = {
@@ -103,6 +109,22 @@ def test_a_body_file_of_a_rod_needs_no_modulus() -> None:
     assert ROD.young_modulus_Pa == 0.0
     assert ROD.has_body
     assert stated_rod(ROD).rod_sections() == SECTIONS
+
+
+def test_gains_stay_small_where_nu_stands_at_its_bound(rod: PhysicsMap) -> None:
+    """All gains and the modulus are one to the data: a bound on nu must not set them adrift."""
+    softer = dict(SECTIONS)
+    for name in ("shear_stiffness_N", "torsion_stiffness_Nm2"):
+        softer[name] *= 0.95
+    body = Mechanism.from_dict({"builtin": "rod", "length_m": 0.1, **softer})
+    h = wrenches(80, 4)
+    poses = poses_of(h, body)
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    table = Table(columns, Meta(mechanism=ROD.to_dict()), "softer")
+    found = joint_fit(rod, (get_effect("fts_gain"),), table, Noise(source="declared"))
+    assert found.base.coefficients[1] == pytest.approx(0.5, abs=1e-6)
+    assert np.abs(found.effects[0].values).max() < 0.1
+    assert np.sqrt((found.residual**2).mean(axis=0))[:3].max() < 3.0
 
 
 def test_no_solid_stands_in_for_a_rod() -> None:

@@ -25,6 +25,7 @@ F = NDArray[np.float64]
 _MAX_ITERATIONS = 8
 _UNSEEN = 1e-12
 """Share of a column's square below which a combination of columns is nothing."""
+_AT_BOUND = 1e-9
 _TOLERANCE = 1e-4
 _REFINEMENTS = 4
 
@@ -104,8 +105,10 @@ def joint_fit(
         here = _values(base, fitted, free_base)
         there = least @ (here + step)
         lower, upper = _bounds(base, fitted, free_base)
-        if np.all(there >= lower) and np.all(there <= upper):
-            step = there - here
+        # What stands at its bound may miss it by a rounding of the projection.
+        near = _AT_BOUND * np.maximum(1.0, np.abs(there))
+        if np.all(there >= lower - near) and np.all(there <= upper + near):
+            step = np.clip(there, lower, upper) - here
         if free_base:
             base = base.with_coefficients(base.coefficients + step[:free_base])
             rows = Rows(table, base)

@@ -59,6 +59,8 @@ _MATTERS = 0.02
 """A part of a session must raise the chance of the right names by this."""
 _PER_MINUTE = 5e-4
 """What a minute must gain in this chance to be worth it."""
+_TOLD = 0.9
+"""Chance from which on two members count as told apart."""
 _MOST_COMPARED = 6
 """Of a longer class the nearest rivals are compared."""
 _MOST_LISTED = 6
@@ -94,7 +96,28 @@ def next_experiments(
     if len(session) > 1:
         after = sure(together(nothing, *(odds[part] for part in session)))
         found.append(_entry(session, before, after, set().union(*(named[p] for p in session))))
-    return sorted(found, key=lambda e: (-_worth(e), e["action"]))[:_MOST_LISTED]
+    from ecm.design.follow_up import parts
+
+    listed = sorted(found, key=lambda e: (-_worth(e), e["action"]))[:_MOST_LISTED]
+    for entry in listed:
+        then = together(nothing, *(odds[part] for part in parts(entry["action"])))
+        told = _told_apart(nothing, then) - {_turned(pair) for pair in entry["separates"]}
+        entry["separates"] = sorted({*entry["separates"], *told})
+    return listed
+
+
+def _turned(pair: str) -> str:
+    return " or ".join(reversed(pair.split(" or ")))
+
+
+def _told_apart(before: Sequence[Odds], after: Sequence[Odds]) -> set[str]:
+    """Pairs of members that are told apart then whichever is the truth, and were not before."""
+    return {
+        f"{a} or {b}"
+        for now, then in zip(before, after, strict=True)
+        for a, b in then
+        if a < b and min(then[a, b], then[b, a]) > _TOLD > min(now[a, b], now[b, a])
+    }
 
 
 def _offered(open_: Sequence[OpenClass]) -> list[str]:

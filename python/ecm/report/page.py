@@ -163,6 +163,7 @@ th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--li
   white-space: nowrap; }
 th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
 th.words, td.words { text-align: left; }
+td.words:last-child { white-space: normal; min-width: 16em; }
 tr[data-row] { cursor: pointer; }
 tr.marked td { font-weight: 700; background: var(--wash); }
 figure { margin: 18px 0; }
