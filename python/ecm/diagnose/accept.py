@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ecm.compare.folds import folds, held_out_by
 from ecm.compare.gram import explained
 from ecm.diagnose.bounds import bounded_estimate
+from ecm.diagnose.classes import MOST_IN_CLASS
 from ecm.diagnose.own_sign import own_sign_is_seen, plainer_form
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.resample import shares_won
@@ -31,8 +32,6 @@ _CONTENDS = 0.3
 """An effect that explains less than this share of what the first one does wins no resampling."""
 _INFLUENTIAL = 0.02
 _KEPT_WITHIN_BOUNDS = 0.8
-_LARGEST = 3
-"""So many members of a class count in its share of the resamplings: a longer list names nothing."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +97,18 @@ def check(
         p_holm=min(1.0, own.p * rivals),
         delta_bic=own.delta_bic,
         held_out_fall=held_out_fall(problem, others, item),
-        chosen_share=sum(sorted((winners.get(id, 0.0) for id in members), reverse=True)[:_LARGEST]),
+        chosen_share=_share(winners, members),
         winners=winners,
         robust=_robust(problem, others, item, members),
         within_bounds=_within(problem, chosen, item),
         own_seen=_told_from_plainer(problem, chosen, item, members),
     )
+
+
+def _share(winners: dict[str, float], members: Sequence[str]) -> float:
+    """Of the resamplings won by a class; of a longer list, which names nothing, its best."""
+    won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
+    return sum(won[:MOST_IN_CLASS])
 
 
 def _told_from_plainer(

@@ -97,9 +97,13 @@ def judged(
     gate, rejected = _gate(problem, first)
     ranked = rank(problem)
     chosen = list(search(problem)) if ranked else []
-    plain = _accepted(problem, chosen, seed)
-    accepted, classes, checks = _in_full(problem, smooth, plain, before, seed)
+    accepted, classes, checks = _accepted(problem, chosen, seed)
     left, remains, over = _left_over(problem, smooth, accepted, before)
+    if accepted and remains:
+        fuller = _in_full(problem, smooth, accepted, before, seed)
+        if fuller is not None:
+            accepted, classes, checks = fuller
+            left, remains, over = _left_over(problem, smooth, accepted, before)
     verdict: Verdict
     unknown: dict[str, Any] | None = None
     strange = implausible(problem)
@@ -202,14 +206,13 @@ def _accepted(problem: Problem, chosen: list[Candidate], seed: int) -> Answer:
     return [], [], checks
 
 
-def _in_full(problem: Problem, smooth: F, answer: Answer, before: float, seed: int) -> Answer:
-    """The answer, or where it leaves something and the fullest forms of its effects do not, theirs.
+def _in_full(
+    problem: Problem, smooth: F, accepted: Sequence[Candidate], before: float, seed: int
+) -> Answer | None:
+    """The answer by the fullest forms of the accepted effects, where these leave nothing.
 
     A plain form is cheaper where little is seen; it is no reason to call the rest unknown.
     """
-    accepted = answer[0]
-    if not accepted or not _left_over(problem, smooth, accepted, before)[1]:
-        return answer
     equations = normal_equations(problem)
     fullest = list(accepted)
     for i, item in enumerate(fullest):
@@ -219,10 +222,10 @@ def _in_full(problem: Problem, smooth: F, answer: Answer, before: float, seed: i
         falls = [fall(equations, problem, (*others, c)) for c in more]
         fullest[i] = more[int(np.argmax(falls))]
     if _left_over(problem, smooth, fullest, before)[1]:
-        return answer
+        return None
     found = _accepted(problem, fullest, seed)
     stands = len(found[0]) == len(accepted) and all(len(m) <= MOST_IN_CLASS for m in found[1])
-    return found if stands else answer
+    return found if stands else None
 
 
 def _left_over(

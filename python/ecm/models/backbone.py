@@ -144,7 +144,7 @@ def _wrench_of(poses: F, force: F) -> F:
     return np.concatenate([f, np.linalg.solve(jacobian, force[:, 3:] - turned)], axis=1)
 
 
-_ROD = (
+ROD_SECTIONS = (
     "axial_stiffness_N",
     "shear_stiffness_N",
     "bending_stiffness_Nm2",
@@ -230,7 +230,7 @@ class RodMap(_Backbone):
         found, ok = _native.rod_poses(
             np.ascontiguousarray(wrenches),
             length_m=self.length,
-            **dict(zip(_ROD, (float(v) for v in self.parameters), strict=True)),
+            **dict(zip(ROD_SECTIONS, (float(v) for v in self.parameters), strict=True)),
         )
         found[~ok] = np.nan
         return found
@@ -258,13 +258,13 @@ class RodMap(_Backbone):
 
     def document(self) -> dict[str, Any]:
         """The four section stiffnesses."""
-        return self._document("rod", _ROD)
+        return self._document("rod", ROD_SECTIONS)
 
 
 def backbone_from_document(document: dict[str, Any]) -> ConstantCurvatureMap | RodMap:
     """The map of an opened model file."""
     arc = document["kind"] == "constant-curvature"
-    names = _ARC if arc else _ROD
+    names = _ARC if arc else ROD_SECTIONS
     values = np.array([float(document["parameters"][name]) for name in names])
     length = float(document["length_m"])
     return ConstantCurvatureMap(length, values) if arc else RodMap(length, values)

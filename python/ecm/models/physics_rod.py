@@ -16,19 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.models.backbone import RodMap
+from ecm.models.backbone import ROD_SECTIONS, RodMap
 
 if TYPE_CHECKING:
     from ecm.mechanism import Mechanism
 
 F = NDArray[np.float64]
 
-_STIFFNESSES = (
-    "axial_stiffness_N",
-    "shear_stiffness_N",
-    "bending_stiffness_Nm2",
-    "torsion_stiffness_Nm2",
-)
 _BY_YOUNG = np.array([1.0, 0.0, 1.0, 0.0])
 _BY_DIAMETER = np.array([2.0, 2.0, 4.0, 4.0])
 _BY_LENGTH = np.array([2.0, 2.0, 4.0, 4.0])
@@ -54,7 +48,7 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
     stiffer = shear_modulus_Pa / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
     found: dict[str, Any] = {
         name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
-        for name, power in zip(_STIFFNESSES, _BY_LENGTH, strict=True)
+        for name, power in zip(ROD_SECTIONS, _BY_LENGTH, strict=True)
     }
     return replace(
         rod,
@@ -85,7 +79,7 @@ class RodBody:
     @staticmethod
     def of(shape: Mechanism, poisson_ratio: float, across: float) -> RodBody:
         """The rod of another nu and of `across` times the diameter, at the shape's mu."""
-        nominal = np.array([getattr(shape, name) for name in _STIFFNESSES])
+        nominal = np.array([getattr(shape, name) for name in ROD_SECTIONS])
         young = (1.0 + poisson_ratio) / (1.0 + shape.poisson_ratio)
         found = nominal * young**_BY_YOUNG * across**_BY_DIAMETER
         return RodBody(RodMap(shape.length_m, found))
