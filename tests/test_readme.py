@@ -1,6 +1,7 @@
 """Every code block of README.md but the two commands runs, in order, in one folder.
 
 ```python            executed; a ```text block right after it is its exact output
+```python NAME       written to NAME
 ```sh                executed line by line with the package's commands
 ```toml NAME         written to NAME
 ```csv NAME          written to NAME
@@ -57,11 +58,11 @@ def follow(found: list[Block], page: str, folder: Path) -> str | None:
     printed: str | None = None
     for block in found:
         where = f"{page}:{block.line}"
-        if block.language == "python":
+        if block.language == "python" and not block.name:
             printed = run([sys.executable, "-c", block.text], folder, where)
         elif block.language == "sh":
             printed = run(["bash", "-euc", block.text], folder, where)
-        elif block.language in ("toml", "csv"):
+        elif block.language in ("toml", "csv", "python"):
             assert block.name, f"{where}: a {block.language} block needs a file name"
             (folder / block.name).write_text(block.text, encoding="utf-8")
             printed = None

@@ -1,16 +1,22 @@
-"""docs/tutorial.md runs as it stands, and ends with the right answer for other secrets too."""
+"""docs/tutorial.md runs as it stands, and ends with the right answer for other secrets too.
+
+So does docs/own_effect.md, whose effect the commands know once it is an installed package's.
+"""
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from test_readme import ROOT, blocks, follow
+from test_readme import ROOT, blocks, follow, run
 
 PAGE = ROOT / "docs" / "tutorial.md"
+OWN = ROOT / "docs" / "own_effect.md"
 SEED = "--seed 4 "
 OTHERS = (21, 22, 23)
 """Taken as they come; what they hide is not looked at."""
@@ -48,3 +54,22 @@ def test_so_it_does_for_secrets_that_nobody_chose(planned: Path, tmp_path: Path)
         shutil.copytree(planned, folder)
         right += "the answer is right" in measured(folder, seed)
     assert right >= 2
+
+
+def test_an_effect_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    follow(blocks(OWN), OWN.name, tmp_path)
+    ask = ["ecm", "predict", "better.json", "measured.csv", "--out", "predicted.csv"]
+    with pytest.raises(AssertionError, match="unknown effect 'hose'"):
+        run(ask, tmp_path, OWN.name)
+    # What pip writes beside an installed package of that pyproject.toml.
+    table = (tmp_path / "pyproject.toml").read_text().split('."ecm.effects"]')[1]
+    offered = re.findall(r'^(\w+) = "(\S+)"$', table, re.MULTILINE)
+    installed = tmp_path / "our_rig-1.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: our-rig\nVersion: 1\n")
+    lines = [f"{name} = {where}" for name, where in offered]
+    (installed / "entry_points.txt").write_text("\n".join(["[ecm.effects]", *lines, ""]))
+    paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    run(ask, tmp_path, OWN.name)
+    assert "hose under pressure" in run(["ecm", "effects", "hose"], tmp_path, OWN.name)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ecm.diagnose import Diagnosis, diagnose
 from ecm.diagnose.relevance import relevance
 from ecm.diagnose.skeleton import skeleton
-from ecm.effects import get_effect, unregister
+from ecm.effects import effect, get_effect, unregister
+from ecm.effects.rows import Rows
+from ecm.errors import InputError
+from ecm.meta import Meta
+from ecm.models import fit_model
 from ecm.table import Table
 from stand_in_campaign import campaign, model
 
@@ -70,4 +75,56 @@ def test_a_skeleton_for_squares_and_sides() -> None:
     compile(text, "skeleton", "exec")
     squared = skeleton([("y_m^2", "fy_N")], ("fx_N", "fy_N"))
     assert 'u("y_m") * u("y_m")' in squared
+    assert "needs=('approach', 'x_m')" in text
+    assert 'kind="time"' in skeleton([("row", "fx_N")], ("fx_N",))
+    assert '{"size": "N/(m m)"}' in squared
+    assert '{"size": "N m/Pa"}' in skeleton([("hose_pressure_Pa", "tau_x_Nm")], ("tau_x_Nm",))
     assert "columns[:, 1]" in squared
+
+
+def test_of_a_table_with_one_force_the_draft_is_an_effect_as_well() -> None:
+    """Without the other ten columns nothing of the catalogue can be tested, but one's own can."""
+    random = np.random.default_rng(5)
+    n = 200
+    x, humidity = random.uniform(-0.01, 0.01, n), random.uniform(20.0, 80.0, n)
+    force = 400.0 * x + 0.02 * (humidity - 50.0) + 0.05 * random.standard_normal(n)
+    columns = {"x_m": x, "humidity_percent": humidity, "fx_N": force}
+    table = Table(columns, Meta(), "spring.csv")
+    base = fit_model(table, "linear")
+    found = diagnose(base, table)
+    assert found.verdict == "unknown"
+    assert found.unknown is not None
+    exec(compile(found.unknown["skeleton"], "skeleton", "exec"), {})
+    try:
+        assert diagnose(base, table).answer == (("my_effect",),)
+        better = base.add("my_effect").fit(table)
+        assert better.effects[0].values[0] == pytest.approx(0.02, rel=0.05)
+    finally:
+        unregister("my_effect")
+
+
+def test_of_six_components_those_that_are_measured_are_taken() -> None:
+    @effect("fan", physics="A fan.", parameters={"push": "N"}, needs=("x_m",))
+    def fan(rows: Rows) -> NDArray[np.float64]:
+        return np.tile(np.arange(6.0), (len(rows), 1))
+
+    @effect("wrong", physics="Rows are lost.", parameters={"push": "N"}, needs=("x_m",))
+    def wrong(rows: Rows) -> NDArray[np.float64]:
+        return np.zeros((1, 6))
+
+    @effect("broken", physics="Asks for what is not there.", parameters={"push": "N"}, needs=())
+    def broken(rows: Rows) -> NDArray[np.float64]:
+        return np.asarray(rows.table.column("speed"))
+
+    try:
+        table = Table({"x_m": np.linspace(0, 1, 9), "fz_N": np.linspace(0, 2, 9)}, Meta(), "t")
+        rows = Rows(table, fit_model(table, "linear").base)
+        given = get_effect("fan").jacobian(rows, np.zeros(1))
+        assert given[:, :, 0].tolist() == [[2.0]] * 9
+        with pytest.raises(InputError, match=r"effect wrong: its function gives shape \(1, 6, 1\)"):
+            get_effect("wrong").jacobian(rows, np.zeros(1))
+        with pytest.raises(InputError, match="speed"):
+            get_effect("broken").jacobian(rows, np.zeros(1))
+    finally:
+        for id in ("fan", "wrong", "broken"):
+            unregister(id)

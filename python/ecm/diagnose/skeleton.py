@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ecm.columns import POSE
-
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
@@ -20,10 +18,10 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
         Wrench columns of the base.
     """
     feature, component = terms[0] if terms else ("constant", outputs[0])
-    unit = component.rsplit("_", 1)[1].replace("Nm", "N m")
     factors = _factors(feature)
-    columns = sorted({name for name in factors if name not in (*POSE, *_STANDARD, "constant")})
-    needs = f", needs={tuple(columns)!r}" if columns else ""
+    unit = _unit(component, factors)
+    columns = sorted(set(factors) - {"row", "constant"})
+    kind = ', kind="time"' if "row" in factors else ""
     extra = ", sides" if "approach" in factors else ""
     value = " * ".join(_value(name) for name in factors if name != "constant") or "1.0"
     index = list(outputs).index(component)
@@ -33,7 +31,7 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             f"from ecm.effects import effect{extra}",
             "",
             f'@effect("my_effect", physics="{component} follows {feature}.", '
-            f'parameters={{"size": "{unit}"}}{needs})',
+            f'parameters={{"size": "{unit}"}}, needs={tuple(columns)!r}{kind})',
             "def my_effect(rows):",
             *(
                 ["    def u(name): v = rows.table.column(name); return v - v.mean()"]
@@ -46,6 +44,15 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             "",
         ]
     )
+
+
+def _unit(component: str, factors: Sequence[str]) -> str:
+    """'N/(s m)': the component's unit over those that stand at the end of the factors' names."""
+    over = [name.rsplit("_", 1)[1] for name in factors if "_" in name and name not in _STANDARD]
+    force = component.rsplit("_", 1)[1].replace("Nm", "N m")
+    if not over:
+        return force
+    return f"{force}/{over[0]}" if len(over) == 1 else f"{force}/({' '.join(over)})"
 
 
 def _factors(feature: str) -> list[str]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Sequence
 from importlib import metadata
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.columns import POSE, WRENCH
 from ecm.effects import (
     boundary,
     contact,
@@ -32,7 +34,7 @@ from ecm.effects import (
 )
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
 from ecm.effects.rows import Rows
-from ecm.errors import InputError
+from ecm.errors import EcmError, InputError
 
 if TYPE_CHECKING:
     from ecm.table import Table
@@ -117,25 +119,45 @@ class _FunctionEffect(LinearEffect):
         physics: str,
         parameters: tuple[Parameter, ...],
         function: Callable[[Rows], F],
-        needs: Sequence[str],
+        needs: Sequence[str] | None,
         side: Side,
-        kind: Kind,
+        kind: Kind | None,
     ) -> None:
         self.id, self.physics, self.parameters = id, physics, parameters
-        self.side, self.kind = side, kind
-        self._function, self._needs = function, tuple(needs)
+        self.function = function
+        self._needs = None if needs is None else tuple(needs)
+        beyond = set(needs or ()) - {*POSE, *WRENCH}
+        self.side, self.kind = side, kind or ("time" if beyond else "pose")
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs the columns that the user named."""
+        """Needs the columns that the user named; without any, the whole pose and wrench."""
+        if self._needs is None:
+            return super().missing(table)
         for name in self._needs:
             if not table.has(name):
                 return Missing(f"no column {name}", name, absent=True)
-        return super().missing(table)
+        return None
 
     def columns(self, rows: Rows) -> F:
-        """What the user's function gives, as (N, 6, k)."""
-        columns = np.asarray(self._function(rows), dtype=np.float64)
-        return columns[:, :, None] if columns.ndim == 2 else columns
+        """What the user's function gives, as (N, m, k); of six components those that are there."""
+        try:
+            columns = np.asarray(self.function(rows), dtype=np.float64)
+        except EcmError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"effect {self.id}: its function failed, {type(error).__name__}: {error}"
+            ) from error
+        columns = columns[:, :, None] if columns.ndim == 2 else columns
+        outputs, k = rows.base.outputs, len(self.parameters)
+        if columns.shape == (len(rows), 6, k) and set(outputs) < set(WRENCH):
+            return columns[:, [WRENCH.index(name) for name in outputs]]
+        if columns.shape != (len(rows), len(outputs), k):
+            raise InputError(
+                f"effect {self.id}: its function gives shape {columns.shape}, expected "
+                f"{(len(rows), len(outputs), k)}: rows, wrench columns, parameters"
+            )
+        return columns
 
 
 def effect(
@@ -143,12 +165,27 @@ def effect(
     *,
     physics: str,
     parameters: dict[str, str],
-    needs: Sequence[str] = (),
+    needs: Sequence[str] | None = None,
     side: Side = "physics",
-    kind: Kind = "pose",
+    kind: Kind | None = None,
     scale: float = 1.0,
 ) -> Callable[[Callable[[Rows], F]], Callable[[Rows], F]]:
-    """Register a function rows -> (N, 6, k) columns as an effect; parameters: name -> unit."""
+    """Register a function rows -> (N, 6) or (N, 6, k) columns as an effect.
+
+    Parameters
+    ----------
+    parameters
+        Name -> unit, one for each of the k columns: what one unit adds to the wrench.
+    needs
+        Columns without which it cannot be tested; left out: all six of pose and wrench.
+    side
+        "measurement" stays behind when a model is exported to a controller.
+    kind
+        "pose" where it is the same on every visit to a pose, "time" where it is not, and so no
+        noise between visits; left out: by whether it needs more than pose and wrench.
+    scale
+        A size that would be usual.
+    """
 
     def decorate(function: Callable[[Rows], F]) -> Callable[[Rows], F]:
         listed = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
@@ -169,7 +206,17 @@ def effect(
 
 
 def load_installed() -> None:
-    """Register the effects that installed packages offer under the entry point `ecm.effects`."""
+    """Register the effects that installed packages offer under the entry point `ecm.effects`.
+
+    An entry point is an effect, its class, a function under `effect`, or a module of those.
+    """
     for point in metadata.entry_points(group="ecm.effects"):
         found = point.load()
+        if isinstance(found, ModuleType) or _is_registered(found):
+            continue
         register(found() if isinstance(found, type) else found)
+
+
+def _is_registered(function: object) -> bool:
+    own = [item for item in _own.values() if isinstance(item, _FunctionEffect)]
+    return any(item.function is function for item in own)
