@@ -85,6 +85,18 @@ def test_frozen_values_stay_and_the_rest_moves() -> None:
     assert loose.base.coefficients[0] != 1.0
 
 
+def test_with_all_frozen_the_ladder_still_gets_its_rung() -> None:
+    """Nothing to fit is no error: how far the model as it stands is from these rows."""
+    table = campaign("payload", 1.0, 0)
+    (bare,) = model().freeze("base").fit(table).history
+    assert bare.parameters == 0
+    assert bare.held_out == pytest.approx(bare.train)
+    with_payload = model().add("payload").fit(table)
+    kept = with_payload.freeze("base", "payload").fit(table)
+    np.testing.assert_array_equal(kept.predict(table), with_payload.predict(table))
+    assert kept.correlations == ()
+
+
 def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:
     table = campaign("fts_drift", 1.0, 1)
     better = model().add("fts_drift").fit(table)
