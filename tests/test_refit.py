@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,18 @@ def test_with_all_frozen_the_ladder_still_gets_its_rung() -> None:
     kept = with_payload.freeze("base", "payload").fit(table)
     np.testing.assert_array_equal(kept.predict(table), with_payload.predict(table))
     assert kept.correlations == ()
+
+
+def test_a_frozen_base_is_as_it_is_on_every_rung() -> None:
+    """Else what the base could take would be missing from the worth of the addition."""
+    table = campaign("payload", 1.0, 0)
+    stiff = physics().with_coefficients(1.02 * physics().coefficients)
+    given = replace(model(), base=stiff).freeze("base")
+    (bare,) = given.fit(table).history
+    before, after = given.add("payload").fit(table).history
+    assert before.chi2 == pytest.approx(bare.chi2)
+    assert (before.parameters, after.parameters) == (0, 4)
+    assert f"chi2 falls by {bare.chi2 - after.chi2:.1f} with 4 parameters more" in after.test
 
 
 def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:

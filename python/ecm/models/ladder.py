@@ -57,7 +57,8 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
 
     steps = []
     if model.effects and not already:
-        alone = joint_fit(model.base, (), table, model.noise)
+        frozen = model.base_frozen
+        alone = joint_fit(model.base, (), table, model.noise, freeze_base=frozen)
         steps.append(_rung(model.base.name, table, alone, model))
     own = _rung(model.name, table, found, model)
     before = steps[-1] if steps else model.history[-1] if model.history else None
@@ -67,7 +68,7 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
 
 def _test(before: Rung, after: Rung) -> str:
     """F-test and BIC of a change, from the sums of squares of the same rows."""
-    if before.size != after.size or before.parameters == 0:
+    if before.size != after.size:
         return ""
     more = after.parameters - before.parameters
     fall = before.chi2 - after.chi2
