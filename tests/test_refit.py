@@ -184,6 +184,18 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
         second.undo("cubic")
 
 
+def test_other_rows_or_another_noise_are_no_test() -> None:
+    """As many rows are not the same rows: their sums of squares say nothing about the model."""
+    table = campaign("payload", 1.0, 0)
+    first = model().add("payload").fit(table)
+    louder = {name: 2.0 * table.column(name) for name in WRENCH}
+    assert first.fit(table.with_columns(louder)).history[-1].test.startswith("no test: other rows")
+    noise = replace(first.noise, force_sd_N=2.0 * first.noise.force_sd_N)
+    assert first.fit(table, noise=noise).history[-1].test.startswith("no test: other rows")
+    again = first.fit(table).history[-1].test
+    assert "with as many parameters" in again
+
+
 def test_several_at_once_and_the_report_keeps_physics_and_instruments_apart() -> None:
     table = campaign("payload", 1.0, 0)
     fitted = model().add("payload", "base_compliance").fit(table)
