@@ -184,6 +184,21 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
         second.undo("cubic")
 
 
+def test_undo_goes_back_one_fit_whatever_was_changed() -> None:
+    """Also where nothing was added: a fit of other rows, of frozen values, of fewer effects."""
+    table = campaign("payload", 1.0, 0)
+    first = model().add("payload").fit(table)
+    assert first.fit(table.select(np.arange(200))).undo() is first
+    second = first.freeze("payload").fit(table)
+    assert second.undo() is first
+    third = second.remove("payload").fit(table)
+    assert third.undo() is second
+    assert third.undo().undo() is first
+    # What was never fitted is one step, however many changes it took.
+    assert first.add("fts_gain").remove("payload").freeze("base").undo() is first
+    assert first.add("fts_gain").remove("fts_gain").fit(table).undo() is first
+
+
 def test_other_rows_or_another_noise_are_no_test() -> None:
     """As many rows are not the same rows: their sums of squares say nothing about the model."""
     table = campaign("payload", 1.0, 0)

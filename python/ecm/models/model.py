@@ -47,7 +47,9 @@ class Model:
     correlations: tuple[tuple[str, str, float], ...] = ()
     """Pairs of fitted parameters that move together, the closest first."""
     previous: Model | None = None
-    """What it was before the last change that was fitted."""
+    """What it was before the last fit, or where it was changed since then as the fit left it."""
+    changed: bool = False
+    """Whether an effect was added, removed or frozen since the last fit."""
 
     def __repr__(self) -> str:
         """The fit report, so that a test is seen as soon as a term is added and fitted."""
@@ -227,10 +229,10 @@ class Model:
             present.add(effect.id)
             k = len(effect.parameters)
             added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))
-        return replace(self, effects=(*self.effects, *added), previous=self._settled())
+        return self._changed(effects=(*self.effects, *added))
 
     def undo(self, name: str | None = None) -> Model:
-        """As it was before the last fit, or when it was called `name`."""
+        """As it was before the last fit or unfitted change, or when it was called `name`."""
         found = self.previous
         while found is not None and name is not None and found.name != name:
             found = found.previous
@@ -240,10 +242,10 @@ class Model:
             raise InputError(f"nothing to undo: {wanted} is not in this session's fits ({known})")
         return found
 
-    def _settled(self) -> Model | None:
-        """Itself, or where it holds effects that were never fitted what it was before them."""
-        fitted = all(np.all(np.isfinite(item.sd)) for item in self.effects)
-        return self if fitted else self.previous
+    def _changed(self, **to: Any) -> Model:
+        """With these fields; undo goes past all changes since the last fit at once."""
+        settled = self.previous if self.changed else self
+        return replace(self, **to, previous=settled, changed=True)
 
     def fit_report(self) -> str:
         """Values with errors and correlations, the error ladder and the tests between its rungs."""
@@ -255,13 +257,13 @@ class Model:
         """Without these effects; what is left keeps its values until `fit`."""
         self._check(ids)
         kept = tuple(i for i in self.effects if i.id not in ids)
-        return replace(self, effects=kept, previous=self._settled())
+        return self._changed(effects=kept)
 
     def freeze(self, *ids: str) -> Model:
         """These effects, or `base`, keep their values in `fit`."""
         self._check([id for id in ids if id != "base"])
         kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
-        return replace(self, effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
+        return self._changed(effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
 
     def save(self, path: str | Path) -> None:
         """Write a sealed model file."""
@@ -303,7 +305,8 @@ class Model:
             training=training_of(table),
             domain=domain_of(table, self.inputs),
             correlations=correlations_of(found, freeze_base),
-            previous=self if self.previous is None else self.previous,
+            previous=self.previous if self.changed else self,
+            changed=False,
         )
         step = rung(fitted, table, found, already=len(self.history) > 0)
         return replace(fitted, history=(*self.history, *step))
