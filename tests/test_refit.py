@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.columns import WRENCH
+from ecm.columns import POSE, WRENCH
 from ecm.compare import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError
+from ecm.meta import Instrument, Meta
 from ecm.refit import FittedEffect, joint_fit
-from stand_in_campaign import campaign, model, physics
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics, workspace_poses
 
 
 def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
@@ -182,6 +184,34 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
     assert second.undo("physics").effects == ()
     with pytest.raises(InputError, match="nothing to undo: cubic"):
         second.undo("cubic")
+
+
+def test_a_fit_weighs_by_the_noise_of_its_rows() -> None:
+    """Not by that of the model, which for a mechanism alone is a common rig's, ten times as loud.
+
+    With the rig's the deviations of what is found are ten times too large, and it seems to be
+    nothing.
+    """
+    random = np.random.default_rng(5)
+    quiet = np.array([0.03] * 3 + [0.001] * 3)
+    poses = np.tile(workspace_poses(40, 6), (3, 1))
+    wrench = physics().predict(poses) + quiet * random.standard_normal((120, 6))
+    columns = {**dict(zip(POSE, poses.T, strict=True)), **dict(zip(WRENCH, wrench.T, strict=True))}
+    told = Instrument(
+        pose_position_sd_m=1e-7, pose_rotation_sd_rad=1e-6, force_sd_N=0.03, torque_sd_Nm=0.001
+    )
+    alone = Meta(mechanism={"length_m": physics().length_m})
+    declared = Table(columns, replace(alone, instrument=told), "declared")
+    repeats = Table({**columns, "pose_id": np.tile(np.arange(40.0), 3)}, alone, "repeats")
+    for table in (declared, repeats):
+        fitted = model().add("fts_offset").fit(table)
+        assert fitted.noise.source == table.source
+        assert fitted.noise.force_sd_N == pytest.approx(0.03, rel=0.15)
+        # Of lateral forces, which no pose noise of a stiff axis hides.
+        assert fitted.effects[0].sd[1] == pytest.approx(0.03 / np.sqrt(120), rel=0.3)
+        assert 0.9 < fitted.history[-1].train < 1.1
+        # One noise for the rows, so that the next addition is tested against this one.
+        assert "parameters more" in fitted.add("fts_gain").fit(table).history[-1].test
 
 
 def test_undo_goes_back_one_fit_whatever_was_changed() -> None:

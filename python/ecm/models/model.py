@@ -282,13 +282,19 @@ class Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
         Each effect takes the shape among its variants that fits best. The history gets a rung.
+
+        Parameters
+        ----------
+        noise
+            Default that of the table: of its repeats, else declared, else the model's.
         """
         from ecm.models.fit_report import correlations_of
         from ecm.models.ladder import rung
-        from ecm.models.training import domain_of, training_of
+        from ecm.models.training import domain_of, noise_for, training_of
 
         table, freeze_base = informative(table), self.base_frozen
-        used = self.noise if noise is None else noise
+        training = training_of(table)
+        used = noise_for(self, table, training) if noise is None else noise
         chosen = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
@@ -302,7 +308,7 @@ class Model:
             noise=used,
             length_m=table.meta.length_m or self.length_m,
             covariance=self.covariance if freeze_base else found.covariance[:k, :k],
-            training=training_of(table),
+            training=training,
             domain=domain_of(table, self.inputs),
             correlations=correlations_of(found, freeze_base),
             previous=self.previous if self.changed else self,
