@@ -17,6 +17,7 @@ from ecm.errors import InputError
 from ecm.meta import Meta
 from ecm.models import (
     EnergyMap,
+    Model,
     cross_validate,
     fit_model,
     load_model,
@@ -144,6 +145,25 @@ def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     assert sd is not None
     assert other is not None
     np.testing.assert_allclose(sd, other, rtol=1e-5)
+
+
+def saved_again(fitted: Model, path: Path, *without: str) -> Model:
+    """Through a file; `without` some keys, as older files are."""
+    fitted.save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    kept = {key: value for key, value in document.items() if key not in ("sha256", *without)}
+    path.write_text(_native.seal_model(json.dumps(kept)), encoding="utf-8")
+    return load_model(path)
+
+
+def test_a_frozen_base_stays_frozen_in_its_file(tmp_path: Path) -> None:
+    """Else the next refit of the file would move what its owner wanted kept."""
+    table = campaign("payload", 1.0, 0)
+    fitted = model().freeze("base").add("payload").fit(table)
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.add("fts_offset").fit(table).base.coefficients[0] == 1.0
+    older = saved_again(fitted, tmp_path / "older.json", "base_frozen")
+    assert not older.base_frozen
 
 
 def test_a_plain_cubic_keeps_its_file_small(tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ def model_document(model: Model) -> dict[str, Any]:
         **_covariance_document(model),
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
+        "base_frozen": model.base_frozen,
         "domain": {name: list(pair) for name, pair in model.domain.items()},
         "training": dict(model.training),
         "history": [step.to_dict() for step in model.history],
@@ -174,6 +175,7 @@ def _model_of(document: dict[str, Any]) -> Model:
         training=dict(document["training"]),
         length_m=document["length_m"],
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
+        base_frozen=bool(document.get("base_frozen", False)),
         history=tuple(Rung(**step) for step in document.get("history", ())),
     )
 
