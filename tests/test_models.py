@@ -12,9 +12,10 @@ import pytest
 import ecm.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
 from ecm.columns import POSE, WRENCH
+from ecm.effects import Rows, get_effect
 from ecm.effects.occlusion import LedOcclusion
 from ecm.errors import InputError
-from ecm.meta import Meta
+from ecm.meta import Meta, Scene
 from ecm.models import (
     EnergyMap,
     Model,
@@ -154,6 +155,25 @@ def saved_again(fitted: Model, path: Path, *without: str) -> Model:
     kept = {key: value for key, value in document.items() if key not in ("sha256", *without)}
     path.write_text(_native.seal_model(json.dumps(kept)), encoding="utf-8")
     return load_model(path)
+
+
+def test_bare_poses_are_in_the_scene_of_the_fit(tmp_path: Path) -> None:
+    """A mechanism measured lying down hangs sideways also where only poses are asked for."""
+    table = campaign(seed=3)
+    lying = Scene(gravity_m_s2=(0.0, 0.0, -9.81))
+    table = table.with_meta(replace(table.meta, scene=lying)).measured()
+    weight = get_effect("own_weight").correction(Rows(table, physics()), np.array([0.5]))
+    heavier = {name: table.column(name) + weight[:, j] for j, name in enumerate(WRENCH)}
+    table = table.with_columns(heavier)
+    fitted = model().add("own_weight").fit(table)
+    np.testing.assert_allclose(fitted.predict(table.poses), fitted.predict(table), rtol=1e-12)
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.scene == lying
+    np.testing.assert_array_equal(again.stiffness(table.poses), fitted.stiffness(table.poses))
+    assert fit_model(table, "energy4").scene == lying
+    older = saved_again(fitted, tmp_path / "older.json", "scene")
+    assert older.scene == Scene()
+    assert np.abs(older.predict(table.poses) - fitted.predict(table)).max() > 1.0
 
 
 def test_a_frozen_base_stays_frozen_in_its_file(tmp_path: Path) -> None:

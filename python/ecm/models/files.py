@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ecm import _native
 from ecm.compare.noise import Noise
 from ecm.effects import with_shape
 from ecm.errors import InputError
+from ecm.meta import Scene
 from ecm.models.backbone import backbone_from_document
 from ecm.models.ladder import Rung
 from ecm.models.learned import learned_from_document
@@ -35,6 +37,7 @@ def model_document(model: Model) -> dict[str, Any]:
         "version": _VERSION,
         **model.base.document(),
         "length_m": model.base.length_m or model.length_m,
+        "scene": asdict(model.scene),
         **_covariance_document(model),
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
@@ -174,10 +177,17 @@ def _model_of(document: dict[str, Any]) -> Model:
         covariance=_covariance_of(document),
         training=dict(document["training"]),
         length_m=document["length_m"],
+        scene=_scene_of(document.get("scene", {})),
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
         base_frozen=bool(document.get("base_frozen", False)),
         history=tuple(Rung(**step) for step in document.get("history", ())),
     )
+
+
+def _scene_of(document: dict[str, Any]) -> Scene:
+    known = {**asdict(Scene()), **document}
+    gravity = [float(g) for g in known["gravity_m_s2"]]
+    return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
 
 
 def _base_of(document: dict[str, Any]) -> StiffnessMap:

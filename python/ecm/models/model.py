@@ -15,6 +15,7 @@ from ecm.compare.folds import informative
 from ecm.compare.noise import Noise
 from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
+from ecm.meta import Meta, Scene
 from ecm.models.maps import StiffnessMap
 from ecm.refit import FittedEffect, best_shape, joint_fit
 
@@ -40,6 +41,8 @@ class Model:
     """Range of each pose column in the training data."""
     length_m: float | None = None
     """Of the mechanism, for effects that need it where the base does not hold it."""
+    scene: Scene = field(default_factory=Scene)
+    """Where it was fitted: bare poses are under its gravity; a table says its own."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[Rung, ...] = ()
@@ -126,17 +129,11 @@ class Model:
         Of the coefficients and of one row's noise, the latter widened where the training
         residuals are larger than it.
         """
-        from ecm.meta import Meta
-        from ecm.table import Table
-
         sd = self.predict_sd(poses)
         if sd is None:
             return None
-        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-        known = {} if self.length_m is None else {"length_m": self.length_m}
-        rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
         wider = max(1.0, float(self.training.get("residual_variance", 1.0)))
-        of_row = np.einsum("njj->nj", self.noise.covariance(rows))
+        of_row = np.einsum("njj->nj", self.noise.covariance(self._bare_rows(poses)))
         return np.asarray(np.sqrt(sd**2 + wider * of_row))
 
     def leverage(self, poses: F) -> F | None:
@@ -204,14 +201,18 @@ class Model:
         wrench = self.base.predict(poses)
         acting = self._acting_at_poses()
         if acting:
-            from ecm.meta import Meta
-            from ecm.table import Table
-
-            columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-            known = {} if self.length_m is None else {"length_m": self.length_m}
-            rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
+            rows = self._bare_rows(poses)
             wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
         return np.asarray(wrench)
+
+    def _bare_rows(self, poses: F) -> Rows:
+        """Poses without a table: of the model's mechanism in the model's scene."""
+        from ecm.table import Table
+
+        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        known = {} if self.length_m is None else {"length_m": self.length_m}
+        meta = Meta(mechanism=known, scene=self.scene)
+        return Rows(Table(columns, meta, "poses"), self.base)
 
     def add(self, *effects: str | Effect) -> Model:
         """With these effects, at zero until `fit`; ids or effects."""
@@ -307,6 +308,7 @@ class Model:
             effects=found.effects,
             noise=used,
             length_m=table.meta.length_m or self.length_m,
+            scene=table.meta.scene,
             covariance=self.covariance if freeze_base else found.covariance[:k, :k],
             training=training,
             domain=domain_of(table, self.inputs),
