@@ -128,16 +128,17 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
 def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     table = campaign("fts_drift", 1.0, 1)
     fitted = fit_model(table, name, physics=physics() if name == "physics" else None)
-    fitted = fitted.add("fts_drift", "anisotropy").freeze("anisotropy").fit(table)
+    fitted = fitted.add("anisotropy").fit(table)
+    fitted = fitted.add("fts_drift").freeze("anisotropy").fit(table)
     path = tmp_path / "model.json"
     fitted.save(path)
     again = load_model(path)
     np.testing.assert_array_equal(again.predict(table), fitted.predict(table))
     poses = workspace_poses(7, 1)
     np.testing.assert_array_equal(again.stiffness(poses), fitted.stiffness(poses))
-    assert [i.id for i in again.effects] == ["fts_drift", "anisotropy"]
-    assert again.effects[1].frozen
-    assert again.effects[0].effect.shape == fitted.effects[0].effect.shape
+    assert [i.id for i in again.effects] == ["anisotropy", "fts_drift"]
+    assert again.effects[0].frozen
+    assert again.effects[1].effect.shape == fitted.effects[1].effect.shape
     assert again.history == fitted.history
     assert again.domain == fitted.domain
     assert again.training["rows"] == fitted.training["rows"]

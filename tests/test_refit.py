@@ -165,6 +165,8 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         model().remove("payload")
     with pytest.raises(InputError, match="no effect payload"):
         model().freeze("payload")
+    with pytest.raises(InputError, match="payload was never fitted and has no values to keep"):
+        model().add("payload").freeze("payload")
 
 
 def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:

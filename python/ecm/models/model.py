@@ -263,6 +263,12 @@ class Model:
     def freeze(self, *ids: str) -> Model:
         """These effects, or `base`, keep their values in `fit`."""
         self._check([id for id in ids if id != "base"])
+        for item in self.effects:
+            if item.id in ids and not np.all(np.isfinite(item.sd)):
+                raise InputError(
+                    f"effect {item.id} was never fitted and has no values to keep: "
+                    "fit the model with it first"
+                )
         kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
         return self._changed(effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
 
