@@ -187,6 +187,17 @@ def test_a_frozen_base_stays_frozen_in_its_file(tmp_path: Path) -> None:
     assert not older.base_frozen
 
 
+def test_the_fit_report_is_in_the_file(tmp_path: Path) -> None:
+    """With what moves together: a value alone does not say how far it can be trusted."""
+    fitted = model().add("payload", "base_compliance").fit(campaign("payload", 1.0, 0))
+    assert fitted.correlations
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.correlations == fitted.correlations
+    assert again.fit_report() == fitted.fit_report()
+    older = saved_again(fitted, tmp_path / "older.json", "correlations")
+    assert older.correlations == ()
+
+
 def test_a_plain_cubic_keeps_its_file_small(tmp_path: Path) -> None:
     fitted = fit_model(campaign(seed=3), "cubic")
     path = tmp_path / "model.json"

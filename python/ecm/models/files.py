@@ -42,6 +42,7 @@ def model_document(model: Model) -> dict[str, Any]:
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
         "base_frozen": model.base_frozen,
+        "correlations": [list(pair) for pair in model.correlations],
         "domain": {name: list(pair) for name, pair in model.domain.items()},
         "training": dict(model.training),
         "history": [step.to_dict() for step in model.history],
@@ -180,6 +181,7 @@ def _model_of(document: dict[str, Any]) -> Model:
         scene=_scene_of(document.get("scene", {})),
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
         base_frozen=bool(document.get("base_frozen", False)),
+        correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
         history=tuple(Rung(**step) for step in document.get("history", ())),
     )
 
