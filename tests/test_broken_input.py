@@ -222,6 +222,9 @@ CASES = (
          ("--add EFFECT",), {"d.csv": GOOD}, fit_first=True),
     Case("removing what is not there", ("refit", "m.json", "d.csv", "--remove", "payload",
          "--out", "n.json"), ("no effect payload",), {"d.csv": GOOD}, fit_first=True),
+    Case("freezing what was never fitted", ("refit", "m.json", "d.csv", "--add", "fts_offset",
+         "--freeze", "fts_offset", "--out", "n.json"), ("fts_offset", "never fitted"),
+         {"d.csv": GOOD}, fit_first=True),
     Case("effect that the table cannot test", ("refit", "m.json", "d.csv", "--add", "ageing",
          "--out", "n.json"), ("ageing", "time_s"), {"d.csv": GOOD}, fit_first=True),
     # --- command line -------------------------------------------------------

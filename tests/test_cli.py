@@ -281,8 +281,13 @@ def test_from_candidates_to_a_refit_and_the_truth(
 
     done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
     done("compare", "m.json", "data.csv", "--json", "before.json")
-    done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",
-         "refit.json")  # fmt: skip
+    said = done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",
+                "refit.json")  # fmt: skip
+    assert "fts_offset (instruments)" in said.out
+    together = read(Path("refit.json"))["correlations"]
+    assert together
+    for pair in together:
+        assert "{} and {}: {:+.2f}".format(*pair["between"], pair["value"]) in said.out
     done("compare", "n.json", "data.csv", "--json", "after.json")
     before, after = read(Path("before.json")), read(Path("after.json"))
     assert after["whitened_rms"] < 0.5 * before["whitened_rms"]

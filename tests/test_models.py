@@ -12,11 +12,13 @@ import pytest
 import ecm.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
 from ecm.columns import POSE, WRENCH
+from ecm.effects import Rows, get_effect
 from ecm.effects.occlusion import LedOcclusion
 from ecm.errors import InputError
-from ecm.meta import Meta
+from ecm.meta import Meta, Scene
 from ecm.models import (
     EnergyMap,
+    Model,
     cross_validate,
     fit_model,
     load_model,
@@ -126,16 +128,17 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
 def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     table = campaign("fts_drift", 1.0, 1)
     fitted = fit_model(table, name, physics=physics() if name == "physics" else None)
-    fitted = fitted.add("fts_drift", "anisotropy").freeze("anisotropy").fit(table)
+    fitted = fitted.add("anisotropy").fit(table)
+    fitted = fitted.add("fts_drift").freeze("anisotropy").fit(table)
     path = tmp_path / "model.json"
     fitted.save(path)
     again = load_model(path)
     np.testing.assert_array_equal(again.predict(table), fitted.predict(table))
     poses = workspace_poses(7, 1)
     np.testing.assert_array_equal(again.stiffness(poses), fitted.stiffness(poses))
-    assert [i.id for i in again.effects] == ["fts_drift", "anisotropy"]
-    assert again.effects[1].frozen
-    assert again.effects[0].effect.shape == fitted.effects[0].effect.shape
+    assert [i.id for i in again.effects] == ["anisotropy", "fts_drift"]
+    assert again.effects[0].frozen
+    assert again.effects[1].effect.shape == fitted.effects[1].effect.shape
     assert again.history == fitted.history
     assert again.domain == fitted.domain
     assert again.training["rows"] == fitted.training["rows"]
@@ -144,6 +147,55 @@ def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     assert sd is not None
     assert other is not None
     np.testing.assert_allclose(sd, other, rtol=1e-5)
+
+
+def saved_again(fitted: Model, path: Path, *without: str) -> Model:
+    """Through a file; `without` some keys, as older files are."""
+    fitted.save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    kept = {key: value for key, value in document.items() if key not in ("sha256", *without)}
+    path.write_text(_native.seal_model(json.dumps(kept)), encoding="utf-8")
+    return load_model(path)
+
+
+def test_bare_poses_are_in_the_scene_of_the_fit(tmp_path: Path) -> None:
+    """A mechanism measured lying down hangs sideways also where only poses are asked for."""
+    table = campaign(seed=3)
+    lying = Scene(gravity_m_s2=(0.0, 0.0, -9.81))
+    table = table.with_meta(replace(table.meta, scene=lying)).measured()
+    weight = get_effect("own_weight").correction(Rows(table, physics()), np.array([0.5]))
+    heavier = {name: table.column(name) + weight[:, j] for j, name in enumerate(WRENCH)}
+    table = table.with_columns(heavier)
+    fitted = model().add("own_weight").fit(table)
+    np.testing.assert_allclose(fitted.predict(table.poses), fitted.predict(table), rtol=1e-12)
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.scene == lying
+    np.testing.assert_array_equal(again.stiffness(table.poses), fitted.stiffness(table.poses))
+    assert fit_model(table, "energy4").scene == lying
+    older = saved_again(fitted, tmp_path / "older.json", "scene")
+    assert older.scene == Scene()
+    assert np.abs(older.predict(table.poses) - fitted.predict(table)).max() > 1.0
+
+
+def test_a_frozen_base_stays_frozen_in_its_file(tmp_path: Path) -> None:
+    """Else the next refit of the file would move what its owner wanted kept."""
+    table = campaign("payload", 1.0, 0)
+    fitted = model().freeze("base").add("payload").fit(table)
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.add("fts_offset").fit(table).base.coefficients[0] == 1.0
+    older = saved_again(fitted, tmp_path / "older.json", "base_frozen")
+    assert not older.base_frozen
+
+
+def test_the_fit_report_is_in_the_file(tmp_path: Path) -> None:
+    """With what moves together: a value alone does not say how far it can be trusted."""
+    fitted = model().add("payload", "base_compliance").fit(campaign("payload", 1.0, 0))
+    assert fitted.correlations
+    again = saved_again(fitted, tmp_path / "m.json")
+    assert again.correlations == fitted.correlations
+    assert again.fit_report() == fitted.fit_report()
+    older = saved_again(fitted, tmp_path / "older.json", "correlations")
+    assert older.correlations == ()
 
 
 def test_a_plain_cubic_keeps_its_file_small(tmp_path: Path) -> None:

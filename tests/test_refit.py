@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ecm.columns import WRENCH
+from ecm.columns import POSE, WRENCH
 from ecm.compare import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError
+from ecm.meta import Instrument, Meta
 from ecm.refit import FittedEffect, joint_fit
-from stand_in_campaign import campaign, model, physics
+from ecm.table import Table
+from stand_in_campaign import campaign, model, physics, workspace_poses
 
 
 def with_effect(id: str, values: np.ndarray, seed: int = 3):  # type: ignore[no-untyped-def]
@@ -85,6 +89,30 @@ def test_frozen_values_stay_and_the_rest_moves() -> None:
     assert loose.base.coefficients[0] != 1.0
 
 
+def test_with_all_frozen_the_ladder_still_gets_its_rung() -> None:
+    """Nothing to fit is no error: how far the model as it stands is from these rows."""
+    table = campaign("payload", 1.0, 0)
+    (bare,) = model().freeze("base").fit(table).history
+    assert bare.parameters == 0
+    assert bare.held_out == pytest.approx(bare.train)
+    with_payload = model().add("payload").fit(table)
+    kept = with_payload.freeze("base", "payload").fit(table)
+    np.testing.assert_array_equal(kept.predict(table), with_payload.predict(table))
+    assert kept.correlations == ()
+
+
+def test_a_frozen_base_is_as_it_is_on_every_rung() -> None:
+    """Else what the base could take would be missing from the worth of the addition."""
+    table = campaign("payload", 1.0, 0)
+    stiff = physics().with_coefficients(1.02 * physics().coefficients)
+    given = replace(model(), base=stiff).freeze("base")
+    (bare,) = given.fit(table).history
+    before, after = given.add("payload").fit(table).history
+    assert before.chi2 == pytest.approx(bare.chi2)
+    assert (before.parameters, after.parameters) == (0, 4)
+    assert f"chi2 falls by {bare.chi2 - after.chi2:.1f} with 4 parameters more" in after.test
+
+
 def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:
     table = campaign("fts_drift", 1.0, 1)
     better = model().add("fts_drift").fit(table)
@@ -137,6 +165,8 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         model().remove("payload")
     with pytest.raises(InputError, match="no effect payload"):
         model().freeze("payload")
+    with pytest.raises(InputError, match="payload was never fitted and has no values to keep"):
+        model().add("payload").freeze("payload")
 
 
 def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
@@ -156,6 +186,61 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
     assert second.undo("physics").effects == ()
     with pytest.raises(InputError, match="nothing to undo: cubic"):
         second.undo("cubic")
+
+
+def test_a_fit_weighs_by_the_noise_of_its_rows() -> None:
+    """Not by that of the model, which for a mechanism alone is a common rig's, ten times as loud.
+
+    With the rig's the deviations of what is found are ten times too large, and it seems to be
+    nothing.
+    """
+    random = np.random.default_rng(5)
+    quiet = np.array([0.03] * 3 + [0.001] * 3)
+    poses = np.tile(workspace_poses(40, 6), (3, 1))
+    wrench = physics().predict(poses) + quiet * random.standard_normal((120, 6))
+    columns = {**dict(zip(POSE, poses.T, strict=True)), **dict(zip(WRENCH, wrench.T, strict=True))}
+    told = Instrument(
+        pose_position_sd_m=1e-7, pose_rotation_sd_rad=1e-6, force_sd_N=0.03, torque_sd_Nm=0.001
+    )
+    alone = Meta(mechanism={"length_m": physics().length_m})
+    declared = Table(columns, replace(alone, instrument=told), "declared")
+    repeats = Table({**columns, "pose_id": np.tile(np.arange(40.0), 3)}, alone, "repeats")
+    for table in (declared, repeats):
+        fitted = model().add("fts_offset").fit(table)
+        assert fitted.noise.source == table.source
+        assert fitted.noise.force_sd_N == pytest.approx(0.03, rel=0.15)
+        # Of lateral forces, which no pose noise of a stiff axis hides.
+        assert fitted.effects[0].sd[1] == pytest.approx(0.03 / np.sqrt(120), rel=0.3)
+        assert 0.9 < fitted.history[-1].train < 1.1
+        # One noise for the rows, so that the next addition is tested against this one.
+        assert "parameters more" in fitted.add("fts_gain").fit(table).history[-1].test
+
+
+def test_undo_goes_back_one_fit_whatever_was_changed() -> None:
+    """Also where nothing was added: a fit of other rows, of frozen values, of fewer effects."""
+    table = campaign("payload", 1.0, 0)
+    first = model().add("payload").fit(table)
+    assert first.fit(table.select(np.arange(200))).undo() is first
+    second = first.freeze("payload").fit(table)
+    assert second.undo() is first
+    third = second.remove("payload").fit(table)
+    assert third.undo() is second
+    assert third.undo().undo() is first
+    # What was never fitted is one step, however many changes it took.
+    assert first.add("fts_gain").remove("payload").freeze("base").undo() is first
+    assert first.add("fts_gain").remove("fts_gain").fit(table).undo() is first
+
+
+def test_other_rows_or_another_noise_are_no_test() -> None:
+    """As many rows are not the same rows: their sums of squares say nothing about the model."""
+    table = campaign("payload", 1.0, 0)
+    first = model().add("payload").fit(table)
+    louder = {name: 2.0 * table.column(name) for name in WRENCH}
+    assert first.fit(table.with_columns(louder)).history[-1].test.startswith("no test: other rows")
+    noise = replace(first.noise, force_sd_N=2.0 * first.noise.force_sd_N)
+    assert first.fit(table, noise=noise).history[-1].test.startswith("no test: other rows")
+    again = first.fit(table).history[-1].test
+    assert "with as many parameters" in again
 
 
 def test_several_at_once_and_the_report_keeps_physics_and_instruments_apart() -> None:

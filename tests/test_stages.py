@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ecm.errors import ComputationError
-from ecm.stages import Stage, atomic, hash_of, write_atomically
+from ecm.stages import Stage, atomic, hash_of, write_atomically, write_json
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,22 @@ def test_the_hash_of_an_array_is_that_of_its_bytes(values: list[float]) -> None:
     assert hash_of(array) == hash_of(array.copy())
     array[0] = np.nextafter(array[0], np.inf)
     assert hash_of(array) != hash_of(np.array(values))
+
+
+def test_a_json_file_is_json_whatever_was_not_finite(tmp_path: Path) -> None:
+    """`Infinity` is no JSON: a browser and most readers refuse the whole file for it."""
+    path = tmp_path / "found.json"
+    document = {"sd": [float("inf"), 0.25], "rows": ({"z": float("nan")}, -float("inf")), "n": 3}
+    write_json(path, document)
+
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    found = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+    assert found == {"sd": [None, 0.25], "rows": [{"z": None}, None], "n": 3}
+    # A stage is its own reader, and gives back what it was given.
+    again = Stage(tmp_path, "far", None).run(lambda: {"limit": float("inf")})
+    assert again["limit"] == float("inf")
 
 
 def test_a_stage_computes_once_per_settings(tmp_path: Path) -> None:

@@ -99,9 +99,11 @@ def joint_fit(
         residual, design = _linearised(rows, base, fitted, measured, free_base)
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
-        step = _bounded_step(z.reshape(-1, z.shape[2]), y.ravel(), base, fitted, free_base)
-        moved = float(np.linalg.norm(z.reshape(-1, z.shape[2]) @ step))
-        least = _least_effects(z.reshape(-1, z.shape[2]), fitted, free_base)
+        # By its rows: with all frozen it has no columns to tell the size from.
+        flat = z.reshape(y.size, -1)
+        step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
+        moved = float(np.linalg.norm(flat @ step))
+        least = _least_effects(flat, fitted, free_base)
         here = _values(base, fitted, free_base)
         there = least @ (here + step)
         lower, upper = _bounds(base, fitted, free_base)
@@ -116,7 +118,7 @@ def joint_fit(
         converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
-    weighted = (z * root[:, None, None]).reshape(-1, z.shape[2])
+    weighted = (z * root[:, None, None]).reshape(measured.size, -1)
     least = _least_effects(weighted, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
     # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.

@@ -106,8 +106,25 @@ def write_atomically(path: Path, content: str | bytes) -> None:
 
 
 def write_json(path: Path, document: Any) -> None:
-    """A JSON document, keys in their order, floats with the digits that give them back."""
-    write_atomically(path, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    """A JSON document, keys in their order, floats with the digits that give them back.
+
+    JSON knows neither NaN nor Infinity, and few readers do: they become null.
+    """
+    write_atomically(path, _text(_finite(document)))
+
+
+def _text(document: Any) -> str:
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value
 
 
 def _sync_directory(directory: Path) -> None:
@@ -169,16 +186,15 @@ class Stage:
             content = _pack(arrays)
             digest = hashlib.sha256(content).hexdigest()
             write_atomically(self._npz, content)
-        write_json(
-            self._json,
-            {
-                "stage": self.name,
-                "key": self.key,
-                "arrays": digest,
-                "order": list(result),
-                "result": plain,
-            },
-        )
+        document = {
+            "stage": self.name,
+            "key": self.key,
+            "arrays": digest,
+            "order": list(result),
+            "result": plain,
+        }
+        # Read by Python alone, which gets NaN and Infinity back.
+        write_atomically(self._json, _text(document))
         self.forget_parts()
 
     def forget_parts(self) -> None:

@@ -273,32 +273,20 @@ def _warn_outside(model: Model, table: Table, console: Console) -> None:
 
 
 def refit_summary(fitted: Model) -> dict[str, Any]:
-    """Values of the effects and the error ladder."""
+    """Values of the effects, what moves together, and the error ladder; the report in words."""
     effects = []
-    sentences = []
     for item in fitted.effects:
         values = [
             {"name": p.name, "value": float(v), "sd": float(s), "unit": p.unit}
             for p, v, s in zip(item.effect.parameters, item.values, item.sd, strict=True)
         ]
         effects.append({"id": item.id, "frozen": item.frozen, "parameters": values})
-        shown = ", ".join(
-            f"{v['name']} = {v['value']:.4g} +- {v['sd']:.2g} {v['unit']}" for v in values
-        )
-        sentences.append(f"{item.id}: {shown}")
-    history = [rung.to_dict() for rung in fitted.history]
-    for rung in fitted.history:
-        ceiling = "" if rung.ceiling is None else f", ceiling {rung.ceiling:.3f}"
-        sentences.append(
-            f"{rung.name}: error over noise {rung.train:.3f} on the fitted rows, "
-            f"{rung.held_out:.3f} held out{ceiling}"
-        )
-        if rung.test:
-            sentences.append(f"  {rung.test}")
+    pairs = [{"between": [a, b], "value": value} for a, b, value in fitted.correlations]
     return {
         "schema": 1,
         "model": fitted.name,
         "effects": effects,
-        "history": history,
-        "sentences": sentences,
+        "correlations": pairs,
+        "history": [rung.to_dict() for rung in fitted.history],
+        "sentences": fitted.fit_report().splitlines(),
     }

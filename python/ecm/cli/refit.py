@@ -50,7 +50,7 @@ def refit(
     threads: HiddenThreads = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Fit a model again with an effect more or less, and show the error ladder."""
+    """Fit a model again with an effect more or less: fit report and error ladder."""
     from ecm.cli.models import open_model, refit_summary
     from ecm.errors import InputError
 

@@ -77,7 +77,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
             f"Left out: {', '.join(left_out)}. They belong to the instruments, to time or to "
             "temperature, not to the mechanism's pose."
         )
-    bare = replace(model, effects=(), history=())
+    bare = replace(model, effects=(), history=(), correlations=())
     if not acting:
         return bare, left_out, notes
     folded, error = _folded(model)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ecm import _native
 from ecm.compare.noise import Noise
 from ecm.effects import with_shape
 from ecm.errors import InputError
+from ecm.meta import Scene
 from ecm.models.backbone import backbone_from_document
 from ecm.models.ladder import Rung
 from ecm.models.learned import learned_from_document
@@ -35,9 +37,12 @@ def model_document(model: Model) -> dict[str, Any]:
         "version": _VERSION,
         **model.base.document(),
         "length_m": model.base.length_m or model.length_m,
+        "scene": asdict(model.scene),
         **_covariance_document(model),
         "noise": model.noise.to_dict(),
         "effects": [_effect_document(item) for item in model.effects],
+        "base_frozen": model.base_frozen,
+        "correlations": [list(pair) for pair in model.correlations],
         "domain": {name: list(pair) for name, pair in model.domain.items()},
         "training": dict(model.training),
         "history": [step.to_dict() for step in model.history],
@@ -173,9 +178,18 @@ def _model_of(document: dict[str, Any]) -> Model:
         covariance=_covariance_of(document),
         training=dict(document["training"]),
         length_m=document["length_m"],
+        scene=_scene_of(document.get("scene", {})),
         domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
+        base_frozen=bool(document.get("base_frozen", False)),
+        correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
         history=tuple(Rung(**step) for step in document.get("history", ())),
     )
+
+
+def _scene_of(document: dict[str, Any]) -> Scene:
+    known = {**asdict(Scene()), **document}
+    gravity = [float(g) for g in known["gravity_m_s2"]]
+    return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
 
 
 def _base_of(document: dict[str, Any]) -> StiffnessMap:

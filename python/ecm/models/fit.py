@@ -258,6 +258,7 @@ def _model(
         training=training,
         domain=domain_of(table, base.inputs),
         length_m=base.length_m or table.meta.length_m,
+        scene=table.meta.scene,
     )
 
 

@@ -13,6 +13,7 @@ from ecm.compare.folds import folds, held_out_by, is_pose, row_groups
 from ecm.compare.gram import Gram
 from ecm.compare.lack_of_fit import FTest
 from ecm.compare.noise import whiteners
+from ecm.stages import hash_of
 
 if TYPE_CHECKING:
     from ecm.effects.rows import Rows
@@ -43,6 +44,8 @@ class Rung:
     """Fitted numbers."""
     size: int = 0
     """Rows times components."""
+    rows: str = ""
+    """Hash of the fitted rows and of their noise: only rungs that share it can be tested."""
     test: str = ""
     """What the change against the rung before is worth, in words."""
 
@@ -57,7 +60,8 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
 
     steps = []
     if model.effects and not already:
-        alone = joint_fit(model.base, (), table, model.noise)
+        frozen = model.base_frozen
+        alone = joint_fit(model.base, (), table, model.noise, freeze_base=frozen)
         steps.append(_rung(model.base.name, table, alone, model))
     own = _rung(model.name, table, found, model)
     before = steps[-1] if steps else model.history[-1] if model.history else None
@@ -67,8 +71,10 @@ def rung(model: Model, table: Table, found: JointFit, *, already: bool) -> tuple
 
 def _test(before: Rung, after: Rung) -> str:
     """F-test and BIC of a change, from the sums of squares of the same rows."""
-    if before.size != after.size or before.parameters == 0:
+    if not before.rows:  # of a file that does not say
         return ""
+    if before.rows != after.rows:
+        return "no test: other rows or another noise than on the rung before"
     more = after.parameters - before.parameters
     fall = before.chi2 - after.chi2
     wide, narrow = (after, before) if more >= 0 else (before, after)
@@ -98,6 +104,7 @@ def _rung(name: str, table: Table, found: JointFit, model: Model) -> Rung:
         chi2=float((found.whitened**2).sum()),
         parameters=found.design.shape[2],
         size=found.whitened.size,
+        rows=hash_of(model.training["hash"], model.noise.to_dict()),
     )
 
 

@@ -15,6 +15,7 @@ from ecm.compare.folds import informative
 from ecm.compare.noise import Noise
 from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
+from ecm.meta import Meta, Scene
 from ecm.models.maps import StiffnessMap
 from ecm.refit import FittedEffect, best_shape, joint_fit
 
@@ -40,6 +41,8 @@ class Model:
     """Range of each pose column in the training data."""
     length_m: float | None = None
     """Of the mechanism, for effects that need it where the base does not hold it."""
+    scene: Scene = field(default_factory=Scene)
+    """Where it was fitted: bare poses are under its gravity; a table says its own."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[Rung, ...] = ()
@@ -47,7 +50,9 @@ class Model:
     correlations: tuple[tuple[str, str, float], ...] = ()
     """Pairs of fitted parameters that move together, the closest first."""
     previous: Model | None = None
-    """What it was before the last change that was fitted."""
+    """What it was before the last fit, or where it was changed since then as the fit left it."""
+    changed: bool = False
+    """Whether an effect was added, removed or frozen since the last fit."""
 
     def __repr__(self) -> str:
         """The fit report, so that a test is seen as soon as a term is added and fitted."""
@@ -124,17 +129,11 @@ class Model:
         Of the coefficients and of one row's noise, the latter widened where the training
         residuals are larger than it.
         """
-        from ecm.meta import Meta
-        from ecm.table import Table
-
         sd = self.predict_sd(poses)
         if sd is None:
             return None
-        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-        known = {} if self.length_m is None else {"length_m": self.length_m}
-        rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
         wider = max(1.0, float(self.training.get("residual_variance", 1.0)))
-        of_row = np.einsum("njj->nj", self.noise.covariance(rows))
+        of_row = np.einsum("njj->nj", self.noise.covariance(self._bare_rows(poses)))
         return np.asarray(np.sqrt(sd**2 + wider * of_row))
 
     def leverage(self, poses: F) -> F | None:
@@ -202,14 +201,18 @@ class Model:
         wrench = self.base.predict(poses)
         acting = self._acting_at_poses()
         if acting:
-            from ecm.meta import Meta
-            from ecm.table import Table
-
-            columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-            known = {} if self.length_m is None else {"length_m": self.length_m}
-            rows = Rows(Table(columns, Meta(mechanism=known), "poses"), self.base)
+            rows = self._bare_rows(poses)
             wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
         return np.asarray(wrench)
+
+    def _bare_rows(self, poses: F) -> Rows:
+        """Poses without a table: of the model's mechanism in the model's scene."""
+        from ecm.table import Table
+
+        columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
+        known = {} if self.length_m is None else {"length_m": self.length_m}
+        meta = Meta(mechanism=known, scene=self.scene)
+        return Rows(Table(columns, meta, "poses"), self.base)
 
     def add(self, *effects: str | Effect) -> Model:
         """With these effects, at zero until `fit`; ids or effects."""
@@ -227,10 +230,10 @@ class Model:
             present.add(effect.id)
             k = len(effect.parameters)
             added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))
-        return replace(self, effects=(*self.effects, *added), previous=self._settled())
+        return self._changed(effects=(*self.effects, *added))
 
     def undo(self, name: str | None = None) -> Model:
-        """As it was before the last fit, or when it was called `name`."""
+        """As it was before the last fit or unfitted change, or when it was called `name`."""
         found = self.previous
         while found is not None and name is not None and found.name != name:
             found = found.previous
@@ -240,10 +243,10 @@ class Model:
             raise InputError(f"nothing to undo: {wanted} is not in this session's fits ({known})")
         return found
 
-    def _settled(self) -> Model | None:
-        """Itself, or where it holds effects that were never fitted what it was before them."""
-        fitted = all(np.all(np.isfinite(item.sd)) for item in self.effects)
-        return self if fitted else self.previous
+    def _changed(self, **to: Any) -> Model:
+        """With these fields; undo goes past all changes since the last fit at once."""
+        settled = self.previous if self.changed else self
+        return replace(self, **to, previous=settled, changed=True)
 
     def fit_report(self) -> str:
         """Values with errors and correlations, the error ladder and the tests between its rungs."""
@@ -255,13 +258,19 @@ class Model:
         """Without these effects; what is left keeps its values until `fit`."""
         self._check(ids)
         kept = tuple(i for i in self.effects if i.id not in ids)
-        return replace(self, effects=kept, previous=self._settled())
+        return self._changed(effects=kept)
 
     def freeze(self, *ids: str) -> Model:
         """These effects, or `base`, keep their values in `fit`."""
         self._check([id for id in ids if id != "base"])
+        for item in self.effects:
+            if item.id in ids and not np.all(np.isfinite(item.sd)):
+                raise InputError(
+                    f"effect {item.id} was never fitted and has no values to keep: "
+                    "fit the model with it first"
+                )
         kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
-        return replace(self, effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
+        return self._changed(effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
 
     def save(self, path: str | Path) -> None:
         """Write a sealed model file."""
@@ -280,13 +289,19 @@ class Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
         Each effect takes the shape among its variants that fits best. The history gets a rung.
+
+        Parameters
+        ----------
+        noise
+            Default that of the table: of its repeats, else declared, else the model's.
         """
         from ecm.models.fit_report import correlations_of
         from ecm.models.ladder import rung
-        from ecm.models.training import domain_of, training_of
+        from ecm.models.training import domain_of, noise_for, training_of
 
         table, freeze_base = informative(table), self.base_frozen
-        used = self.noise if noise is None else noise
+        training = training_of(table)
+        used = noise_for(self, table, training) if noise is None else noise
         chosen = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
@@ -299,11 +314,13 @@ class Model:
             effects=found.effects,
             noise=used,
             length_m=table.meta.length_m or self.length_m,
+            scene=table.meta.scene,
             covariance=self.covariance if freeze_base else found.covariance[:k, :k],
-            training=training_of(table),
+            training=training,
             domain=domain_of(table, self.inputs),
             correlations=correlations_of(found, freeze_base),
-            previous=self if self.previous is None else self.previous,
+            previous=self.previous if self.changed else self,
+            changed=False,
         )
         step = rung(fitted, table, found, already=len(self.history) > 0)
         return replace(fitted, history=(*self.history, *step))
