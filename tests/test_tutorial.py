@@ -1,16 +1,22 @@
-"""docs/tutorial.md runs as it stands, and ends with the right answer for other secrets too."""
+"""docs/tutorial.md runs as it stands, and ends with the right answer for other secrets too.
+
+So does the part of docs/designs.md that measures its candidates by two protocols.
+"""
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from test_readme import ROOT, blocks, follow
 
 PAGE = ROOT / "docs" / "tutorial.md"
+DESIGNS = ROOT / "docs" / "designs.md"
 SEED = "--seed 4 "
 OTHERS = (21, 22, 23)
 """Taken as they come; what they hide is not looked at."""
@@ -48,3 +54,24 @@ def test_so_it_does_for_secrets_that_nobody_chose(planned: Path, tmp_path: Path)
         shutil.copytree(planned, folder)
         right += "the answer is right" in measured(folder, seed)
     assert right >= 2
+
+
+def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(
+    planned: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "page"
+    shutil.copytree(planned, folder)
+    follow(blocks(DESIGNS), DESIGNS.name, folder)
+
+    def said(name: str) -> tuple[dict[str, Any], set[str]]:
+        found = json.loads((folder / name).read_text(encoding="utf-8"))
+        return found, {item["id"] for item in found["not_testable"]}
+
+    history = {"hysteresis", "stress_relaxation", "ageing"}
+    paper, lacking = said("paper.json")
+    assert history <= lacking
+    assert paper["verdict"] == "unknown", paper["sentence"]
+    told, lacking = said("told.json")
+    assert not history & lacking
+    assert any("hysteresis" in members for members in told["answer"]), told["sentence"]
+    assert told["held_out"]["after"] < 1.15 < told["held_out"]["before"]
