@@ -92,6 +92,15 @@ def ecm_command(
 
 
 @pytest.fixture(scope="session")
+def blind_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Plans of the short blind benchmark: a third of the size, hence of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, count in (("POSES", 45), ("VISITS", 120), ("PAPER_POSES", 60)):
+            patch.setattr(f"blind_parts.plans.{name}", count)
+        yield tmp_path_factory.mktemp("blind")
+
+
+@pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of published measurements beside the repository; skips where it is absent."""
     if not SHARED_DATA.is_dir():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from conftest import Done, csv_text
 from ecm.columns import WRENCH
 from ecm.compare import Noise, compare, declared_noise, lack_of_fit, omnibus
 from ecm.compare.estimate import estimate_noise, repeat_cells
@@ -52,13 +55,39 @@ def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
     assert line.noise.source == "repeats"
     assert line.excess_low > 0.0
     assert line.lack_of_fit is not None
-    assert line.lack_of_fit.F > 100.0
+    # The two coefficients of the line count, for they were fitted to this very table.
+    assert pytest.approx(214.747, abs=5e-4) == line.lack_of_fit.F
+    assert (line.lack_of_fit.dof, line.lack_of_fit.dof_error) == (18, 20)
+    alone = line.components[0].lack_of_fit
+    assert alone is not None
+    assert pytest.approx(line.lack_of_fit.F, rel=1e-9) == alone.F
+    # To other numbers nothing was fitted: all twenty loads speak.
+    other = compare(fit_model(table, "linear"), table.with_columns({"fx_N": deflection + 1e-9}))
+    assert other.lack_of_fit is not None
+    assert other.lack_of_fit.dof == 20
     quadratic = fit_model(table, "quadratic")
     found = compare(quadratic, table)
     residual = deflection - quadratic.predict(table)[:, 0]
     assert np.sqrt((residual**2).sum() / 37) == pytest.approx(0.000205177424076185, rel=1e-9)
     assert found.excess_low == 0.0
     assert found.whitened_rms < 1.1
+
+
+def test_the_command_says_the_certified_lack_of_fit(
+    shared_data: Path, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    load, deflection = load_cell(shared_data)
+    _, cells = np.unique(load, return_inverse=True)
+    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
+    data, fitted, found = (tmp_path / name for name in ("d.csv", "m.json", "c.json"))
+    data.write_text(csv_text(columns), encoding="utf-8")
+    assert ecm_command("fit", data, "--model", "linear", "--out", fitted).code == 0
+    done = ecm_command("compare", fitted, data, "--json", found)
+    assert "F = 214.747 with 18 and 20 degrees of freedom" in done.out
+    document = json.loads(found.read_text(encoding="utf-8"))
+    own = document["components"][0]["lack_of_fit"]
+    assert own["F"] == pytest.approx(214.747, abs=5e-4)
+    assert document["lack_of_fit"]["F"] == pytest.approx(own["F"], rel=1e-9)
 
 
 def test_noise_from_repeats_is_the_noise_that_was_put_in() -> None:
@@ -118,6 +147,47 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     assert table.text("kind")[worst[0]["row"] - 1] == "pose"
     lengths = np.sqrt((wrong.whitened**2).mean(axis=1))
     assert worst[0]["row"] - 1 == wrong.row[lengths.argmax()]
+
+
+def test_lack_of_fit_points_at_the_component_that_misfits() -> None:
+    """A force along z that follows the pose: fz alone, though noise through K mixes components."""
+    table = campaign(seed=3)
+    clean = compare(model(), table)
+    y = table.column("y_m")
+    found = compare(model(), table.with_columns({"fz_N": table.column("fz_N") + y / y.std()}))
+    ratios = {}
+    for before, after in zip(clean.components, found.components, strict=True):
+        assert before.lack_of_fit is not None
+        assert after.lack_of_fit is not None
+        assert before.lack_of_fit.p > 1e-3
+        assert after.lack_of_fit.dof == before.lack_of_fit.dof
+        ratios[after.name] = after.lack_of_fit.F
+    assert ratios.pop("fz_N") > 5.0
+    assert max(ratios.values()) < 1.6
+    fz = found.to_dict()["components"][2]
+    assert fz["lack_of_fit"]["p"] < 1e-12
+
+
+def test_what_was_fitted_to_the_table_counts_once_in_its_lack_of_fit() -> None:
+    """Base and effects of a refit; frozen ones had no say, and another table saw no fit."""
+    table = campaign("payload", 1.0, 4)
+    better = model().add("payload").fit(table)
+    base, payload = len(better.base.coefficients), len(better.effects[0].values)
+
+    def dof(model: Model, table: Table) -> float:
+        found = compare(model, table)
+        assert found.lack_of_fit is not None
+        each = [c.lack_of_fit.dof for c in found.components if c.lack_of_fit is not None]
+        assert sum(each) == pytest.approx(found.lack_of_fit.dof)
+        return found.lack_of_fit.dof
+
+    whole = dof(model(), table)
+    assert whole == 6 * len(np.unique(table.column("pose_id")[is_pose(table)]))
+    assert dof(better, table) == whole - base - payload
+    assert dof(better.freeze("payload").fit(table), table) == whole - base
+    assert dof(better, campaign("payload", 1.0, 5)) == whole
+    # As many numbers as cells leave nothing to judge by.
+    assert compare(fit_model(table, "poly:4"), table).lack_of_fit is None
 
 
 def test_where_says_what_the_residual_follows() -> None:

@@ -1,15 +1,18 @@
 """docs/tutorial.md runs as it stands, and ends with the right answer for other secrets too.
 
-So does docs/own_effect.md, whose effect the commands know once it is an installed package's.
+So does docs/own_effect.md, whose effect the commands know once it is an installed package's; so
+does the part of docs/designs.md that measures its candidates by two protocols.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,6 +20,7 @@ from test_readme import ROOT, blocks, follow, run
 
 PAGE = ROOT / "docs" / "tutorial.md"
 OWN = ROOT / "docs" / "own_effect.md"
+DESIGNS = ROOT / "docs" / "designs.md"
 SEED = "--seed 4 "
 OTHERS = (21, 22, 23)
 """Taken as they come; what they hide is not looked at."""
@@ -73,3 +77,24 @@ def test_an_effect_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
     run(ask, tmp_path, OWN.name)
     assert "hose under pressure" in run(["ecm", "effects", "hose"], tmp_path, OWN.name)
+
+
+def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(
+    planned: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "page"
+    shutil.copytree(planned, folder)
+    follow(blocks(DESIGNS), DESIGNS.name, folder)
+
+    def said(name: str) -> tuple[dict[str, Any], set[str]]:
+        found = json.loads((folder / name).read_text(encoding="utf-8"))
+        return found, {item["id"] for item in found["not_testable"]}
+
+    history = {"hysteresis", "stress_relaxation", "ageing"}
+    paper, lacking = said("paper.json")
+    assert history <= lacking
+    assert paper["verdict"] == "unknown", paper["sentence"]
+    told, lacking = said("told.json")
+    assert not history & lacking
+    assert any("hysteresis" in members for members in told["answer"]), told["sentence"]
+    assert told["held_out"]["after"] < 1.15 < told["held_out"]["before"]

@@ -26,6 +26,7 @@ from ecm.cli.options import (
 from ecm.cli.text import columns
 
 if TYPE_CHECKING:
+    from ecm.compare import FTest
     from ecm.compare.references import References
 
 
@@ -68,7 +69,8 @@ def compare(
         )
         if report is not None:
             write_comparison(report, found)
-        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
+        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "fit F",
+                 "unit")]  # fmt: skip
         silent = never_excited(table)
         for item in found.components:
             if item.name in silent:
@@ -77,17 +79,30 @@ def compare(
             unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
             rows.append(
                 (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
-                 f"{item.excess:.3g}", interval, unit)
+                 f"{item.excess:.3g}", interval, _ratio(item.lack_of_fit), unit)
             )  # fmt: skip
         console.say(columns(rows))
         console.say()
         console.say(found.sentence())
+        if found.lack_of_fit is not None:
+            console.say(_lack_of_fit(found.lack_of_fit))
         if found.references is not None:
             console.say(_side_by_side(found.references))
         for warning in found.warnings:
             console.warn(warning)
         for sentence in excitation_sentences(silent):
             console.say(sentence)
+
+
+def _ratio(found: FTest | None) -> str:
+    return "" if found is None else f"{found.F:.3g}"
+
+
+def _lack_of_fit(found: FTest) -> str:
+    return (
+        f"Lack of fit over all components: F = {found.F:.6g} with {found.dof:.4g} and "
+        f"{found.dof_error:.4g} degrees of freedom, p = {found.p:.2g} (1 where only noise is left)."
+    )
 
 
 def _side_by_side(found: References) -> str:

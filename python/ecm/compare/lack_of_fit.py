@@ -45,7 +45,7 @@ class FTest:
         return FTest(ratio, p, dof, dof_error, explained, rest)
 
 
-def lack_of_fit(whitened: F, cells: I, parameters: int, weights: F | None = None) -> FTest | None:
+def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = None) -> FTest | None:
     """Lack-of-fit F of whitened residuals (N, m); None where no cell is repeated.
 
     Parameters
@@ -53,7 +53,7 @@ def lack_of_fit(whitened: F, cells: I, parameters: int, weights: F | None = None
     cells
         (N,) cell of each row: rows that were to measure the same thing.
     parameters
-        Number of fitted coefficients.
+        Number of fitted coefficients; a component's share of them where they are its own.
     weights
         (N,) 0 leaves a row out.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.estimate import estimate_noise, repeat_cells
-from ecm.compare.folds import is_pose, row_groups
+from ecm.compare.folds import informative, is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
 from ecm.compare.noise import Noise
 from ecm.compare.references import References, references
@@ -45,6 +45,8 @@ class Component:
     excess_low: float
     excess_high: float
     """90 % interval, groups of rows resampled."""
+    lack_of_fit: FTest | None = None
+    """Of this component alone, over its own noise; None without repeats."""
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,9 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         excited[:] = True
     mean = float((whitened[:, excited] ** 2).mean())
     draws = _bootstrap(physical**2 - variance, whitened[:, excited] ** 2 - 1.0, groups, seed)
+    cells, fitted = repeat_cells(table)[scored], _fitted_here(model, table)
+    # A whitened component holds those before it: each by itself is over its own deviation.
+    alone = physical / np.sqrt(variance)
     components = tuple(
         Component(
             name=name,
@@ -177,10 +182,10 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
             excess=_root(float((physical[:, j] ** 2 - variance[:, j]).mean())),
             excess_low=_root(float(draws[0][0, j])),
             excess_high=_root(float(draws[0][1, j])),
+            lack_of_fit=_lack(alone[:, j : j + 1], cells, fitted / len(model.outputs)),
         )
         for j, name in enumerate(model.outputs)
     )
-    cells = repeat_cells(table)[scored]
     return Comparison(
         model=model.name,
         rows=int(scored.sum()),
@@ -190,7 +195,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         excess_low=_root(float(draws[1][0])),
         excess_high=_root(float(draws[1][1])),
         noise=noise,
-        lack_of_fit=lack_of_fit(whitened, cells, 0),
+        lack_of_fit=_lack(whitened, cells, fitted),
         outside_domain=_outside(model, rows, scored),
         whitened=whitened,
         physical=physical,
@@ -198,6 +203,26 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         warnings=tuple(r.sentence() for r in unlike_runs(table, model.inputs, model.outputs)),
         compared=_Compared(model, rows, found, scored),
     )
+
+
+def _fitted_here(model: Model, table: Table) -> int:
+    """How many numbers of the model were fitted to this very table; none where it is new to it."""
+    from ecm.models.training import training_of  # Late: models stand on the comparison.
+
+    seen = {training_of(rows)["hash"] for rows in (table.measured(), informative(table))}
+    if model.training.get("hash") not in seen:
+        return 0
+    base = 0 if model.base_frozen else len(model.base.coefficients)
+    return base + sum(len(item.values) for item in model.effects if not item.frozen)
+
+
+def _lack(residual: F, cells: I, fitted: float) -> FTest | None:
+    """F of the lack of fit; None where nothing is repeated or as much is fitted as was measured.
+
+    What all components share is fitted to each in equal parts.
+    """
+    found = lack_of_fit(residual, cells, fitted)
+    return found if found is not None and np.isfinite(found.F) else None
 
 
 def _bootstrap(physical: F, whitened: F, groups: NDArray[np.int64], seed: int) -> tuple[F, F]:
