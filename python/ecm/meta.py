@@ -149,6 +149,12 @@ class Meta:
         value = self.mechanism.get("length_m")
         return None if value is None else float(value)
 
+    def with_length(self, length_m: float | None) -> Meta:
+        """With this length of the mechanism, where its own is not told."""
+        if length_m is None or self.length_m is not None:
+            return self
+        return replace(self, mechanism={**self.mechanism, "length_m": length_m})
+
     def body(self) -> Mechanism | None:
         """The mechanism beside the data; None where nothing is said about it."""
         if not self.mechanism:
