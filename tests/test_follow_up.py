@@ -125,6 +125,33 @@ def test_holds_and_both_sides_have_what_they_are_named_for() -> None:
     assert len(both) >= 5
 
 
+def test_a_plan_for_data_without_pose_ids_joins_them_as_repeats(tmp_path: Path) -> None:
+    """Catches ids that are dropped because the first table has none: no pose is a repeat then."""
+    second = campaign(seed=3).drop("pose_id", "repeat", "approach")
+    first = second.select(np.arange(60))
+    first.write(tmp_path / "a.csv")
+    second = second.select(np.arange(60, len(second)))
+    second.write(tmp_path / "b.csv")
+    both = read_table([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert not both.has("pose_id")
+    plan = follow_up_plan(both, "repeat the first ten poses")
+    run_campaign(plan, RigSettings(), tmp_path / "c.csv", seed=4, source=StandIn())
+    joined = read_table([tmp_path / f"{name}.csv" for name in "abc"])
+    ids = joined.column("pose_id")
+    assert len(np.unique(ids[: len(both)][both.text("kind") == "pose"])) == len(both.measured())
+    again = np.flatnonzero((joined.text("kind") == "pose") & (np.arange(len(joined)) >= len(both)))
+    assert len(again) == 10
+    for row in again:
+        then = joined.poses[: len(both)][ids[: len(both)] == ids[row]]
+        assert len(then) == 1
+        assert np.all(np.abs(joined.poses[row] - then[0]) < [1e-3] * 3 + [1e-2] * 3)
+    # The other way round: a table without ids after one that has them.
+    joined = read_table([tmp_path / "c.csv", tmp_path / "a.csv"])
+    own = joined.column("pose_id")[-len(first) :][first.text("kind") == "pose"]
+    assert own.min() > plan.column("pose_id").max()
+    assert len(np.unique(own)) == len(own)
+
+
 def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
     first = campaign(seed=3)
     session = "remount turned by 180 degrees + calliper + a pair of push and pull poses"

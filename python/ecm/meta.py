@@ -14,18 +14,12 @@ from ecm.mechanism import MECHANISM_KEYS, Mechanism
 from ecm.settings import read_settings
 from ecm.toml_file import check_keys, read_toml, write_toml
 
-RUN_KEYS = (
-    "mount_angle_rad",
-    "payload_mass_kg",
-    "cable_attached",
-    "tendons_slack",
-    "turned_end_for_end",
-    "zeroed_with_payload",
-    "gravity_m_s2",
-    "temperature_degC",
-    "free_length_m",
-    "note",
-)
+_NOT_OF_A_RUN = {
+    "turned_end_for_end": "no effect knows of it: diagnose the table of that run alone",
+    "temperature_degC": "give it as a column of the table",
+    "free_length_m": "it belongs into [mechanism]",
+}
+"""What a run may well differ in, and where it has to be said instead."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +110,25 @@ class Scene:
 
 
 @dataclass(frozen=True)
+class Run:
+    """[run.N]: what was different in run N. What is not said is as [scene] and [instrument] say."""
+
+    mount_angle_rad: float = 0.0
+    """Turn of the mechanism about its axis against the first mounting."""
+    payload_mass_kg: float | None = None
+    """Of a run in which nothing but the free sensor was read: the dead weight on it."""
+    cable_attached: bool = True
+    tendons_slack: bool = False
+    gravity_m_s2: tuple[float, float, float] | None = None
+    """In base axes."""
+    zeroed_with_payload: bool | None = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        Scene(self.gravity_m_s2 or Scene.gravity_m_s2, self.payload_mass_kg)
+
+
+@dataclass(frozen=True)
 class Meta:
     """Everything NAME.toml says; the default says nothing."""
 
@@ -135,6 +148,12 @@ class Meta:
         """Length of the mechanism, where it is known."""
         value = self.mechanism.get("length_m")
         return None if value is None else float(value)
+
+    def with_length(self, length_m: float | None) -> Meta:
+        """With this length of the mechanism, where its own is not told."""
+        if length_m is None or self.length_m is not None:
+            return self
+        return replace(self, mechanism={**self.mechanism, "length_m": length_m})
 
     def body(self) -> Mechanism | None:
         """The mechanism beside the data; None where nothing is said about it."""
@@ -252,7 +271,10 @@ def _runs(table: Any, where: str) -> dict[int, dict[str, Any]]:
             raise InputError(
                 f"{where} [run]: found {key} = {values!r}, expected a table [run.{key}]"
             )
-        check_keys(values, RUN_KEYS, f"{where} [run.{key}]")
+        for name in values:
+            if name in _NOT_OF_A_RUN:
+                raise InputError(f"{where} [run.{key}]: {name}: {_NOT_OF_A_RUN[name]}")
+        read_settings(Run, values, f"{where} [run.{key}]")
         runs[int(key)] = dict(values)
     return runs
 

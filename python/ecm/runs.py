@@ -15,7 +15,14 @@ from ecm.meta import Meta, Scene
 
 Columns = Mapping[str, NDArray[Any]]
 Part = tuple[Columns, Meta, str]
-_UNKNOWN: dict[str, Any] = {"approach": "", "action": "", "kind": "pose", "dwell_s": np.nan}
+_UNKNOWN: dict[str, Any] = {
+    "approach": "",
+    "action": "",
+    "kind": "pose",
+    "dwell_s": np.nan,
+    "pose_id": np.nan,
+}
+"""Of a table that lacks a column which another has; pose_id is numbered then."""
 _SAME_POSE_M = 2e-3
 _SAME_POSE_RAD = 2e-2
 
@@ -54,9 +61,13 @@ def join_runs(parts: Sequence[Part]) -> tuple[dict[str, NDArray[Any]], Meta, tup
             first = np.searchsorted(part["time_s"], own_meta.file.begins_s)
             begins_s += time[first[first < size]].tolist()
             last_time = float(current["time_s"][-1])
-        if "pose_id" in names and index:
-            earlier = {name: np.concatenate(columns[name]) for name in names}
-            _own_pose_ids(current, earlier, source, warnings)
+        if "pose_id" in names:
+            earlier = {name: np.concatenate([current[name][:0], *columns[name]]) for name in names}
+            if "pose_id" not in part:
+                current["pose_id"] = _numbered(current, earlier["pose_id"])
+                warnings.append(f"{source}: no column pose_id, each row is a pose of its own")
+            elif index:
+                _own_pose_ids(current, earlier, source, warnings)
         for name, values_ in current.items():
             columns[name].append(values_)
     joined = {name: np.concatenate(arrays) for name, arrays in columns.items()}
@@ -131,6 +142,19 @@ def _later(
     )
     shifted: NDArray[np.float64] = time - time[0] + last + max(step, 1e-3)
     return shifted
+
+
+def _numbered(
+    current: Mapping[str, NDArray[Any]], earlier: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Numbers for the poses of a table without: its measured rows, counted on from those before.
+
+    So are the poses named in a plan that follows such tables (design/follow_up.py).
+    """
+    kind = current.get("kind", np.full(len(current["run"]), "pose", dtype=object))
+    measured = (kind == "pose") | (kind == "")
+    first = float(np.max(earlier, initial=-1.0)) + 1.0
+    return np.where(measured, first + np.cumsum(measured) - 1.0, -1.0)
 
 
 def _own_pose_ids(

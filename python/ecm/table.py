@@ -135,6 +135,10 @@ class Table:
         """With another description."""
         return replace(self, meta=meta)
 
+    def with_length(self, length_m: float | None) -> Table:
+        """With the length that a model knows, where its description does not tell it."""
+        return self.with_meta(self.meta.with_length(length_m))
+
     def measured(self) -> Table:
         """The rows of kind `pose`: not home checks, not unloaded readings."""
         if "kind" not in self.columns:

@@ -69,6 +69,7 @@ def diagnose(
         before = open_model(model, console)
         if before.base.kind != "physics":
             prepare_physics(table, console, threads)
+        table = table.with_length(before.base.length_m or before.length_m)
         found = run(before, table, seed=seed)
         document = found.to_dict()
         document["warnings"] = [*document["warnings"], *table.warnings]
@@ -76,7 +77,9 @@ def diagnose(
         if report is not None:
             compared = compare(before, table, seed=seed)
             predicted = None
-            if found.effects:
+            # A model of fewer columns has no rows on which the effects could act.
+            whole = (before.inputs, before.outputs) == (table.pose_columns, table.wrench_columns)
+            if found.effects and whole:
                 after = replace(before, effects=(*before.effects, *found.effects))
                 predicted = (after.predict(table) - before.predict(table))[compared.row]
             write_diagnosis(report, document, compared, predicted)

@@ -155,6 +155,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
             f"{table.source}: no column {lacking[0]}, which the model {model.name} needs; "
             f"it has inputs {', '.join(model.inputs)} and outputs {', '.join(model.outputs)}"
         )
+    table = table.with_length(model.base.length_m or model.length_m)
     rows = Rows(table, model.base)
     predicted = model.predict(table)
     if noise is None:

@@ -113,9 +113,9 @@ def nominal_base(
     known = body is not None and body.has_body
     if physics:
         own = _physics(where, body if known else None, model, threads, progress)
-        return BaseForDesign(own, noise, _with_length(meta, own.length_m))
+        return BaseForDesign(own, noise, meta.with_length(own.length_m))
     if model is not None:
-        return BaseForDesign(model.base, noise, _with_length(meta, model.base.length_m))
+        return BaseForDesign(model.base, noise, meta.with_length(model.base.length_m))
     length = candidates.meta.length_m
     if candidates.wrench_columns == WRENCH and length is not None:
         return BaseForDesign(_of_wrenches(candidates, length, known=known), noise, meta)
@@ -186,13 +186,3 @@ def _of_wrenches(candidates: Table, length_m: float, *, known: bool) -> Stiffnes
         symmetry="alike",
     )
     return EnergyMap(fitted)
-
-
-def _with_length(meta: Meta, length_m: float | None) -> Meta:
-    if length_m is None or "length_m" in meta.mechanism:
-        return meta
-    return Meta(
-        mechanism={**meta.mechanism, "length_m": length_m},
-        scene=meta.scene,
-        instrument=meta.instrument,
-    )

@@ -65,6 +65,7 @@ def diagnose(
         raise InputError(
             f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least 8"
         )
+    table = table.with_length(model.base.length_m or model.length_m)
     kept = informative_rows(table)
     distinct = distinct_rows(table.select(kept))
     copies, kept = len(kept) - len(distinct), kept[distinct]

@@ -27,7 +27,8 @@ class Payload(LinearEffect):
     """-(m g, R c x m g), c the centre of mass in top axes.
 
     A sensor zeroed with the payload on reads, in its own axes, nothing at the zeroing pose R_z:
-    then B B_z' of the same at that pose is taken away again.
+    then B B_z' of the same at that pose is taken away again. The mass is that of [scene]; a run
+    with another payload_mass_kg has so many times as much, zeroed anew.
     """
 
     id = "payload"
@@ -56,20 +57,21 @@ class Payload(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Per kg and per kg m of mass times lever."""
-        meta = rows.table.meta
-        gravity = np.asarray(meta.scene.gravity_m_s2, dtype=np.float64)
-        columns = _weight(rows.rotation, gravity)
-        if meta.instrument.zeroed_with_payload:
-            at_zero = meta.instrument.pose_at_zero
+        instrument = rows.table.meta.instrument
+        columns = _weight(rows.rotation, rows.gravity_m_s2)
+        zeroed = rows.of_run("zeroed_with_payload", float(bool(instrument.zeroed_with_payload)))
+        if zeroed.any():
+            at_zero = instrument.pose_at_zero
             pose = rows.rest_pose if at_zero is None else np.asarray(at_zero, dtype=np.float64)
-            rotation = _native.rotation_matrices(np.ascontiguousarray(pose[None, 3:6]))
-            zero = _weight(rotation, gravity)[0]
-            turn = rows.rotation @ rotation[0].T
-            columns[:, :3] -= turn @ zero[:3]
-            columns[:, 3:] -= turn @ zero[3:]
+            rotation = _native.rotation_matrices(np.ascontiguousarray(pose[None, 3:6]))[0]
+            there = np.broadcast_to(rotation, rows.rotation.shape)
+            zero = zeroed[:, None, None] * _weight(there, rows.gravity_m_s2)
+            turn = rows.rotation @ rotation.T
+            columns[:, :3] -= turn @ zero[:, :3]
+            columns[:, 3:] -= turn @ zero[:, 3:]
+        columns *= _payload_share(rows)[:, None, None]
         # A sensor that is free of the mechanism is free of what hangs between the two.
         columns[rows.unloaded] = 0.0
-        columns[rows.of_run("payload_mass_kg", 1.0) == 0.0] = 0.0
         return columns
 
 
@@ -113,14 +115,21 @@ class OwnWeight(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Wrench per kg."""
-        gravity = np.asarray(rows.table.meta.scene.gravity_m_s2, dtype=np.float64)
+        columns = np.zeros((len(rows), 6))
+        for gravity in np.unique(rows.gravity_m_s2, axis=0):
+            under = (rows.gravity_m_s2 == gravity).all(axis=1)
+            columns[under] = self._under(gravity, rows)[under]
+        columns[rows.unloaded] = 0.0
+        return columns[:, :, None]
+
+    def _under(self, gravity: F, rows: Rows) -> F:
+        """(N, 6) wrench per kg where gravity (3,) is this."""
         columns = _hanging(rows.poses, rows.length_m, gravity)
         if self._zeroed == "attached":
             rest = _hanging(np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity)[0]
             columns[:, :3] -= rows.rotation @ rest[:3]
             columns[:, 3:] -= rows.rotation @ rest[3:]
-        columns[rows.unloaded] = 0.0
-        return columns[:, :, None]
+        return columns
 
 
 def _hanging(poses: F, length_m: float, gravity: F) -> F:
@@ -279,7 +288,7 @@ class TendonFriction(LinearEffect):
             own[:, 4, 1] -= pull * np.sin(azimuth)
             own[:, 5, 1] += pull * np.cos(azimuth)
         columns = rows.base_from_top @ own
-        columns[rows.unloaded] = 0.0
+        columns[rows.unloaded | (rows.of_run("tendons_slack", 0.0) == 1.0)] = 0.0
         return np.asarray(columns)
 
 
@@ -288,14 +297,29 @@ def _tendons(table: Table) -> list[str]:
 
 
 def needs_gravity(table: Table) -> Missing | None:
-    """Missing where the scene says that there is none."""
-    if np.linalg.norm(table.meta.scene.gravity_m_s2) > 0.0:
+    """Missing where neither the scene nor a run says that there is any."""
+    runs = [values.get("gravity_m_s2", (0.0,)) for values in table.meta.runs.values()]
+    if any(np.linalg.norm(gravity) > 0.0 for gravity in (table.meta.scene.gravity_m_s2, *runs)):
         return None
     return Missing("no gravity", "[scene] gravity_m_s2")
 
 
+def _payload_share(rows: Rows) -> F:
+    """(N,) payload of each row's run over that of [scene], else over the first that a run tells.
+
+    A run of which nothing is told has that payload itself; none where [scene] says 0 and some other
+    run has one.
+    """
+    usual = rows.table.meta.scene.payload_mass_kg
+    told = rows.of_run("payload_mass_kg", np.nan)
+    hung = told[(told > 0.0) & ~rows.unloaded]
+    unit = usual or (float(hung[0]) if len(hung) else 1.0)
+    untold = 0.0 if usual == 0.0 and len(hung) else 1.0
+    return np.where(np.isnan(told), untold, told / unit)
+
+
 def _weight(rotation: F, gravity: F) -> F:
-    """(N, 6, 4) of -(m g, R c x m g) per m, m c_x, m c_y, m c_z."""
+    """(N, 6, 4) of -(m g, R c x m g) per m, m c_x, m c_y, m c_z; rotation and gravity by row."""
     columns = np.zeros((len(rotation), 6, 4))
     columns[:, :3, 0] = -gravity
     for j in range(3):

@@ -89,7 +89,7 @@ class Rows:
         hung = self._dead_weight_kg
         if not hung.any():
             return self.wrench
-        force = -hung[:, None] * np.asarray(self.table.meta.scene.gravity_m_s2)
+        force = -hung[:, None] * self.gravity_m_s2
         load: F = self.wrench.copy()
         for j, name in enumerate(self.base.outputs):
             if name in WRENCH[:3]:
@@ -198,6 +198,16 @@ class Rows:
     def mount_angle_rad(self) -> F:
         """(N,) turn of the mechanism about its axis against the first mounting, by run."""
         return self.of_run("mount_angle_rad", 0.0)
+
+    @cached_property
+    def gravity_m_s2(self) -> F:
+        """(N, 3) in base axes: of the scene, or what [run.N] says."""
+        meta = self.table.meta
+        gravity = np.tile(np.asarray(meta.scene.gravity_m_s2, dtype=np.float64), (len(self), 1))
+        for number, values in meta.runs.items():
+            if "gravity_m_s2" in values and self.table.has("run"):
+                gravity[self.table.column("run") == number] = values["gravity_m_s2"]
+        return gravity
 
     def of_run(self, key: str, default: float) -> F:
         """(N,) what [run.N] says about each row's run."""

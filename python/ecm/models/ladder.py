@@ -145,7 +145,7 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
     regressor = _native.polynomial_regressor(
         np.ascontiguousarray(poses[:, moving]), _CEILING_DEGREE, low[moving], high[moving]
     )
-    whitener = whiteners(model.noise.covariance(rows, model.base.error)[scored])
+    whitener = whiteners(model.noise.covariance(rows, found.base.error)[scored])
     n, m = whitened.shape
     design = (whitener[:, :, :, None] * regressor[:, None, None, :]).reshape(n, m, -1)
     design /= np.sqrt((design**2).sum(axis=(0, 1)) / n) + 1e-300
