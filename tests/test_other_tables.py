@@ -1,0 +1,56 @@
+"""Diagnosis of tables unlike the rig's: few rows, some of the columns, columns that never vary."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from conftest import LENGTH_M, neck_columns
+from ecm.columns import POSE, WRENCH
+from ecm.compare import compare
+from ecm.diagnose import diagnose
+from ecm.meta import Instrument, Meta
+from ecm.models import fit_model
+from ecm.table import Table, as_table
+
+ALL = (*POSE, *WRENCH)
+INSTRUMENT = Instrument(
+    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+)
+BODY = {"length_m": LENGTH_M}
+
+
+def neck(rows: int, columns: tuple[str, ...] = ALL, length: bool = False) -> Table:
+    """Rows of a neck; with its length the base is an energy, without it a polynomial."""
+    own = neck_columns(rows)
+    meta = Meta(mechanism=BODY if length else {}, instrument=INSTRUMENT)
+    return as_table({name: own[name] for name in columns}, meta=meta)
+
+
+# --- few rows -------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("rows", "columns", "length"),
+    [
+        (8, ALL, True),
+        (8, ALL, False),
+        (60, ALL, False),
+        (8, (*POSE[:3], *WRENCH[:3]), False),
+        (8, (*POSE, *WRENCH[:3]), False),
+    ],
+)
+def test_a_degree_that_the_rows_cannot_carry_is_passed_over(
+    rows: int, columns: tuple[str, ...], length: bool
+) -> None:
+    """Each asks of some trial degree more coefficients than there are equations."""
+    table = neck(rows, columns, length)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.base["kind"] == ("energy" if length else "polynomial")
+
+
+def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
+    """Three rows are too few for any degree of the energy; the model is compared all the same."""
+    many = neck(60, length=True)
+    assert compare(fit_model(many, "linear"), many.select(np.arange(3))).references is None
+    eight = compare(fit_model(many, "linear"), many.select(np.arange(8))).references
+    assert eight is not None
+    assert eight.energy is not None
