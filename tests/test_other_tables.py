@@ -11,6 +11,7 @@ from ecm.compare import compare
 from ecm.diagnose import diagnose
 from ecm.meta import Instrument, Meta
 from ecm.models import fit_model
+from ecm.models.by_degree import polynomial
 from ecm.table import Table, as_table
 
 ALL = (*POSE, *WRENCH)
@@ -54,3 +55,17 @@ def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
     eight = compare(fit_model(many, "linear"), many.select(np.arange(8))).references
     assert eight is not None
     assert eight.energy is not None
+
+
+# --- columns that never vary ----------------------------------------------------------------------
+@pytest.mark.parametrize("constant", [0.123, 7.77])
+def test_a_force_that_never_varies_does_not_choose_the_degree(constant: float) -> None:
+    """Its spread is a rounding error; divided by that, rounding decides the degree."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1e-3, 1e-3, 100)
+    force = 1e4 * x + 3e9 * x**3 + 0.02 * rng.standard_normal(100)
+    table = as_table({"x_m": x, "fx_N": force, "fz_N": np.full(100, constant)})
+    base = polynomial(table)
+    assert base.name == "poly:3"
+    left = force - base.predict(x[:, None])[:, 0]
+    assert left.std() == pytest.approx(0.02, rel=0.15)

@@ -43,10 +43,13 @@ def _by_degree(table: Table, names: list[str]) -> StiffnessMap:
 
 
 def _score(base: StiffnessMap, measured: Table) -> float:
-    """Generalised cross-validation error, sum over components in their spread."""
+    """Generalised cross-validation error, sum over components in their spread.
+
+    A component that never varies has none, whatever the rounding of its mean makes of it.
+    """
     truth = np.stack([measured.column(c) for c in base.outputs], axis=1)
     poses = np.stack([measured.column(c) for c in base.inputs], axis=1)
     n, k = truth.size, len(base.coefficients)
-    spread = np.maximum(truth.std(axis=0), 1e-300)
+    spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
     square = float((((truth - base.predict(poses)) / spread) ** 2).sum())
     return square / n / (1.0 - min(k / n, 0.999)) ** 2
