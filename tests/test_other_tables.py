@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,9 @@ from conftest import LENGTH_M, neck_columns
 from ecm.columns import POSE, WRENCH
 from ecm.compare import compare
 from ecm.diagnose import diagnose
+from ecm.diagnose.judge import Judged, judged
+from ecm.diagnose.scatter import _rest
+from ecm.effects import all_effects
 from ecm.meta import Instrument, Meta
 from ecm.models import fit_model
 from ecm.models.by_degree import polynomial
@@ -69,3 +74,51 @@ def test_a_force_that_never_varies_does_not_choose_the_degree(constant: float) -
     assert base.name == "poly:3"
     left = force - base.predict(x[:, None])[:, 0]
     assert left.std() == pytest.approx(0.02, rel=0.15)
+
+
+# --- bases of many columns ------------------------------------------------------------------------
+def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What the base explains is no degree of freedom of a test, and takes those of the noise."""
+    table = neck(90)
+    base = fit_model(table, "poly:1").base
+    found: list[Judged] = []
+    for most in (1000, 0):
+        monkeypatch.setattr(import_module("ecm.diagnose.problem"), "_MOST_BASE_IN_GRAM", most)
+        found.append(judged(base, table, list(all_effects()), None, 0))
+    carried, apart = found
+    assert carried.problem.n_base == 42
+    assert apart.problem.n_base == 0
+    assert apart.problem.ids == carried.problem.ids
+    assert apart.problem.untestable == carried.problem.untestable
+    assert apart.problem.scale == pytest.approx(carried.problem.scale, rel=1e-6)
+    assert apart.smooth.dof == carried.smooth.dof
+    assert apart.smooth.dof_error == carried.smooth.dof_error
+    assert apart.gate == pytest.approx(carried.gate, rel=1e-6)
+    assert apart.left["p"] == pytest.approx(carried.left["p"], rel=1e-4)
+    rests = [_rest(one.problem, one.problem.scored) for one in found]
+    free = [float(np.einsum("nii->", kept)) for _, kept in rests]
+    assert free[1] == pytest.approx(free[0], abs=0.5)
+    assert (rests[1][0] ** 2).sum() == pytest.approx((rests[0][0] ** 2).sum(), rel=0.02)
+
+
+def test_a_large_base_hides_no_structure_from_the_gate() -> None:
+    """Two thirds of the noise in one component, beside 504 coefficients on 300 rows."""
+    own = neck_columns(300, seed=2)
+    spread = {name: (own[name] - own[name].mean()) / own[name].std() for name in POSE}
+    for name, other in zip(WRENCH, (*POSE[3:], *POSE[:3]), strict=True):
+        own[name] = own[name] + 0.5 * own[name].std() * spread[other] ** 3
+    humidity = np.random.default_rng(0).standard_normal(300)
+    found = []
+    for size in (0.0, 0.2):
+        columns = own | {"fx_N": own["fx_N"] + size * humidity, "humidity": humidity}
+        table = as_table(columns, meta=Meta(instrument=INSTRUMENT))
+        assert polynomial(table).name == "poly:3"
+        found.append(diagnose(fit_model(table, "linear"), table))
+    nothing, missing = found
+    assert nothing.verdict == "none"
+    assert 0.7 < nothing.gate["F"] < 1.4
+    assert missing.verdict == "unknown"
+    assert missing.unknown is not None
+    assert missing.unknown["words"].startswith("fx follows humidity")
