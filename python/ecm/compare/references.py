@@ -17,6 +17,7 @@ import numpy as np
 from ecm.columns import POSE, WRENCH
 from ecm.compare.folds import folds, held_out_by, informative, is_pose, row_groups
 from ecm.compare.noise import Noise
+from ecm.errors import ModelError
 
 if TYPE_CHECKING:
     from ecm.models.maps import StiffnessMap
@@ -85,7 +86,6 @@ def references(model: Model, table: Table, noise: Noise) -> References | None:
     The physics base is that of the model, where it is one: comparing builds no FEM.
     """
     # Late: models stand on the comparison.
-    from ecm.models.by_degree import symmetric_energy
     from ecm.models.ladder import ceiling_rms
     from ecm.models.physics import FREE, PhysicsMap
     from ecm.refit import joint_fit
@@ -97,8 +97,7 @@ def references(model: Model, table: Table, noise: Noise) -> References | None:
     physics: StiffnessMap | None = None
     if isinstance(own, PhysicsMap):
         physics = own if own.family is None else own.with_free(*FREE)
-    energy = symmetric_energy(kept) if kept.meta.length_m is not None else None
-    fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, energy)]
+    fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, _energy(kept))]
     found = [fit for fit in fits if fit is not None]
     if not found:
         return None
@@ -109,6 +108,18 @@ def references(model: Model, table: Table, noise: Noise) -> References | None:
         energy=_held_out(fits[1], kept),
         ceiling=min(known) if known else None,
     )
+
+
+def _energy(table: Table) -> StiffnessMap | None:
+    """The symmetric energy, where the length is known and the rows are enough for it."""
+    from ecm.models.by_degree import symmetric_energy
+
+    if table.meta.length_m is None:
+        return None
+    try:
+        return symmetric_energy(table)
+    except ModelError:
+        return None
 
 
 def _held_out(fit: JointFit | None, table: Table) -> float | None:

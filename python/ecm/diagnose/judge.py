@@ -91,8 +91,7 @@ def judged(
     if grown is not problem.noise:
         problem = assemble(problem.base, problem.table, tested, grown)
     smooth = omnibus_columns(problem)
-    base_columns = problem.design[:, :, : problem.n_base]
-    first = omnibus(problem.response, smooth, base_columns, problem.weights)
+    first = omnibus(problem.response, smooth, problem.base_block, problem.weights)
     before = structure(problem, first)
     gate, rejected = _gate(problem, first)
     ranked = rank(problem)
@@ -241,7 +240,8 @@ def _left_over(
     held = found.columns[found.at_bound]
     response = problem.response - problem.design[:, :, held] @ found.theta[found.at_bound]
     fitted = problem.design[:, :, found.columns[~found.at_bound]]
-    test = omnibus(response, smooth, fitted, problem.weights)
+    whole = np.concatenate([problem.apart, fitted], axis=2)
+    test = omnibus(response, smooth, whole, problem.weights)
     size = problem.response.size
     root = np.sqrt(problem.weights)
     z = (fitted * root[:, None, None]).reshape(size, -1)

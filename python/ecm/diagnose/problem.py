@@ -19,6 +19,7 @@ from ecm.compare.noise import Noise, declared_noise, whiteners
 from ecm.compare.residuals import features
 from ecm.diagnose.tangents import (
     basis_of,
+    beside,
     leading,
     projected,
     refined,
@@ -81,6 +82,8 @@ class Problem:
     norms: F
     """(K,) lengths taken out of the columns."""
     n_base: int
+    apart: F
+    """(N, m, b) orthogonal columns of a base too large for the design; b = 0 where it is there."""
     candidates: tuple[Candidate, ...]
     shadows: tuple[Candidate, ...]
     """Effects that cannot be tested here, and yet may stand behind the name of another."""
@@ -100,6 +103,11 @@ class Problem:
     def base_index(self) -> tuple[int, ...]:
         """Columns of the base."""
         return tuple(range(self.n_base))
+
+    @property
+    def base_block(self) -> F:
+        """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
+        return self.design[:, :, : self.n_base] if self.n_base else self.apart
 
     @cached_property
     def equations(self) -> tuple[F, F]:
@@ -159,13 +167,15 @@ def assemble(
     basis = basis_of(base_block, root)
     left = projected(response[:, :, None], basis, root)[:, :, 0]
     found += refined(rows, whitener, left, found, basis=basis, root=root)
+    kept, absorbed = screened(found, basis, root, base.kind)
+    untestable |= absorbed
+    apart = base_block[:, :, :0]
     if base_block.shape[2] > _MOST_BASE_IN_GRAM:
         # Too many columns to carry along: project them out once, for all refits.
         response = left
-        found = [replace(t, columns=projected(t.columns, basis, root)) for t in found]
+        kept = [replace(t, columns=beside(t.columns, basis, root)) for t in kept]
+        apart = basis.reshape(*response.shape, -1) / root[:, None, None]
         base_block = base_block[:, :, :0]
-    kept, absorbed = screened(found, basis, root, base.kind)
-    untestable |= absorbed
     design = np.concatenate([base_block, *(item.columns for item in kept)], axis=2)
     norms = np.sqrt((design**2).sum(axis=(0, 1)))
     norms = np.where(norms > 0.0, norms, 1.0)
@@ -192,6 +202,7 @@ def assemble(
         design=design,
         norms=norms,
         n_base=base_block.shape[2],
+        apart=apart,
         candidates=tuple(candidates),
         shadows=tuple(shadows),
         untestable=untestable,
@@ -208,8 +219,7 @@ def _scaled(problem: Problem) -> Problem:
     everything = np.concatenate(
         [problem.design[:, :, problem.leading], omnibus_columns(problem, most)], axis=2
     )
-    base = problem.design[:, :, : problem.n_base]
-    test = omnibus(problem.response, everything, base, problem.weights)
+    test = omnibus(problem.response, everything, problem.base_block, problem.weights)
     if test.dof_error <= 0:
         return problem
     # Where nothing is known of the noise the spread of the base's residual stands for it.

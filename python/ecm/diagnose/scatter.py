@@ -93,8 +93,8 @@ def _rest(problem: Problem, use: NDArray[np.bool_]) -> tuple[F, F]:
     """(n, m) residual that nothing explains, and (n, m, m) what the fit leaves of a row."""
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
-    known = np.concatenate([np.arange(problem.n_base), problem.leading])
-    columns = np.concatenate([problem.design[:, :, known], smooth], axis=2)[use]
+    known = [problem.base_block, problem.design[:, :, problem.leading]]
+    columns = np.concatenate([*known, smooth], axis=2)[use]
     everything = columns.reshape(-1, columns.shape[2])
     basis = orthonormal(everything)
     y = problem.response[use].ravel()

@@ -20,6 +20,7 @@ ABSORBED_BY_PHYSICS = 0.995
 """A physics base has one or two coefficients, no surplus that could swallow a form by chance: what
 it leaves of an effect is still the effect's own."""
 _OUTLIER_CHANCE = 1e-4
+_ROUNDING = 1e-9
 _REFINEMENTS = 4
 
 
@@ -168,6 +169,13 @@ def projected(columns: F, basis: F, root: F) -> F:
     flat = (columns * root[:, None, None]).reshape(-1, columns.shape[2])
     left = flat - basis @ (basis.T @ flat)
     return np.asarray(left.reshape(columns.shape) / safe[:, None, None])
+
+
+def beside(columns: F, basis: F, root: F) -> F:
+    """The same, and zero where the base takes all of a column and leaves its rounding errors."""
+    left = projected(columns, basis, root)
+    whole, rest = (np.sqrt((part**2).sum(axis=(0, 1))) for part in (columns, left))
+    return np.where(rest > _ROUNDING * whole, left, 0.0)
 
 
 def basis_of(block: F, root: F) -> F:

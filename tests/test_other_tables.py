@@ -1,0 +1,124 @@
+"""Diagnosis of tables unlike the rig's: few rows, some of the columns, columns that never vary."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from conftest import LENGTH_M, neck_columns
+from ecm.columns import POSE, WRENCH
+from ecm.compare import compare
+from ecm.diagnose import diagnose
+from ecm.diagnose.judge import Judged, judged
+from ecm.diagnose.scatter import _rest
+from ecm.effects import all_effects
+from ecm.meta import Instrument, Meta
+from ecm.models import fit_model
+from ecm.models.by_degree import polynomial
+from ecm.table import Table, as_table
+
+ALL = (*POSE, *WRENCH)
+INSTRUMENT = Instrument(
+    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+)
+BODY = {"length_m": LENGTH_M}
+
+
+def neck(rows: int, columns: tuple[str, ...] = ALL, length: bool = False) -> Table:
+    """Rows of a neck; with its length the base is an energy, without it a polynomial."""
+    own = neck_columns(rows)
+    meta = Meta(mechanism=BODY if length else {}, instrument=INSTRUMENT)
+    return as_table({name: own[name] for name in columns}, meta=meta)
+
+
+# --- few rows -------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("rows", "columns", "length"),
+    [
+        (8, ALL, True),
+        (8, ALL, False),
+        (60, ALL, False),
+        (8, (*POSE[:3], *WRENCH[:3]), False),
+        (8, (*POSE, *WRENCH[:3]), False),
+    ],
+)
+def test_a_degree_that_the_rows_cannot_carry_is_passed_over(
+    rows: int, columns: tuple[str, ...], length: bool
+) -> None:
+    """Each asks of some trial degree more coefficients than there are equations."""
+    table = neck(rows, columns, length)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.base["kind"] == ("energy" if length else "polynomial")
+
+
+def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
+    """Three rows are too few for any degree of the energy; the model is compared all the same."""
+    many = neck(60, length=True)
+    assert compare(fit_model(many, "linear"), many.select(np.arange(3))).references is None
+    eight = compare(fit_model(many, "linear"), many.select(np.arange(8))).references
+    assert eight is not None
+    assert eight.energy is not None
+
+
+# --- columns that never vary ----------------------------------------------------------------------
+@pytest.mark.parametrize("constant", [0.123, 7.77])
+def test_a_force_that_never_varies_does_not_choose_the_degree(constant: float) -> None:
+    """Its spread is a rounding error; divided by that, rounding decides the degree."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1e-3, 1e-3, 100)
+    force = 1e4 * x + 3e9 * x**3 + 0.02 * rng.standard_normal(100)
+    table = as_table({"x_m": x, "fx_N": force, "fz_N": np.full(100, constant)})
+    base = polynomial(table)
+    assert base.name == "poly:3"
+    left = force - base.predict(x[:, None])[:, 0]
+    assert left.std() == pytest.approx(0.02, rel=0.15)
+
+
+# --- bases of many columns ------------------------------------------------------------------------
+def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What the base explains is no degree of freedom of a test, and takes those of the noise."""
+    table = neck(90)
+    base = fit_model(table, "poly:1").base
+    found: list[Judged] = []
+    for most in (1000, 0):
+        monkeypatch.setattr(import_module("ecm.diagnose.problem"), "_MOST_BASE_IN_GRAM", most)
+        found.append(judged(base, table, list(all_effects()), None, 0))
+    carried, apart = found
+    assert carried.problem.n_base == 42
+    assert apart.problem.n_base == 0
+    assert apart.problem.ids == carried.problem.ids
+    assert apart.problem.untestable == carried.problem.untestable
+    assert apart.problem.scale == pytest.approx(carried.problem.scale, rel=1e-6)
+    assert apart.smooth.dof == carried.smooth.dof
+    assert apart.smooth.dof_error == carried.smooth.dof_error
+    assert apart.gate == pytest.approx(carried.gate, rel=1e-6)
+    assert apart.left["p"] == pytest.approx(carried.left["p"], rel=1e-4)
+    rests = [_rest(one.problem, one.problem.scored) for one in found]
+    free = [float(np.einsum("nii->", kept)) for _, kept in rests]
+    assert free[1] == pytest.approx(free[0], abs=0.5)
+    assert (rests[1][0] ** 2).sum() == pytest.approx((rests[0][0] ** 2).sum(), rel=0.02)
+
+
+def test_a_large_base_hides_no_structure_from_the_gate() -> None:
+    """Two thirds of the noise in one component, beside 504 coefficients on 300 rows."""
+    own = neck_columns(300, seed=2)
+    spread = {name: (own[name] - own[name].mean()) / own[name].std() for name in POSE}
+    for name, other in zip(WRENCH, (*POSE[3:], *POSE[:3]), strict=True):
+        own[name] = own[name] + 0.5 * own[name].std() * spread[other] ** 3
+    humidity = np.random.default_rng(0).standard_normal(300)
+    found = []
+    for size in (0.0, 0.2):
+        columns = own | {"fx_N": own["fx_N"] + size * humidity, "humidity": humidity}
+        table = as_table(columns, meta=Meta(instrument=INSTRUMENT))
+        assert polynomial(table).name == "poly:3"
+        found.append(diagnose(fit_model(table, "linear"), table))
+    nothing, missing = found
+    assert nothing.verdict == "none"
+    assert 0.7 < nothing.gate["F"] < 1.4
+    assert missing.verdict == "unknown"
+    assert missing.unknown is not None
+    assert missing.unknown["words"].startswith("fx follows humidity")
