@@ -9,7 +9,7 @@ of the pose: history, time or noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,8 +102,8 @@ def references(model: Model, table: Table, noise: Noise) -> References | None:
     found = [fit for fit in fits if fit is not None]
     if not found:
         return None
-    ceilings = [ceiling_rms(f, kept, replace(model, base=f.base, noise=noise)) for f in found]
-    known = [value for value in ceilings if value is not None]
+    ceilings = [ceiling_rms(fit, kept, noise) for fit in found]
+    known = [item.whitened for item in ceilings if item is not None]
     return References(
         physics=_held_out(fits[0], kept),
         energy=_held_out(fits[1], kept),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,11 @@ DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 MARKERS = ("circle", "square", "diamond", "cross", "triangle-up")
 PATTERNS = ("", "/", "x", ".", "-")
 COMPONENT_LABELS = ("fx [N]", "fy [N]", "fz [N]", "τx [N m]", "τy [N m]", "τz [N m]")
+
+
+def plain(text: str) -> str:
+    """A name from a data file as a label: plotly draws tags and links that stand in its texts."""
+    return html.escape(text, quote=False)
 
 
 def _layout(**own: Any) -> dict[str, Any]:

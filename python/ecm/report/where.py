@@ -44,7 +44,7 @@ def residual_map(
     menus = [
         _menu(0.0, [
             {
-                "label": name,
+                "label": draw.plain(name),
                 "method": "update",
                 "args": [
                     {"x": [_plain(found.variables[name])]},
@@ -115,7 +115,7 @@ def where_section(found: Where) -> Section:
         blocks.append(
             FigureBlock(
                 "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
-                "N m per m and rad; coloured where it is more than three of them.",
+                "N m per m and rad; bold and coloured where it is more than three of them.",
                 _stiffness_difference(found.stiffness, found.stiffness_sd),
             )
         )
@@ -201,7 +201,12 @@ def _stiffness_difference(stiffness: F, sd: F) -> dict[str, Any]:
         [f"{number(value, 2)} ± {number(error, 2)}" for value, error in zip(a, b, strict=True)]
         for a, b in zip(stiffness, sd, strict=True)
     ]
-    shown = np.where(np.abs(ratio) > 3.0, np.clip(ratio, -20.0, 20.0), 0.0)
+    seen = np.abs(ratio) > 3.0
+    text = [
+        [f"<b>{cell}</b>" if own else cell for cell, own in zip(line, mask, strict=True)]
+        for line, mask in zip(text, seen, strict=True)
+    ]
+    shown = np.where(seen, np.clip(ratio, -20.0, 20.0), 0.0)
     return draw.text_map(shown, text, names, rows, limit=20.0)
 
 
@@ -221,7 +226,7 @@ def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any
 
 def _x_title(name: str) -> dict[str, Any]:
     return {
-        "text": f"against {name}",
+        "text": f"against {draw.plain(name)}",
         "showarrow": False,
         "xref": "paper",
         "yref": "paper",
