@@ -89,6 +89,8 @@ def test_what_the_verdict_rests_on_and_the_errors_are_told(
     assert "from repeats" in text
     for step in ("before", "after", "floor", "ceiling", "held-out rows"):
         assert f"\n{step}\n" in text
+    assert found.document["warnings"]
+    assert all(f"\n{warning}\n" in text for warning in found.document["warnings"])
     limits = found.section("Would have been seen from")
     assert all(f"\n{id}\n" in limits for id in found.document["detection_limits"])
 

@@ -45,6 +45,8 @@ class Component:
     excess_low: float
     excess_high: float
     """90 % interval, groups of rows resampled."""
+    lack_of_fit: FTest | None
+    """Of this component alone, over its own noise; None without repeats."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,8 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         excited[:] = True
     mean = float((whitened[:, excited] ** 2).mean())
     draws = _bootstrap(physical**2 - variance, whitened[:, excited] ** 2 - 1.0, groups, seed)
+    cells = repeat_cells(table)[scored]
+    over_noise = physical / np.sqrt(variance)
     components = tuple(
         Component(
             name=name,
@@ -176,10 +180,10 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
             excess=_root(float((physical[:, j] ** 2 - variance[:, j]).mean())),
             excess_low=_root(float(draws[0][0, j])),
             excess_high=_root(float(draws[0][1, j])),
+            lack_of_fit=lack_of_fit(over_noise[:, [j]], cells, 0) if excited[j] else None,
         )
         for j, name in enumerate(model.outputs)
     )
-    cells = repeat_cells(table)[scored]
     return Comparison(
         model=model.name,
         rows=int(scored.sum()),

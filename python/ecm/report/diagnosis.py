@@ -6,7 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from ecm.compare.noise import SAID
-from ecm.report.page import Block, CodeBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import (
+    Block,
+    CodeBlock,
+    Section,
+    TableBlock,
+    TextBlock,
+    number,
+    warnings_table,
+)
 
 _STEPS = ("before", "after", "floor", "ceiling")
 
@@ -23,9 +31,14 @@ def verdict_section(document: Mapping[str, Any]) -> Section:
     if rows:
         header = ("effect", "parameter", "value", "± sd", "unit")
         blocks.append(TableBlock("What the accepted effects measure.", header, rows))
-    if document["confusable"]:
-        pairs = "; ".join(" = ".join(pair) for pair in document["confusable"])
-        blocks.append(TextBlock(f"These data cannot tell apart: {pairs}."))
+    alike: dict[str, list[str]] = {}
+    for first, second in document["confusable"]:
+        alike.setdefault(first, []).append(second)
+    if alike:
+        rows = [[first, ", ".join(others)] for first, others in alike.items()]
+        caption = "What these data cannot tell apart."
+        blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
+    blocks += warnings_table(document["warnings"])
     return Section("Verdict", blocks)
 
 

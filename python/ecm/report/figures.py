@@ -80,6 +80,7 @@ def histograms(
     *,
     limit: float,
     x_title: str,
+    y_title: str = "pairs",
     bins: int = 40,
 ) -> dict[str, Any]:
     """One panel per column; each series is (N, len(labels)); values beyond the limit left out."""
@@ -109,7 +110,7 @@ def histograms(
                 }
             )
         layout[f"xaxis{suffix}"] = _axis(x_title if i >= len(labels) - columns else "", **x)
-        layout[f"yaxis{suffix}"] = _axis("pairs" if i % columns == 0 else "", **y)
+        layout[f"yaxis{suffix}"] = _axis(y_title if i % columns == 0 else "", **y)
         layout["annotations"].append(_panel_title(labels[i], x, y))
     return {"data": data, "layout": layout}
 

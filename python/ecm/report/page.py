@@ -80,6 +80,13 @@ class Section:
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
 
 
+def warnings_table(warnings: Sequence[str]) -> list[Block]:
+    """What was said about the data, where anything was."""
+    if not warnings:
+        return []
+    return [TableBlock("Warnings about the data.", ("",), [[text] for text in warnings])]
+
+
 def number(value: float, digits: int = 3) -> str:
     """A number for a table: significant digits, no needless exponent."""
     if math.isnan(value):
