@@ -123,11 +123,12 @@ class _FunctionEffect(LinearEffect):
     ) -> None:
         self.id, self.physics, self.parameters = id, physics, parameters
         self.side, self.kind = side, kind
-        self._function, self._needs = function, tuple(needs)
+        self._function, self._columns_needed = function, tuple(needs)
+        self.needs = ", ".join(needs)
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the columns that the user named."""
-        for name in self._needs:
+        for name in self._columns_needed:
             if not table.has(name):
                 return Missing(f"no column {name}", name, absent=True)
         return super().missing(table)
