@@ -83,10 +83,10 @@ def test_what_the_verdict_rests_on_and_the_errors_are_told(
 ) -> None:
     found = told[verdict]
     assert found.document["sentence"] in found.out
-    assert "base: physics, its own error 0.00 times the noise; noise: from repeats" in found.out
+    assert "base: physics, its own error 0.00 times the noise; noise: repeats" in found.out
     text = found.text()
     assert "the base's own error over the noise" in text
-    assert "from repeats" in text
+    assert re.search(r"\nsource of the noise\s+repeats\n", text)
     for step in ("before", "after", "floor", "ceiling", "held-out rows"):
         assert f"\n{step}\n" in text
     assert found.document["warnings"]

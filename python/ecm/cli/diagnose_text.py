@@ -42,12 +42,10 @@ def told(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _rests_on(document: Mapping[str, Any]) -> str:
-    from ecm.compare.noise import SAID
-
     base, gate = document["base"], document["gate"]
     return (
         f"base: {base['kind']}, its own error {base['error_over_noise']:.2f} times the noise; "
-        f"noise: {SAID[document['noise']['source']]}; "
+        f"noise: {document['noise']['source']}; "
         f"lack of fit: F = {gate['F']:.3g}, p = {gate['p']:.2g}"
     )
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 F = NDArray[np.float64]
 Source = Literal["repeats", "declared", "assumed"]
-SAID: dict[str, str] = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
-"""The source in words."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.compare.estimate import estimate_noise, repeat_cells
 from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
-from ecm.compare.noise import SAID, Noise
+from ecm.compare.noise import Noise
 from ecm.compare.references import References, references
 from ecm.compare.residuals import Residuals, residuals
 from ecm.compare.unlike_runs import unlike_runs
@@ -108,7 +108,8 @@ class Comparison:
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}; "
                 "without repeats or [instrument] figures nothing says how much of it is noise."
             )
-        floor = f"the noise floor {SAID[self.noise.source]}"
+        where = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
+        floor = f"the noise floor {where[self.noise.source]}"
         if self.excess_low <= 0.0:
             return (
                 f"{self.model} is as good as the measurements can show: its error is "

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ecm.compare.noise import SAID
 from ecm.report.page import (
     Block,
     CodeBlock,
@@ -48,7 +47,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     rows = [
         ["base", base["kind"]],
         ["the base's own error over the noise", f"{base['error_over_noise']:.2f}"],
-        ["noise", SAID[document["noise"]["source"]]],
+        ["source of the noise", document["noise"]["source"]],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
     if document["verdict"] == "none":
