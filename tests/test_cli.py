@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,11 @@ from conftest import LENGTH_M, Done, csv_text, neck_columns, neck_rows
 from ecm.cli.app import app
 from ecm.cli.console import Console
 from ecm.columns import POSE, STIFFNESS, WRENCH
+from ecm.mechanism import Mechanism
+from ecm.models import PhysicsMap, fit_model
+from ecm.report.page import number
 from ecm.table import read_table
+from stand_in_campaign import campaign, physics
 
 Command = Callable[..., Done]
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
@@ -177,6 +182,50 @@ def test_compare_prints_every_component(
     assert "http://" not in re.sub(r"http://www\.w3\.org[^\s\"']*", "", page.split("<main>")[1])
 
 
+def test_compare_sets_four_references_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    """Of an energy model as well: the physics base is that of the table's [mechanism]."""
+    asked: list[Mechanism] = []
+
+    def built(body: Mechanism, **_: object) -> PhysicsMap:
+        asked.append(body)
+        return physics()
+
+    for place in ("ecm.models", "ecm.models.physics"):
+        monkeypatch.setattr(f"{place}.physics_map", built)
+    table = campaign("base_compliance", 2.0, 1)
+    body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
+    elastic = {"young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}
+    table.with_meta(replace(table.meta, mechanism=body | elastic)).write(tmp_path / "d.csv")
+    fit_model(table, "linear").save(tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", tmp_path / "d.csv", "--json", tmp_path / "c.json",
+        "--report", tmp_path / "c.html",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert asked[0].radius_m == 0.033
+    document = read(tmp_path / "c.json")
+    known = document["references"]
+    page = (tmp_path / "c.html").read_text(encoding="utf-8").split("<main>")[1]
+    shown = ("physics base", "physics"), ("symmetric energy", "energy"), ("ceiling", "ceiling")
+    for name, key in (*shown, ("noise floor", "floor")):
+        assert f"{name} {known[key]:.2f}" in done.out
+        assert f"{name}</td>" in page
+        assert number(known[key]) in page
+    assert known["sentence"] in done.out
+    assert known["sentence"] in page
+    assert "elasticity or geometry that keeps the symmetry" in known["sentence"]
+    # Lack of fit of each component beside that of all.
+    for name in ("all", *WRENCH):
+        test = document["lack_of_fit"]
+        if name != "all":
+            test = next(c for c in document["components"] if c["name"] == name)["lack_of_fit"]
+        found = re.search(rf"^{name} +(\S+) +(\S+)$", done.out, re.MULTILINE)
+        assert found is not None
+        assert found.groups() == (f"{test['F']:.3g}", f"{test['p']:.2g}")
+
+
 def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> None:
     listed = ecm_command("effects", "--json", tmp_path / "e.json")
     ids = {effect["id"] for effect in read(tmp_path / "e.json")["effects"]}
@@ -187,6 +236,16 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     assert one.code == 0
     assert "parameter" in one.out
     assert "confused with" in one.out
+    for line in ("needs: poses reached from both sides (approach)", "side: physics", "kind: time"):
+        assert f"\n{line}" in one.out
+    plain = ecm_command("effects", "fts_offset").out
+    assert "\nneeds: nothing beside pose and wrench\nside: measurement" in plain
+    effects = {effect["id"]: effect for effect in read(tmp_path / "e.json")["effects"]}
+    assert effects["hysteresis"]["needs"] == "poses reached from both sides (approach)"
+    assert effects["fts_offset"]["needs"] == ""
+    assert (effects["pose_noise"]["side"], effects["pose_noise"]["kind"]) == (
+        "measurement", "noise",
+    )  # fmt: skip
 
 
 def test_effects_of_installed_packages_are_known(
@@ -280,7 +339,10 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
 
     done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
-    done("compare", "m.json", "data.csv", "--json", "before.json")
+    for place in ("ecm.models", "ecm.models.physics"):  # no FEM for the references
+        monkeypatch.setattr(f"{place}.physics_map", lambda *_, **__: physics())
+    said = done("compare", "m.json", "data.csv", "--json", "before.json")
+    assert "physics base" in said.out
     said = done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",
                 "refit.json")  # fmt: skip
     assert "fts_offset (instruments)" in said.out

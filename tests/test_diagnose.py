@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,6 +110,16 @@ def test_structure_without_a_name_is_unknown() -> None:
     assert diagnosis.unknown is not None
     assert {"y_m", "z_m"} <= set(diagnosis.unknown["variables"])
     assert diagnosis.unknown["nearest"]["share"] < 0.6
+    report = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
+    lists_of_the_interface(report)
+    unknown = report["unknown"]
+    assert set(unknown) == {"variables", "relevance", "words", "nearest", "skeleton"}
+    assert all(isinstance(name, str) for name in unknown["variables"])
+    assert isinstance(unknown["words"], str)
+    assert set(unknown["nearest"]) == {"id", "share"}
+    assert get_effect(unknown["nearest"]["id"])
+    # The product of two coordinates is a function of the pose: the ceiling takes it.
+    assert report["rmse"]["ceiling"]["fy_N"] < 0.5 * report["rmse"]["before"]["fy_N"]
 
 
 def test_an_effect_taken_out_of_the_library_is_not_replaced_by_a_wrong_name() -> None:
@@ -154,6 +165,8 @@ def test_the_symmetric_energy_names_what_it_cannot_swallow() -> None:
     diagnosis = diagnose(fit_model(table, "cubic"), table)
     assert diagnosis.base["kind"] == "energy"
     assert found_in(diagnosis, "fts_drift"), diagnosis.sentence()
+    # A drift is no function of the pose: no cubic takes the whole of it.
+    assert diagnosis.held_out["ceiling"] > 1.1 * diagnosis.held_out["after"]
     absorbed = {item["id"]: item["reason"] for item in diagnosis.not_testable}
     assert "the base absorbs it" in absorbed["length_error"]
 
@@ -182,8 +195,43 @@ def test_the_report_is_that_of_the_interface() -> None:
     assert set(report["rmse"]["before"]) == set(WRENCH)
     assert report["rmse"]["after"]["fx_N"] < report["rmse"]["before"]["fx_N"]
     assert set(report["rmse"]) == {"before", "after", "floor", "ceiling"}
-    assert set(report["held_out"]) == {"before", "after"}
+    assert set(report["held_out"]) == {"before", "after", "ceiling"}
     assert report["signature"]["constant_in_base"] > 0.3
+    lists_of_the_interface(report)
+    # A constant force in base axes and its lever: a cubic of the pose takes it down to the noise.
+    for name, ceiling in report["rmse"]["ceiling"].items():
+        assert ceiling == pytest.approx(report["rmse"]["floor"][name], rel=0.25)
+    assert report["rmse"]["ceiling"]["fx_N"] < 0.8 * report["rmse"]["before"]["fx_N"]
+    assert report["unknown"] is None
+
+
+def lists_of_the_interface(report: dict[str, Any]) -> None:
+    """Keys and types of the lists beside the verdict, as interfaces.md has them."""
+    for step in report["rmse"].values():
+        assert set(step) == set(WRENCH)
+        assert all(isinstance(value, float) for value in step.values())
+    assert report["not_testable"]
+    for item in report["not_testable"]:
+        assert set(item) == {"id", "reason", "record"}
+        assert all(isinstance(value, str) and value for value in item.values())
+    known = {effect.id for effect in all_effects()}
+    assert report["confusable"]
+    for members in report["confusable"]:
+        assert len(members) == 2
+        assert set(members) <= known
+    assert report["detection_limits"]
+    for id, limit in report["detection_limits"].items():
+        assert id in known
+        assert set(limit) == {"parameter", "size", "unit"}
+        names = {p.name: p.unit for p in get_effect(id).parameters}
+        assert names.get(limit["parameter"], limit["unit"]) == limit["unit"]
+        assert isinstance(limit["size"], float)
+        assert limit["size"] > 0.0
+    for item in report["next_experiment"]:
+        assert {"action", "minutes", "p_correct"} <= set(item)
+        assert isinstance(item["action"], str)
+        assert item["minutes"] > 0
+        assert item["p_correct"] is None or 0.0 <= item["p_correct"] <= 1.0
 
 
 def test_the_same_seed_gives_the_same_report_and_another_the_same_verdict() -> None:
@@ -319,6 +367,7 @@ def test_a_table_of_other_columns_is_diagnosed_as_far_as_it_goes() -> None:
     beta = diagnosis.effects[0].values[0]
     assert beta == pytest.approx(0.01, rel=0.05)
     assert "payload" in {item["id"] for item in diagnosis.not_testable}
+    assert diagnosis.rmse["ceiling"] == {}
 
 
 def test_trap_a_sensor_zeroed_with_the_payload_on() -> None:

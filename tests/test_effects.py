@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE
-from ecm.effects import Rows, all_effects, effect, get_effect, register, unregister
+from ecm.columns import POSE, WRENCH
+from ecm.effects import Effect, Rows, all_effects, effect, get_effect, register, unregister
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
 from ecm.effects.friction import Hysteresis
@@ -19,7 +20,7 @@ from ecm.effects.load import Payload
 from ecm.effects.material import Anisotropy
 from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta
+from ecm.meta import Instrument, Meta, Scene
 from ecm.table import Table
 from stand_in_campaign import campaign, physics, workspace_poses
 from test_rig_stand_in import L
@@ -132,6 +133,24 @@ def test_every_id_of_the_catalogue_is_there_once_and_says_what_it_is() -> None:
             assert parameter.unit
             assert parameter.scale > 0.0
             assert parameter.lower <= 0.0 < parameter.upper
+
+
+@pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)
+def test_what_it_says_it_needs_is_what_a_bare_table_lacks(item: Effect) -> None:
+    """A text of another column than `missing` asks for, or a need that is not said, would show."""
+    table = campaign("", 1.0, 0)
+    columns = {name: table.column(name) for name in (*POSE, *WRENCH)}
+    weightless = Scene(gravity_m_s2=(0.0, 0.0, 0.0))
+    bare = Table(columns, Meta(mechanism={"length_m": L}, scene=weightless), "bare")
+    lacking = item.missing(bare)
+    if item.id == "debonding":
+        assert "other forms need nothing more" in item.needs
+        assert lacking is None
+    elif lacking is None:
+        assert item.needs == ""
+    else:
+        asked = set(re.findall(r"[A-Za-z0-9_.]{4,}", lacking.record))
+        assert asked & set(re.findall(r"[A-Za-z0-9_.]{4,}", item.needs)), lacking.record
 
 
 @pytest.mark.parametrize("item", all_effects(), ids=lambda e: e.id)

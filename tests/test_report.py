@@ -101,7 +101,6 @@ def test_numbers_have_significant_digits(value: float, text: str) -> None:
     assert number(value) == text
 
 
-@pytest.mark.browser
 def test_columns_of_words_stand_left_and_numbers_right() -> None:
     rows = [["fts_gain", "1e-3", "1", "0.2 to 0.9"], ["payload", "–", "kg m", "1 to 2"]]
     assert TableBlock("", ("effect", "size", "unit", "range"), rows).words == [
@@ -109,32 +108,48 @@ def test_columns_of_words_stand_left_and_numbers_right() -> None:
     ]  # fmt: skip
 
 
-def test_a_row_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
+PLAY = """<script>
+const graph = i => document.getElementById("figure-" + i);
+const marks = () => figures.flatMap((f, i) => graph(i).data.filter(t => t.meta).map(
+  t => (t.selectedpoints || []).map(k => t.customdata[k]).join())).join(" ");
+const rows = () => [...document.querySelectorAll("tr.marked")].map(r => r.dataset.row).join(" ");
+const say = (name, value) => { document.documentElement.dataset[name] = value; };
+const worst = document.querySelector("tr[data-row]");
+worst.click();
+say("worst", worst.dataset.row); say("seen", marks()); say("rows", rows());
+worst.click();
+say("after", marks().trim());
+// A point of the last linked figure, as plotly tells of a click on it.
+const last = figures.map((f, i) => i).filter(i => figures[i].data.some(t => t.meta)).pop();
+const trace = graph(last).data.find(t => t.meta);
+const row = document.querySelectorAll("tr[data-row]")[3].dataset.row;
+const at = trace.customdata.map(String).indexOf(row);
+const click = () => graph(last).emit("plotly_click",
+  {points: [{data: trace, pointNumber: at, customdata: trace.customdata[at]}]});
+click();
+say("point", row); say("seenpoint", marks()); say("rowspoint", rows());
+click();
+say("afterpoint", marks().trim() + rows());
+</script></body>"""
+"""After the page's own script: click a row, then a point, and say what each figure marks."""
+
+
+@pytest.mark.browser
+def test_a_row_or_point_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
+    """A figure without the click, or a mark by place in the trace and not by row, would show."""
     path = tmp_path / "compare.html"
     write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
     page = path.read_text(encoding="utf-8")
-    # After the page's own script: click the worst row, and say which points each figure marks.
-    path.write_text(
-        page.replace(
-            "</body>",
-            """<script>
-            const worst = document.querySelector("tr[data-row]");
-            worst.click();
-            const seen = figures.flatMap((f, i) => document.getElementById("figure-" + i).data
-              .filter(t => t.meta).map(t => t.selectedpoints.map(k => t.customdata[k]).join()));
-            document.documentElement.dataset.seen = seen.join(" ");
-            document.documentElement.dataset.worst = worst.dataset.row;
-            worst.click();
-            document.documentElement.dataset.after = figures.flatMap((f, i) =>
-              document.getElementById("figure-" + i).data.filter(t => t.selectedpoints)).length;
-            </script></body>""",
-        ),
-        encoding="utf-8",
-    )
+    path.write_text(page.replace("</body>", PLAY), encoding="utf-8")
     seen = open_page(path)
     assert seen.attribute("error") is None
-    row = seen.attribute("worst")
-    marked = (seen.attribute("seen") or "").split(" ")
-    assert len(marked) >= 12
-    assert set(marked) == {row}
-    assert seen.attribute("after") == "0"
+    for clicked, marks, rows, after in (
+        ("worst", "seen", "rows", "after"),
+        ("point", "seenpoint", "rowspoint", "afterpoint"),
+    ):
+        row = seen.attribute(clicked)
+        marked = (seen.attribute(marks) or "").split(" ")
+        assert len(marked) >= 12
+        assert set(marked) == {row}
+        assert seen.attribute(rows) == row
+        assert seen.attribute(after) == ""

@@ -26,7 +26,9 @@ from ecm.cli.options import (
 from ecm.cli.text import columns
 
 if TYPE_CHECKING:
-    from ecm.compare import FTest
+    from collections.abc import Sequence
+
+    from ecm.compare import Comparison
     from ecm.compare.references import References
 
 
@@ -49,7 +51,7 @@ def compare(
 ) -> None:
     """A model against a table: RMSE, bias, noise floor and excess error per component."""
     from ecm.check import excitation_sentences, never_excited
-    from ecm.cli.models import open_model
+    from ecm.cli.models import open_model, prepare_physics
     from ecm.cli.reports import write_comparison
     from ecm.compare import compare as run
 
@@ -58,34 +60,21 @@ def compare(
         load_effects()
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        found = run(open_model(model, console), table, seed=seed)
-        save_json(
-            json,
-            {
-                **found.to_dict(),
-                "never_excited": list(never_excited(table)),
-                "warnings": [*found.warnings, *table.warnings],
-            },
-        )
-        if report is not None:
-            write_comparison(report, found)
-        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "fit F",
-                 "unit")]  # fmt: skip
+        opened = open_model(model, console)
+        if opened.base.kind != "physics":
+            prepare_physics(table, console, threads)
+        found = run(opened, table, seed=seed)
+        warnings = [*found.warnings, *table.warnings]
         silent = never_excited(table)
-        for item in found.components:
-            if item.name in silent:
-                continue
-            interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-            unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
-            rows.append(
-                (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
-                 f"{item.excess:.3g}", interval, _ratio(item.lack_of_fit), unit)
-            )  # fmt: skip
-        console.say(columns(rows))
+        save_json(json, {**found.to_dict(), "never_excited": list(silent), "warnings": warnings})
+        if report is not None:
+            write_comparison(report, found, warnings)
+        console.say(_errors(found, silent))
         console.say()
-        console.say(found.sentence())
         if found.lack_of_fit is not None:
-            console.say(_lack_of_fit(found.lack_of_fit))
+            console.say(_lack_of_fit(found, silent))
+            console.say()
+        console.say(found.sentence())
         if found.references is not None:
             console.say(_side_by_side(found.references))
         for warning in found.warnings:
@@ -94,23 +83,31 @@ def compare(
             console.say(sentence)
 
 
-def _ratio(found: FTest | None) -> str:
-    return "" if found is None else f"{found.F:.3g}"
+def _errors(found: Comparison, silent: Sequence[str]) -> str:
+    """Error, floor and excess of each component that was excited."""
+    rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
+    for item in found.components:
+        if item.name in silent:
+            continue
+        interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
+        unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
+        rows.append(
+            (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
+             f"{item.excess:.3g}", interval, unit)
+        )  # fmt: skip
+    return columns(rows)
 
 
-def _lack_of_fit(found: FTest) -> str:
-    return (
-        f"Lack of fit over all components: F = {found.F:.6g} with {found.dof:.4g} and "
-        f"{found.dof_error:.4g} degrees of freedom, p = {found.p:.2g} (1 where only noise is left)."
-    )
+def _lack_of_fit(found: Comparison, silent: Sequence[str]) -> str:
+    """F of what the model leaves between repeated poses over what repeats of one pose leave."""
+    tests = {"all": found.lack_of_fit} | {c.name: c.lack_of_fit for c in found.components}
+    rows = [("lack of fit", "F", "p")]
+    for name, test in tests.items():
+        if test is not None and name not in silent:
+            rows.append((name, f"{test.F:.6g}", f"{test.p:.2g}"))
+    return columns(rows)
 
 
 def _side_by_side(found: References) -> str:
-    levels = (
-        ("physics base", found.physics),
-        ("symmetric energy", found.energy),
-        ("ceiling", found.ceiling),
-        ("noise", found.floor),
-    )
-    shown = ", ".join(f"{name} {value:.2f}" for name, value in levels if value is not None)
+    shown = ", ".join(f"{name} {value:.2f}" for name, value in found.levels().items())
     return f"Held-out error over noise: {shown}. {found.sentence()}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ecm.cli.console import Console
+from ecm.cli.diagnose_text import told
 from ecm.cli.options import (
     Data,
     HiddenThreads,
@@ -26,12 +27,9 @@ from ecm.cli.options import (
     output,
     save_json,
 )
-from ecm.cli.text import columns
 
 if TYPE_CHECKING:
     from ecm.table import Table
-
-_SHOWN = 10
 
 
 def add_to(app: typer.Typer) -> None:
@@ -83,47 +81,12 @@ def diagnose(
                 after = replace(before, effects=(*before.effects, *found.effects))
                 predicted = (after.predict(table) - before.predict(table))[compared.row]
             write_diagnosis(report, document, compared, predicted)
-        _print(document, console)
+        for paragraph in told(document):
+            console.say(paragraph)
         if next_plan is not None:
             _write_next(next_plan, table, document["next_experiment"], console)
         for warning in found.warnings:
             console.warn(warning)
-
-
-def _print(document: Mapping[str, Any], console: Console) -> None:
-    console.say(document["sentence"])
-    for item in document["effects"]:
-        for name, found in item["parameters"].items():
-            value = f"{found['value']:.4g} +- {found['sd']:.2g} {found['unit']}"
-            console.say(f"  {item['id']} {name} = {value}")
-    if document["ranking"]:
-        rows = [("effect", "p", "delta BIC", "size", "sd", "unit", "expected fall")]
-        for item in document["ranking"][:_SHOWN]:
-            rows.append(
-                (item["id"], f"{item['p']:.2g}", f"{item['delta_bic']:.1f}",
-                 f"{item['size']:.3g}", f"{item['sd']:.2g}", item["unit"],
-                 f"{item['expected_fall']:.3f}")
-            )  # fmt: skip
-        console.say("\n" + columns(rows))
-    if document["confusable"]:
-        listed = "; ".join(" = ".join(members) for members in document["confusable"])
-        console.say(f"\nCannot be told apart with these data: {listed}")
-    if document["not_testable"]:
-        console.say("\nNot testable with these data:")
-        missing = [
-            (f"  {item['id']}", item["reason"], f"-> {item['record']}")
-            for item in document["not_testable"]
-        ]
-        console.say(columns(missing, header=False))
-    for item in document["next_experiment"][:3]:
-        sure = ""
-        if item.get("p_correct") is not None:
-            before, after = item["p_correct_before"], item["p_correct"]
-            sure = f", chance of the right name {before:.2f} -> {after:.2f}"
-        console.say(f"next: {item['action']} ({item['minutes']} min{sure})")
-    if document["unknown"] is not None and document["unknown"].get("skeleton"):
-        console.say("\nA first draft of an effect of your own:\n")
-        console.say(document["unknown"]["skeleton"])
 
 
 def _write_next(

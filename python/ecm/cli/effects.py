@@ -14,6 +14,16 @@ from ecm.cli.text import columns
 if TYPE_CHECKING:
     from ecm.effects import Effect
 
+_SIDES = {
+    "physics": "acts on the controller as well",
+    "measurement": "acts on the instruments alone",
+}
+_KINDS = {
+    "pose": "a function of the pose",
+    "time": "follows time, order or a covariate",
+    "noise": "changes the noise alone",
+}
+
 
 def add_to(app: typer.Typer) -> None:
     """Make the command known."""
@@ -48,6 +58,9 @@ def _print(effect: Effect, console: Console) -> None:
     console.say(effect.id)
     console.say(textwrap.fill(effect.physics, 78, initial_indent="  ", subsequent_indent="  "))
     console.say(f"signature: {effect.signature}" if effect.signature else "")
+    console.say(f"needs: {_needs(effect)}")
+    console.say(f"side: {effect.side}, {_SIDES[effect.side]}")
+    console.say(f"kind: {effect.kind}, {_KINDS[effect.kind]}")
     rows = [("parameter", "unit", "ordinary size", "from", "to")]
     for item in effect.parameters:
         ends = (f"{item.lower:g}", f"{item.upper:g}")
@@ -55,6 +68,10 @@ def _print(effect: Effect, console: Console) -> None:
     console.say(columns(rows))
     for rival, separates in effect.rivals.items():
         console.say(f"confused with {rival}: {separates}")
+
+
+def _needs(effect: Effect) -> str:
+    return effect.needs or "nothing beside pose and wrench"
 
 
 def _first_sentence(text: str) -> str:
@@ -66,6 +83,9 @@ def _document(effect: Effect) -> dict[str, Any]:
         "id": effect.id,
         "physics": effect.physics,
         "signature": effect.signature,
+        "needs": effect.needs,
+        "side": effect.side,
+        "kind": effect.kind,
         "parameters": [
             {
                 "name": item.name,

@@ -11,46 +11,20 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from ecm.compare import Comparison
-    from ecm.report import TableBlock, TextBlock
 
 
-def write_comparison(path: Path, found: Comparison) -> None:
-    """Components, and the residuals in units of the noise."""
-    from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
-    from ecm.report import figures as draw
-    from ecm.report.page import number
+def write_comparison(path: Path, found: Comparison, warnings: Sequence[str] = ()) -> None:
+    """Components, references, and the residuals in units of the noise."""
+    from ecm.report import write_page
+    from ecm.report.comparison import compare_section, references_section
     from ecm.report.where import where_section
 
-    names = [item.name for item in found.components]
-    rows = [
-        [
-            item.name,
-            *(number(value) for value in (item.rmse, item.bias, item.floor, item.excess)),
-            f"{number(item.excess_low, 2)} to {number(item.excess_high, 2)}",
-        ]
-        for item in found.components
-    ]
-    header = ("component", "RMSE", "bias", "noise floor", "excess", "90 % interval")
-    floor = np.array([item.floor for item in found.components])
-    shares: dict[str, Sequence[float]] = {
-        "noise floor": [1.0] * len(names),
-        "RMSE": [item.rmse / f for item, f in zip(found.components, floor, strict=True)],
-        "excess": [item.excess / f for item, f in zip(found.components, floor, strict=True)],
-    }
-    blocks: list[TextBlock | TableBlock | FigureBlock] = [
-        TextBlock(found.sentence(), strong=True),
-        TableBlock("Residuals in the unit of each column.", header, rows),
-        FigureBlock(
-            "Error of each component over its noise floor.",
-            draw.bars(shares, names, y_title="over the noise floor"),
-        ),
-        FigureBlock(
-            "Residuals over their noise; noise alone would have a standard deviation of 1.",
-            draw.histograms({"rows": found.whitened}, names, limit=8.0, x_title="over noise"),
-        ),
+    sections = [
+        compare_section(found, warnings),
+        references_section(found),
+        where_section(found.where()),
     ]
     lead = f"{found.rows} rows"
-    sections = [Section("Compare", blocks), where_section(found.where())]
     write_page(path, f"{found.model} against measurements", lead, sections)
 
 
@@ -60,7 +34,7 @@ def write_diagnosis(
     compared: Comparison | None = None,
     predicted: NDArray[np.float64] | None = None,
 ) -> None:
-    """Verdict, errors before and after, where, ranking, what cannot be tested, what comes next.
+    """Verdict, what is unknown, where, ranking, limits, what cannot be tested, what comes next.
 
     Parameters
     ----------
@@ -69,71 +43,28 @@ def write_diagnosis(
     predicted
         (N, m) what the effects of the answer add to the wrench of its rows.
     """
-    from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
+    from ecm.report import FigureBlock, Section, write_page
+    from ecm.report import diagnosis as part
     from ecm.report.loop import ranking_table
-    from ecm.report.page import number
 
-    errors = document["rmse"]
-    steps = [step for step in ("before", "after", "floor") if errors.get(step)]
-    rows = [[name, *(number(errors[step][name]) for step in steps)] for name in errors["before"]]
-    sections = [
-        Section(
-            "Verdict",
-            [
-                TextBlock(document["sentence"], strong=True),
-                TableBlock("RMSE in the unit of each column.", ("component", *steps), rows),
-                *_found(document),
-            ],
-        )
-    ]
+    sections = [part.verdict_section(document), part.unknown_section(document)]
     if compared is not None:
-        from ecm.report.where import residual_map, where_section
+        from ecm.report.where import where_section
 
         section = where_section(compared.where())
         if predicted is not None:
             drawn = FigureBlock(
                 "What the answer predicts (crosses) on the residuals of the model before.",
-                residual_map(compared.where(), predicted=predicted),
+                compared.where().figure(predicted=predicted),
             )
             section = Section(section.title, [section.blocks[0], drawn, *section.blocks[1:]])
         sections.append(section)
     if document["ranking"]:
         sections.append(Section("Ranking", [ranking_table(dict(document))]))
-    if document["not_testable"]:
-        listed = [[item["id"], item["reason"], item["record"]] for item in document["not_testable"]]
-        header = ("effect", "why not", "what to record")
-        block = TableBlock("Effects that these data cannot test.", header, listed)
-        sections.append(Section("Not testable", [block]))
-    if document["next_experiment"]:
-        listed = [_proposal(item) for item in document["next_experiment"]]
-        columns = ("action", "minutes", "tells apart", "chance of the right name")
-        block = TableBlock("What would tell more.", columns, listed)
-        sections.append(Section("Next experiment", [block]))
-    write_page(path, "Which effect is missing", f"verdict: {document['verdict']}", sections)
-
-
-def _found(document: Mapping[str, Any]) -> list[TableBlock | TextBlock]:
-    """Sizes of what is named, and what the data cannot tell apart."""
-    from ecm.report import TableBlock, TextBlock
-    from ecm.report.page import number
-
-    rows = [
-        [item["id"], name, number(p["value"]), number(p["sd"], 2), p["unit"]]
-        for item in document["effects"]
-        for name, p in item["parameters"].items()
+    sections += [
+        part.limits_section(document),
+        part.untestable_section(document),
+        part.next_section(document),
     ]
-    blocks: list[TableBlock | TextBlock] = []
-    if rows:
-        header = ("effect", "parameter", "value", "± sd", "unit")
-        blocks.append(TableBlock("What the answer's effects measure.", header, rows))
-    if document["confusable"]:
-        pairs = "; ".join(" = ".join(pair) for pair in document["confusable"])
-        blocks.append(TextBlock(f"These data cannot tell apart: {pairs}."))
-    return blocks
-
-
-def _proposal(item: Mapping[str, Any]) -> list[str]:
-    """One line of the next experiments."""
-    known = item.get("p_correct") is not None
-    chance = f"{item['p_correct_before']:.2f} to {item['p_correct']:.2f}" if known else "not known"
-    return [item["action"], str(item["minutes"]), "; ".join(item.get("separates", ())), chance]
+    shown = [section for section in sections if section is not None]
+    write_page(path, "Which effect is missing", f"verdict: {document['verdict']}", shown)

@@ -9,7 +9,7 @@ of the pose: history, time or noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +42,16 @@ class References:
     energy: float | None
     ceiling: float | None
     floor: float = 1.0
+
+    def levels(self) -> dict[str, float]:
+        """Those that are known, by name."""
+        named = {
+            "physics base": self.physics,
+            "symmetric energy": self.energy,
+            "ceiling": self.ceiling,
+            "noise floor": self.floor,
+        }
+        return {name: value for name, value in named.items() if value is not None}
 
     def shares(self) -> dict[str, float]:
         """Share of the excess, in squares, of each family that can be told."""
@@ -83,26 +93,31 @@ class References:
 def references(model: Model, table: Table, noise: Noise) -> References | None:
     """References of a table with all six pose and wrench columns and repeats or many rows.
 
-    The physics base is that of the model, where it is one: comparing builds no FEM.
+    The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
+    its FEM runs here where it is not in the cache yet.
     """
     # Late: models stand on the comparison.
     from ecm.models.ladder import ceiling_rms
-    from ecm.models.physics import FREE, PhysicsMap
+    from ecm.models.physics import FREE, PhysicsMap, physics_map, reach_of
     from ecm.refit import joint_fit
 
     if not table.has(*POSE, *WRENCH) or noise.components is not None:
         return None
     kept = informative(table)
-    own = model.base
-    physics: StiffnessMap | None = None
-    if isinstance(own, PhysicsMap):
-        physics = own if own.family is None else own.with_free(*FREE)
+    physics: StiffnessMap | None = model.base
+    body = kept.meta.body()
+    if not isinstance(physics, PhysicsMap) and body is not None and body.has_body:
+        physics = physics_map(body, reach_rad=reach_of(table))
+    if not isinstance(physics, PhysicsMap):
+        physics = None
+    elif physics.family is not None:
+        physics = physics.with_free(*FREE)
     fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, _energy(kept))]
     found = [fit for fit in fits if fit is not None]
     if not found:
         return None
-    ceilings = [ceiling_rms(f, kept, replace(model, base=f.base, noise=noise)) for f in found]
-    known = [value for value in ceilings if value is not None]
+    ceilings = [ceiling_rms(fit, kept, noise) for fit in found]
+    known = [item.whitened for item in ceilings if item is not None]
     return References(
         physics=_held_out(fits[0], kept),
         energy=_held_out(fits[1], kept),

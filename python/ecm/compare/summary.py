@@ -45,7 +45,7 @@ class Component:
     excess_low: float
     excess_high: float
     """90 % interval, groups of rows resampled."""
-    lack_of_fit: FTest | None = None
+    lack_of_fit: FTest | None
     """Of this component alone, over its own noise; None without repeats."""
 
 
@@ -183,7 +183,9 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
             excess=_root(float((physical[:, j] ** 2 - variance[:, j]).mean())),
             excess_low=_root(float(draws[0][0, j])),
             excess_high=_root(float(draws[0][1, j])),
-            lack_of_fit=_lack(alone[:, j : j + 1], cells, fitted / len(model.outputs)),
+            lack_of_fit=_lack(alone[:, [j]], cells, fitted / len(model.outputs))
+            if excited[j]
+            else None,
         )
         for j, name in enumerate(model.outputs)
     )

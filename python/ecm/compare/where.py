@@ -10,18 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import POSE, WRENCH
-from ecm.compare.lack_of_fit import orthonormal
+from ecm.compare.follows import follows, variables_of
+from ecm.compare.residual_stiffness import residual_stiffness
 from ecm.compare.residuals import Residuals
 from ecm.compare.signature import signature_shares
-from ecm.effects.history import sides
 from ecm.effects.rows import Rows
+from ecm.errors import InputError
 
 F = NDArray[np.float64]
 I = NDArray[np.int64]
 B = NDArray[np.bool_]
 
-_DEGREE = 3
-"""Of the curve in one variable that a share is read from."""
 _WORTH_SAYING = 0.05
 
 
@@ -50,6 +49,8 @@ class Where:
     stiffness_sd: F | None
     leverage: F | None
     """(N,) of the model there, in units of one row's noise."""
+    top_from_base: F | None
+    """(N, 6, 6) turns a wrench to top axes, where pose and wrench are full."""
 
     @property
     def over_noise(self) -> dict[str, F]:
@@ -87,6 +88,47 @@ class Where:
             text += f" Of the signatures, {name} explains most: {share:.0%}."
         return text.strip() or "The residual follows no single variable."
 
+    def strongest(self, count: int = 2) -> list[str]:
+        """The variables that the residual follows most; then the others in their order."""
+        ranked = dict.fromkeys(variable for variable, _, _ in self.follows)
+        return list(ranked | dict.fromkeys(self.variables))[:count]
+
+    def residual_map(
+        self,
+        variable: str | None = None,
+        *,
+        frame: str = "base",
+        over_noise: bool = True,
+        predicted: F | None = None,
+    ) -> dict[str, F]:
+        """Columns of every component against a variable; `figure` draws them.
+
+        Parameters
+        ----------
+        variable
+            A name of `variables`; default the one that the residual follows most.
+        predicted
+            (N, m) in units of the outputs, base axes: what a candidate effect says; its columns
+            are named `predicted fx_N` and so on.
+
+        Returns
+        -------
+        `row`, the variable, and each component (N,), over its noise or in its unit.
+        """
+        variable = self.strongest()[0] if variable is None else variable
+        for given, known in ((variable, self.variables), (frame, self.physical)):
+            if given not in known:
+                raise InputError(f"no {given!r} in the map; there are {', '.join(known)}")
+        shown = (self.over_noise if over_noise else self.physical)[frame]
+        found = {"row": self.row.astype(np.float64), variable: self.variables[variable]}
+        found |= dict(zip(self.outputs, shown.T, strict=True))
+        if predicted is not None:
+            if frame == "top" and self.top_from_base is not None:
+                predicted = np.einsum("nij,nj->ni", self.top_from_base, predicted)
+            values = predicted / self.spread[frame] if over_noise else predicted
+            found |= {f"predicted {n}": v for n, v in zip(self.outputs, values.T, strict=True)}
+        return found
+
     def figure(
         self,
         variable: str | None = None,
@@ -95,18 +137,45 @@ class Where:
         over_noise: bool = True,
         predicted: F | None = None,
     ) -> dict[str, Any]:
-        """Plotly figure (dict) of every component against a variable.
+        """Plotly figure (dict) of `residual_map`, with menus for variable, frame and unit."""
+        from ecm.report.where import residual_figure
 
-        Parameters
-        ----------
-        variable
-            A name of `variables`; default the one that the residual follows most.
-        predicted
-            (N, m) in units of the outputs, base axes: what a candidate effect says.
-        """
-        from ecm.report.where import residual_map
+        return residual_figure(
+            self, variable, frame=frame, over_noise=over_noise, predicted=predicted
+        )
 
-        return residual_map(self, variable, frame=frame, over_noise=over_noise, predicted=predicted)
+    def workspace_map(self) -> dict[str, F]:
+        """`row`, the pose columns (N,), and `over_noise`: the size of the row's residual."""
+        pose = {name: values for name, values in self.variables.items() if name in POSE}
+        return {"row": self.row.astype(np.float64), **pose, "over_noise": self.size}
+
+    def workspace_figure(self) -> dict[str, Any]:
+        """Plotly figure (dict) of `workspace_map`: the larger the marker, the larger the error."""
+        from ecm.report.where import workspace_figure
+
+        return workspace_figure(self)
+
+    def signature_map(self) -> dict[str, float]:
+        """`shares`, the largest first."""
+        return dict(sorted(self.shares.items(), key=lambda item: -item[1]))
+
+    def signature_figure(self) -> dict[str, Any]:
+        """Plotly figure (dict) of `signature_map`: one bar each."""
+        from ecm.report.where import signature_figure
+
+        return signature_figure(self)
+
+    def stiffness_map(self) -> dict[str, F] | None:
+        """`value` and `sd` (6, 6) of the residual stiffness; None where the rows are too few."""
+        if self.stiffness is None or self.stiffness_sd is None:
+            return None
+        return {"value": self.stiffness, "sd": self.stiffness_sd}
+
+    def stiffness_figure(self) -> dict[str, Any] | None:
+        """Plotly figure (dict) of `stiffness_map`: numbers, bold beyond three deviations."""
+        from ecm.report.where import stiffness_figure
+
+        return stiffness_figure(self)
 
     def to_dict(self) -> dict[str, Any]:
         """For --json."""
@@ -127,20 +196,20 @@ class Where:
 def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
     """Maps of the residuals of the scored rows."""
     outputs = rows.base.outputs
-    variables = {name: values[scored] for name, values in _variables(rows).items()}
+    variables = {name: values[scored] for name, values in variables_of(rows).items()}
     variables = {name: v for name, v in variables.items() if float(np.ptp(v)) > 0.0}
     physical = {"base": found.physical[scored]}
     spread = {"base": np.sqrt(np.einsum("nii->ni", found.covariance[scored]))}
     full = rows.base.inputs == POSE and outputs == WRENCH
-    stiffness = sd = None
+    stiffness = sd = turn = None
     shares: dict[str, float] = {}
     if full:
-        turn = np.swapaxes(rows.base_from_top[scored], 1, 2)
+        turn = np.ascontiguousarray(np.swapaxes(rows.base_from_top[scored], 1, 2))
         physical["top"] = np.einsum("nij,nj->ni", turn, physical["base"])
         covariance = turn @ found.covariance[scored] @ np.swapaxes(turn, 1, 2)
         spread["top"] = np.sqrt(np.einsum("nii->ni", covariance))
         shares = signature_shares(rows, found.whitened, found.whitener)
-        stiffness, sd = _residual_stiffness(rows, found, scored)
+        stiffness, sd = residual_stiffness(rows, found, scored)
     return Where(
         outputs=outputs,
         row=np.flatnonzero(scored) + 1,
@@ -149,81 +218,9 @@ def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
         spread=spread,
         size=np.asarray(np.sqrt((found.whitened[scored] ** 2).mean(axis=1))),
         shares=shares,
-        follows=_follows(variables, physical["base"] / spread["base"], outputs),
+        follows=follows(variables, physical["base"] / spread["base"], outputs),
         stiffness=stiffness,
         stiffness_sd=sd,
         leverage=leverage,
+        top_from_base=turn,
     )
-
-
-def _variables(rows: Rows) -> dict[str, F]:
-    table = rows.table
-    found = {name: rows.poses[:, j] for j, name in enumerate(rows.base.inputs)}
-    if rows.base.inputs == POSE:
-        axis = rows.rotation[:, :, 0]
-        found["bend_rad"] = np.arctan2(np.hypot(axis[:, 1], axis[:, 2]), axis[:, 0])
-        found["azimuth_rad"] = np.arctan2(axis[:, 2], axis[:, 1])
-    if rows.base.outputs == WRENCH:
-        found["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
-        found["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
-    found["row"] = np.arange(1, len(table) + 1).astype(np.float64)
-    named = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "repeat")
-    for name in (*named, *table.covariates):
-        if table.has(name):
-            values = table.column(name)
-            if np.isfinite(values).all():
-                found[name] = values
-    if table.has("approach") and rows.base.inputs == POSE:
-        found["approach_side"] = sides(table, rows.length_m if rows.has_length else None)
-    return found
-
-
-def _follows(
-    variables: Mapping[str, F], whitened: F, outputs: tuple[str, ...]
-) -> tuple[tuple[str, str, float], ...]:
-    """Share of each component's squares that a cubic in one variable explains beyond chance."""
-    n = len(whitened)
-    found = []
-    for name, values in variables.items():
-        distinct = len(np.unique(values))
-        degree = min(_DEGREE, distinct - 1)
-        if n < 4 * (degree + 1):
-            continue
-        x = 2.0 * (values - values.min()) / float(np.ptp(values)) - 1.0
-        basis = orthonormal(np.polynomial.chebyshev.chebvander(x, degree))
-        explained = ((basis.T @ whitened) ** 2).sum(axis=0)
-        total = (whitened**2).sum(axis=0)
-        # Of what it does not explain, chance gives each column its part.
-        chance = basis.shape[1] * (total - explained) / max(1, n - basis.shape[1])
-        for j, output in enumerate(outputs):
-            if total[j] > 0.0:
-                share = float((explained[j] - chance[j]) / total[j])
-                found.append((name, output, max(0.0, share)))
-    return tuple(sorted(found, key=lambda item: -item[2]))
-
-
-def _residual_stiffness(rows: Rows, found: Residuals, scored: B) -> tuple[F | None, F | None]:
-    """Slope of the residual at the rest pose, beside a constant and, with enough rows, squares."""
-    deflection = (rows.poses - rows.middle_pose)[scored]
-    n = len(deflection)
-    scale = np.maximum(np.abs(deflection).max(axis=0), 1e-12)
-    unit = deflection / scale
-    columns = [np.ones((n, 1)), unit]
-    if n >= 84:
-        columns.append(
-            np.stack([unit[:, i] * unit[:, j] for i in range(6) for j in range(i + 1)], axis=1)
-        )
-    basis = np.concatenate(columns, axis=1)
-    if n < 2 * basis.shape[1] or np.linalg.matrix_rank(basis) < basis.shape[1]:
-        return None, None
-    whitener = found.whitener[scored]
-    q = basis.shape[1]
-    design = np.einsum("nij,nq->niqj", whitener, basis).reshape(6 * n, 6 * q)
-    gram = np.linalg.inv(design.T @ design)
-    y = found.whitened[scored].ravel()
-    solution = gram @ (design.T @ y)
-    # What the slope does not explain is not noise alone: scale the errors by it.
-    left = float(((y - design @ solution) ** 2).sum()) / (6 * n - 6 * q)
-    sd = np.sqrt(np.diag(gram) * max(1.0, left))
-    slope = solution.reshape(q, 6)[1:7].T / scale
-    return np.asarray(slope), np.asarray(sd.reshape(q, 6)[1:7].T / scale)

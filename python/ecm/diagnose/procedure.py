@@ -30,7 +30,7 @@ from ecm.diagnose.search import Ranked
 from ecm.diagnose.verdict import Diagnosis
 from ecm.effects import Effect, all_effects, get_effect
 from ecm.errors import InputError
-from ecm.models.ladder import ceiling_rms
+from ecm.models.ladder import Ceiling, ceiling_rms
 from ecm.refit import JointFit, joint_fit
 from ecm.sensor_zero import zero_times
 
@@ -85,6 +85,7 @@ def diagnose(
         problem.noise,
         row_weights=problem.weights,
     )
+    ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
     return Diagnosis(
         verdict=verdict,
         answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
@@ -101,8 +102,8 @@ def diagnose(
         ),
         detection_limits=detection_limits(problem),
         unknown=unknown,
-        rmse=_rmse(model, table, problem, final),
-        held_out=_held_out(problem, accepted),
+        rmse=_rmse(model, table, problem, final, ceiling),
+        held_out=_held_out(problem, accepted, ceiling),
         further=tuple(item.to_dict() for item in further(problem, accepted)),
         signature=signature_shares(
             problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
@@ -172,12 +173,16 @@ def _row(problem: Problem, item: Ranked) -> dict[str, Any]:
     }
 
 
-def _held_out(problem: Problem, accepted: Sequence[Candidate]) -> dict[str, Any]:
-    """Whitened rms on held-out rows; of a continuous test also run by run."""
+def _held_out(
+    problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None
+) -> dict[str, Any]:
+    """Whitened rms on held-out rows, and of the ceiling; of a continuous test also run by run."""
     found: dict[str, Any] = {
         "before": held_out_rms(problem, ()),
         "after": held_out_rms(problem, accepted),
     }
+    if ceiling is not None:
+        found["ceiling"] = ceiling.whitened
     if held_out_by(problem.table, "time") == "run":
         before = held_out_by_fold(problem, ())
         after = held_out_by_fold(problem, accepted)
@@ -190,9 +195,12 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate]) -> dict[str, Any]
 
 
 def _rmse(
-    model: Model, table: Table, problem: Problem, final: JointFit
+    model: Model, table: Table, problem: Problem, final: JointFit, ceiling: Ceiling | None
 ) -> dict[str, dict[str, float]]:
-    """Per component: the model as given, after the accepted effects, the noise floor."""
+    """Per component: the model as given, after the accepted effects, the noise floor, the ceiling.
+
+    The ceiling is that of the base, on held-out rows; empty where the poses are not all there.
+    """
     scored = problem.scored
     names = problem.base.outputs
     measured = np.stack([table.column(name) for name in model.outputs], axis=1)
@@ -200,15 +208,13 @@ def _rmse(
     after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
     covariance = problem.noise.covariance(problem.rows, problem.base.error)
     floor = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
-    found = {
+    reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
+    return {
         "before": dict(zip(model.outputs, before.tolist(), strict=True)),
         "after": dict(zip(names, after.tolist(), strict=True)),
         "floor": dict(zip(names, floor.tolist(), strict=True)),
+        "ceiling": reached,
     }
-    ceiling = ceiling_rms(problem.fit, table, replace(model, noise=problem.noise))
-    if ceiling is not None:
-        found["ceiling"] = {"whitened": ceiling}
-    return found
 
 
 def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:

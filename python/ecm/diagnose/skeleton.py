@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
@@ -30,8 +31,8 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             "import numpy as np",
             f"from ecm.effects import effect{extra}",
             "",
-            f'@effect("my_effect", physics="{component} follows {feature}.", '
-            f'parameters={{"size": "{unit}"}}, needs={tuple(columns)!r}{kind})',
+            f'@effect("my_effect", physics={_quoted(f"{component} follows {feature}.")}, '
+            f'parameters={{"size": {_quoted(unit)}}}, needs={tuple(columns)!r}{kind})',
             "def my_effect(rows):",
             *(
                 ["    def u(name): v = rows.table.column(name); return v - v.mean()"]
@@ -65,4 +66,9 @@ def _factors(feature: str) -> list[str]:
 def _value(name: str) -> str:
     if name in _STANDARD:
         return _STANDARD[name]
-    return f'u("{name}")'
+    return f"u({_quoted(name)})"
+
+
+def _quoted(text: str) -> str:
+    """A Python string: names come from data files, and what they hold must stay text."""
+    return json.dumps(text, ensure_ascii=False)

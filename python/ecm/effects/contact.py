@@ -112,6 +112,7 @@ class Debonding(LinearEffect):
     physics = "The bond to the platform opens: softer in tension, or softer after it tore."
     parameters: tuple[Parameter, ...] = (Parameter("loss", "1", 0.03, 0.0, 1.0),)
     signature = "odd-even split in fx, or a step in order; proportional to h"
+    needs = "order (time_s) for a tear in the course of the test; its other forms need nothing more"
 
     def __init__(
         self, opens: str = "tension", at_s: float = 0.0, bending: float = 0.0, pull_N: float = 0.0

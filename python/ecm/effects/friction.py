@@ -46,6 +46,7 @@ class Hysteresis(LinearEffect):
     physics = "Internal friction: the wrench depends on the side from which a pose is approached."
     parameters: tuple[Parameter, ...] = (Parameter("c", "m", 1e-4, -5e-3, 5e-3),)
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
+    needs = "poses reached from both sides (approach)"
     kind = "time"
 
     def __init__(self, stiffness: str = "local", yield_m: float = 0.0) -> None:

@@ -136,6 +136,7 @@ class Pretension(LinearEffect):
     physics = "The mechanism is mounted stretched, and the tension stiffens it sideways."
     parameters = (Parameter("tension", "N", 1.0, -500.0, 500.0),)
     signature = "h is not 0 at home, the lateral stiffness shifts; m = 0, conservative"
+    needs = "the detached length ([mechanism] free_length_m)"
 
     @property
     def rivals(self) -> dict[str, str]:

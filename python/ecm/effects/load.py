@@ -40,6 +40,10 @@ class Payload(LinearEffect):
         Parameter("mass_z", "kg m", 0.005, -0.5, 0.5),
     )
     signature = "force constant in base axes, torque turns with R"
+    needs = (
+        "gravity ([scene] gravity_m_s2), and the pose at zeroing where it was zeroed with the "
+        "payload ([instrument] zeroed_with_payload, pose_at_zero)"
+    )
     side = "measurement"
 
     @property
@@ -87,6 +91,7 @@ class OwnWeight(LinearEffect):
     physics = "The mechanism's own weight loads the platform and the clamp, about half of it each."
     parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
     signature = "base axes; a constant part even, a part like a stiffness odd"
+    needs = "gravity ([scene] gravity_m_s2)"
 
     def __init__(self, zeroed: str = "free") -> None:
         self._zeroed = zeroed
@@ -256,6 +261,7 @@ class TendonFriction(LinearEffect):
         Parameter("friction_lever", "m", 5e-4, -0.1, 0.1),
     )
     signature = "m = number of tendons, odd in the side of approach, not conservative"
+    needs = "tendon state (tendon1_N, ...), and poses reached from both sides (approach)"
     kind = "time"
 
     @property

@@ -35,6 +35,7 @@ class TemperatureModulus(LinearEffect):
     physics = "The modulus follows the temperature of the material, and the whole wrench with it."
     parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
     signature = "proportional to h, follows T"
+    needs = "temperature that varies (temperature_degC)"
     kind = "time"
 
     def __init__(self, reference_degC: float | None = None) -> None:
@@ -72,6 +73,7 @@ class Ageing(LinearEffect):
     physics = "The material stiffens or softens steadily with time, at rest as well as in use."
     parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
     signature = "proportional to h, monotone in t"
+    needs = "time (time_s), and poses that are measured again"
     kind = "time"
 
     @property
@@ -106,6 +108,7 @@ class MullinsSoftening(LinearEffect):
     physics = "A filled rubber is softer below the largest deformation that it has had."
     parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
     signature = "first visit above later ones, only below the past maximum"
+    needs = "order (time_s), and poses that are measured again"
     kind = "time"
 
     def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:

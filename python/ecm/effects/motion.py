@@ -72,6 +72,7 @@ class ViscousDamping(LinearEffect):
         Parameter("rotation", "N m s/rad", 0.05, 0.0, 1e3),
     )
     signature = "sign of the velocity, not conservative"
+    needs = "velocity (v_ columns, or a continuous test)"
     kind = "time"
 
     @property
@@ -102,6 +103,7 @@ class Inertia(LinearEffect):
         Parameter("moment_of_inertia", "kg m^2", 1e-3, 0.0, 1.0),
     )
     signature = "follows the acceleration, dies within a second of rest"
+    needs = "the raw stream (NAME.raw.parquet)"
     kind = "time"
 
     @property
@@ -125,6 +127,7 @@ class TimeSkew(LinearEffect):
     physics = "Camera and sensor are not read at the same moment."
     parameters = (Parameter("delay", "s", 5e-3, -1.0, 1.0),)
     signature = "proportional to the velocity, 0 at rest"
+    needs = "the raw stream (NAME.raw.parquet)"
     side = "measurement"
     kind = "time"
 

@@ -45,6 +45,7 @@ class LedOcclusion(LinearEffect):
     id = "led_occlusion"
     physics = "Where some of the markers are hidden the camera's pose is biased."
     signature = "follows the number of visible markers, in clusters of orientation"
+    needs = "visibility that varies (leds_visible)"
     side = "measurement"
 
     def __init__(

@@ -37,6 +37,7 @@ class PermanentSet(LinearEffect):
     physics = "After large poses the mechanism rests a little on the side to which it was bent."
     parameters = (Parameter("share", "1", 5e-3, 0.0, 0.5),)
     signature = "the wrench at home grows after large poses"
+    needs = "order (time_s), and home checks (kind home)"
     kind = "time"
 
     def __init__(self, memory: str = "largest", yield_m: float = 0.0, history: str = "run") -> None:

@@ -73,6 +73,10 @@ class Effect(Protocol):
         """How it shows: parity, azimuthal order, axes, what it depends on."""
 
     @property
+    def needs(self) -> str:
+        """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
+
+    @property
     def rivals(self) -> dict[str, str]:
         """Rival id -> the measurement that separates the two."""
 
@@ -111,6 +115,7 @@ class EffectBase:
     physics: str = ""
     parameters: tuple[Parameter, ...] = ()
     signature: str = ""
+    needs: str = ""
     side: Side = "physics"
     kind: Kind = "pose"
 

@@ -125,15 +125,16 @@ class _FunctionEffect(LinearEffect):
     ) -> None:
         self.id, self.physics, self.parameters = id, physics, parameters
         self.function = function
-        self._needs = None if needs is None else tuple(needs)
+        self._columns_needed = None if needs is None else tuple(needs)
+        self.needs = "" if needs is None else ", ".join(needs)
         beyond = set(needs or ()) - {*POSE, *WRENCH}
         self.side, self.kind = side, kind or ("time" if beyond else "pose")
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the columns that the user named; without any, the whole pose and wrench."""
-        if self._needs is None:
+        if self._columns_needed is None:
             return super().missing(table)
-        for name in self._needs:
+        for name in self._columns_needed:
             if not table.has(name):
                 return Missing(f"no column {name}", name, absent=True)
         return None

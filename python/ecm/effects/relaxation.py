@@ -43,6 +43,7 @@ class StressRelaxation(LinearEffect):
     physics = "After a move the stress decays at rest, so a short dwell reads a larger wrench."
     parameters: tuple[Parameter, ...] = (Parameter("g", "1", 0.02, -0.2, 1.0),)
     signature = "proportional to h, decays at rest, zero at home"
+    needs = "dwell times that differ (dwell_s), or a continuous test"
     kind = "time"
 
     def __init__(

@@ -85,6 +85,7 @@ class RobotCompliance(LinearEffect):
     physics = "The robot's joints yield under the wrench, unseen by their encoders."
     parameters = tuple(Parameter(f"joint{j}", "rad/(N m)", 1e-4, 0.0, 0.01) for j in range(1, 8))
     signature = "depends on the joints, not on the pose alone"
+    needs = "joint positions (q1_rad, ...), and poses from the encoders"
     side = "measurement"
 
     @property
@@ -114,6 +115,10 @@ class Backlash(LinearEffect):
     physics = "Play in the joints: where they stop depends on the side they came from."
     parameters = tuple(Parameter(f"joint{j}", "rad", 2e-4, -0.02, 0.02) for j in range(1, 8))
     signature = "odd in the last motion of each joint"
+    needs = (
+        "joint positions and the sign of their last motion (q1_rad, ..., q1_dir, ...), and "
+        "poses from the encoders"
+    )
     side = "measurement"
     kind = "time"
 
@@ -139,6 +144,7 @@ class JointOffset(LinearEffect):
     physics = "The encoders' zeros are off, so that poses err smoothly with the joints."
     parameters = tuple(Parameter(f"joint{j}", "rad", 5e-4, -0.05, 0.05) for j in range(1, 8))
     signature = "smooth in the joints"
+    needs = "joint positions (q1_rad, ...), and poses from the encoders"
     side = "measurement"
 
     @property

@@ -79,6 +79,7 @@ class HeteroscedasticNoise(NoiseEffect):
         Parameter("torque_growth", "1/(N m)", 0.5, 0.0, 1e3),
     )
     signature = "variance grows with the load, the mean stays"
+    needs = "repeats of small and large poses"
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -110,6 +111,7 @@ class PoseNoise(NoiseEffect):
         Parameter("rotation", "rad", 2e-4, 0.0, 0.1),
     )
     signature = "variance of stiff axes first: fx dominates"
+    needs = "repeats of small and large poses"
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -135,6 +137,7 @@ class FtsQuantisation(NoiseEffect):
     physics = "The sensor's converter has steps, and readings are rounded to them."
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
     signature = "stepped histogram of the residual"
+    needs = "the sensor's resolution ([instrument] fts_resolution)"
 
     @property
     def rivals(self) -> dict[str, str]:

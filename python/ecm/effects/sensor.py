@@ -101,6 +101,7 @@ class FtsDrift(LinearEffect):
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
     parameters = _six("rate", "/s", 1e-4, 3e-6)
     signature = "body axes, monotone in t, the same at home, not conservative"
+    needs = "time (time_s)"
     side = "measurement"
     kind = "time"
 
@@ -155,6 +156,7 @@ class FtsThermalDrift(LinearEffect):
     physics = "The sensor's zero follows the sensor's own temperature."
     parameters = _six("per_K", "/K", 0.3, 0.01)
     signature = "body axes, follows the sensor's temperature, not h"
+    needs = "the sensor's temperature (sensor_temperature_degC)"
     side = "measurement"
     kind = "time"
 

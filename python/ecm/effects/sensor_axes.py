@@ -157,6 +157,7 @@ class FtsSaturation(LinearEffect):
     physics = "The sensor reads ever less near the end of an axis' range."
     parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
     signature = "a ceiling on one raw axis"
+    needs = "the sensor's range ([instrument] fts_range)"
     side = "measurement"
 
     def __init__(self, axis: str = "fx", knee: float = 0.0) -> None:
@@ -225,6 +226,7 @@ class FtsHysteresis(LinearEffect):
     physics = "The sensor itself reads differently when its load rises than when it falls."
     parameters: tuple[Parameter, ...] = (Parameter("lag", "1", 0.02, -1.0, 1.0),)
     signature = "odd in the side of approach, body axes, also without the mechanism"
+    needs = "loads reached from both sides (approach)"
     side = "measurement"
     kind = "time"
 

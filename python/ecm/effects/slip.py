@@ -59,6 +59,7 @@ class PlatformSlip(LinearEffect):
     physics = "The platform slips on the mechanism once and stays where it is then."
     parameters = twist("slip")
     signature = "a jump at one moment, then constant in body axes"
+    needs = "order (time_s)"
     kind = "time"
 
     def __init__(self, at_s: float = 0.0) -> None:
@@ -109,6 +110,7 @@ class MarkerMotion(LinearEffect):
     physics = "The marker that stands for the base moves, and all poses seem to move with it."
     parameters = twist("marker")
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
+    needs = "time (time_s)"
     side: Side = "measurement"
     kind = "time"
 

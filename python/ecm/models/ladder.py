@@ -12,7 +12,7 @@ from ecm.columns import POSE
 from ecm.compare.folds import folds, held_out_by, is_pose, row_groups
 from ecm.compare.gram import Gram
 from ecm.compare.lack_of_fit import FTest
-from ecm.compare.noise import whiteners
+from ecm.compare.noise import Noise, whiteners
 from ecm.stages import hash_of
 
 if TYPE_CHECKING:
@@ -96,11 +96,12 @@ def _rung(name: str, table: Table, found: JointFit, model: Model) -> Rung:
     scored = is_pose(table)
     squares = (found.whitened**2).sum(axis=1)[scored]
     m = found.whitened.shape[1]
+    ceiling = ceiling_rms(found, table, model.noise)
     return Rung(
         name=name,
         train=float(np.sqrt(squares.mean() / m)),
         held_out=held_out_rms(found.design, found.whitened, groups, parts, scored),
-        ceiling=ceiling_rms(found, table, model),
+        ceiling=None if ceiling is None else ceiling.whitened,
         chi2=float((found.whitened**2).sum()),
         parameters=found.design.shape[2],
         size=found.whitened.size,
@@ -126,8 +127,18 @@ def held_out_rms(
     return float(np.sqrt(squares.sum() / total))
 
 
-def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
-    """Held-out whitened rms with a free cubic of the pose fitted to the residual.
+@dataclass(frozen=True)
+class Ceiling:
+    """Held-out error with a free cubic of the pose."""
+
+    whitened: float
+    """Root mean square in units of the noise."""
+    components: F
+    """(m,) root mean square of each component, in its unit."""
+
+
+def ceiling_rms(found: JointFit, table: Table, noise: Noise) -> Ceiling | None:
+    """Held-out error with a free cubic of the pose fitted to the residual.
 
     Ridge regression in whitened coordinates; the ridge is the best of a grid on the held-out rows,
     so that few distinct poses give a ceiling no worse than the model. None where the poses are not
@@ -145,7 +156,7 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
     regressor = _native.polynomial_regressor(
         np.ascontiguousarray(poses[:, moving]), _CEILING_DEGREE, low[moving], high[moving]
     )
-    whitener = whiteners(model.noise.covariance(rows, found.base.error)[scored])
+    whitener = whiteners(noise.covariance(rows, found.base.error)[scored])
     n, m = whitened.shape
     design = (whitener[:, :, :, None] * regressor[:, None, None, :]).reshape(n, m, -1)
     design /= np.sqrt((design**2).sum(axis=(0, 1)) / n) + 1e-300
@@ -154,6 +165,8 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
     parts = np.arange(int(packed.max()) + 1)[packed] % _CEILING_FOLDS
     ridges = np.geomspace(1e-2, 1e4, 13) * np.sqrt(n)
     squares = np.zeros(len(ridges))
+    physical = np.zeros((m, len(ridges)))
+    coloured = np.linalg.inv(whitener)
     for part in range(_CEILING_FOLDS):
         train, test = parts != part, parts == part
         flat = design[train].reshape(-1, design.shape[2])
@@ -163,5 +176,10 @@ def ceiling_rms(found: JointFit, table: Table, model: Model) -> float | None:
         weights = along[:, None] / (np.maximum(values, 0.0)[:, None] + ridges)
         left = whitened[test].ravel()[:, None] - seen @ weights
         squares += (left**2).sum(axis=0)
-    best = min(float(squares.min()), float((whitened**2).sum()))
-    return float(np.sqrt(best / whitened.size))
+        physical += ((coloured[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
+    best = int(np.argmin(squares))
+    if squares[best] < (whitened**2).sum():
+        whole, own = float(squares[best]), physical[:, best]
+    else:
+        whole, own = float((whitened**2).sum()), (found.residual[scored] ** 2).sum(axis=0)
+    return Ceiling(float(np.sqrt(whole / whitened.size)), np.asarray(np.sqrt(own / n)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,11 @@ DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 MARKERS = ("circle", "square", "diamond", "cross", "triangle-up")
 PATTERNS = ("", "/", "x", ".", "-")
 COMPONENT_LABELS = ("fx [N]", "fy [N]", "fz [N]", "τx [N m]", "τy [N m]", "τz [N m]")
+
+
+def plain(text: str) -> str:
+    """A name from a data file as a label: plotly draws tags and links that stand in its texts."""
+    return html.escape(text, quote=False)
 
 
 def _layout(**own: Any) -> dict[str, Any]:
@@ -74,6 +80,7 @@ def histograms(
     *,
     limit: float,
     x_title: str,
+    y_title: str = "pairs",
     bins: int = 40,
 ) -> dict[str, Any]:
     """One panel per column; each series is (N, len(labels)); values beyond the limit left out."""
@@ -103,7 +110,7 @@ def histograms(
                 }
             )
         layout[f"xaxis{suffix}"] = _axis(x_title if i >= len(labels) - columns else "", **x)
-        layout[f"yaxis{suffix}"] = _axis("pairs" if i % columns == 0 else "", **y)
+        layout[f"yaxis{suffix}"] = _axis(y_title if i % columns == 0 else "", **y)
         layout["annotations"].append(_panel_title(labels[i], x, y))
     return {"data": data, "layout": layout}
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from ecm.errors import MissingExtra
 from ecm.stages import write_atomically
@@ -27,6 +27,14 @@ class TextBlock:
 
     text: str
     strong: bool = False
+
+
+@dataclass(frozen=True)
+class CodeBlock:
+    """Text of a program, line by line as it stands."""
+
+    caption: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -56,17 +64,27 @@ class FigureBlock:
     figure: dict[str, Any]
 
 
+Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock
+
+
 @dataclass(frozen=True)
 class Section:
     """A titled part of the report."""
 
     title: str
-    blocks: Sequence[TextBlock | TableBlock | FigureBlock] = field(default_factory=tuple)
+    blocks: Sequence[Block] = field(default_factory=tuple)
 
     @property
     def anchor(self) -> str:
         """The section's name in links."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
+
+
+def warnings_table(warnings: Sequence[str]) -> list[Block]:
+    """What was said about the data, where anything was."""
+    if not warnings:
+        return []
+    return [TableBlock("Warnings about the data.", ("",), [[text] for text in warnings])]
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -166,6 +184,8 @@ th.words, td.words { text-align: left; }
 td.words:last-child { white-space: normal; min-width: 16em; }
 tr[data-row] { cursor: pointer; }
 tr.marked td { font-weight: 700; background: var(--wash); }
+pre { background: var(--wash); border-left: 4px solid var(--line); padding: 8px 12px; margin: 6px 0;
+  overflow-x: auto; font: 13px/1.45 "DejaVu Sans Mono", monospace; }
 figure { margin: 18px 0; }
 figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px 0; }
 figure.table { margin: 22px 0; }
@@ -186,12 +206,17 @@ figure.table { margin: 22px 0; }
 {% for e in s.blocks %}
 {% if e.kind == "TextBlock" %}
 <p{% if e.block.strong %} class="strong"{% endif %}>{{ e.block.text }}</p>
+{% elif e.kind == "CodeBlock" %}
+<figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
+<pre>{{ e.block.text }}</pre></figure>
 {% elif e.kind == "TableBlock" %}
 <figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
 <div class="scroll"><table>
 {% set words = e.block.words %}
+{% if e.block.header | join %}
 <thead><tr>{% for h in e.block.header %}<th scope="col"
  {%- if words[loop.index0] %} class="words"{% endif %}>{{ h }}</th>{% endfor %}</tr></thead>
+{% endif %}
 <tbody>{% for row in e.block.rows %}
 <tr{% if e.block.link %} data-link="{{ e.block.link }}" data-row="{{ row[0] }}" tabindex="0"
  {% endif %}>{% for cell in row %}<td{% if words[loop.index0] %} class="words"{% endif %}>

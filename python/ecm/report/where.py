@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.report import figures as draw
-from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
 
 if TYPE_CHECKING:
     from ecm.compare import Where
@@ -20,7 +21,7 @@ LINK = "measured rows"
 _FRAMES = {"base": "base axes", "top": "top axes"}
 
 
-def residual_map(
+def residual_figure(
     found: Where,
     variable: str | None = None,
     *,
@@ -29,22 +30,18 @@ def residual_map(
     predicted: F | None = None,
 ) -> dict[str, Any]:
     """One panel per component against a variable; a menu changes variable, frame and unit."""
-    variable = strongest(found)[0] if variable is None else variable
-    names = list(found.variables)
-    shown = found.over_noise if over_noise else found.physical
-    points = _panels(found, found.variables[variable], shown[frame], variable)
-    curves = []
-    if predicted is not None:
-        values = predicted / found.spread["base"] if over_noise else predicted
-        curves = _predicted(found, found.variables[variable], values)
-    data = [*points, *curves]
+    variable = found.strongest()[0] if variable is None else variable
+    columns = found.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
+    curves = [] if predicted is None else _predicted(found, columns, variable)
+    data = [*_panels(found, columns, variable), *curves]
     layout = draw.component_layout(found.outputs, "" if curves else None)
     layout["annotations"].append(_x_title(variable))
     last = len(layout["annotations"]) - 1
+    names = list(found.variables)
     menus = [
         _menu(0.0, [
             {
-                "label": name,
+                "label": draw.plain(name),
                 "method": "update",
                 "args": [
                     {"x": [_plain(found.variables[name])]},
@@ -55,7 +52,9 @@ def residual_map(
         ], names.index(variable))
     ]  # fmt: skip
     if not curves:
-        kinds = [(key, unit) for key in shown for unit in ("over its noise", "in its unit")]
+        kinds = [
+            (key, unit) for key in found.physical for unit in ("over its noise", "in its unit")
+        ]
         buttons = []
         for key, unit in kinds:
             values = (found.over_noise if unit == "over its noise" else found.physical)[key]
@@ -68,55 +67,43 @@ def residual_map(
     return {"data": data, "layout": layout}
 
 
-def strongest(found: Where, count: int = 2) -> list[str]:
-    """The variables that the residual follows most; time or order where it follows none."""
-    ranked: list[str] = []
-    for variable, _, _ in found.follows:
-        if variable not in ranked:
-            ranked.append(variable)
-    ranked += [name for name in found.variables if name not in ranked]
-    return ranked[:count]
-
-
 def where_section(found: Where) -> Section:
     """Maps, signature, residual stiffness and the worst rows."""
-    blocks: list[TextBlock | TableBlock | FigureBlock] = [TextBlock(found.sentence(), strong=True)]
+    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
     linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
-    first, *second = strongest(found)
+    first, *second = found.strongest()
     blocks.append(
         FigureBlock(
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
             f"the axes and the unit. {linked}",
-            residual_map(found, first),
+            found.figure(first),
         )
     )
     blocks += [
-        FigureBlock("The same against another variable.", residual_map(found, name))
-        for name in second
+        FigureBlock("The same against another variable.", found.figure(name)) for name in second
     ]
     if "theta_z_rad" in found.variables and "theta_y_rad" in found.variables:
         blocks.append(
             FigureBlock(
                 "Where in the workspace: the larger the marker, the larger the row's residual "
                 "over its noise.",
-                _workspace(found),
+                found.workspace_figure(),
             )
         )
     if found.shares:
-        ranked = sorted(found.shares.items(), key=lambda item: -item[1])
         blocks.append(
             FigureBlock(
                 "Share of the residual, beyond chance, that each signature explains alone; shares "
                 "overlap.",
-                draw.bars({"share": [v for _, v in ranked]}, [k for k, _ in ranked], y_title=""),
+                found.signature_figure(),
             )
         )
-    if found.stiffness is not None and found.stiffness_sd is not None:
+    if (lacking := found.stiffness_figure()) is not None:
         blocks.append(
             FigureBlock(
                 "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
-                "N m per m and rad; coloured where it is more than three of them.",
-                _stiffness_difference(found.stiffness, found.stiffness_sd),
+                "N m per m and rad; bold and coloured where it is more than three of them.",
+                lacking,
             )
         )
     worst = found.worst()
@@ -142,13 +129,13 @@ def where_section(found: Where) -> Section:
     return Section("Where", blocks)
 
 
-def _panels(found: Where, x: F, values: F, variable: str) -> list[dict[str, Any]]:
+def _panels(found: Where, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
     return [
         {
             "type": "scatter",
             "mode": "markers",
-            "x": _plain(x),
-            "y": _plain(values[:, j]),
+            "x": _plain(columns[variable]),
+            "y": _plain(columns[name]),
             "name": "measured − predicted",
             "showlegend": False,
             "marker": {"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
@@ -159,17 +146,17 @@ def _panels(found: Where, x: F, values: F, variable: str) -> list[dict[str, Any]
             "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
             **draw.component_axes(j),
         }
-        for j in range(len(found.outputs))
+        for j, name in enumerate(found.outputs)
     ]
 
 
-def _predicted(found: Where, x: F, values: F) -> list[dict[str, Any]]:
+def _predicted(found: Where, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
     return [
         {
             "type": "scatter",
             "mode": "markers",
-            "x": _plain(x),
-            "y": _plain(values[:, j]),
+            "x": _plain(columns[variable]),
+            "y": _plain(columns[f"predicted {name}"]),
             "name": "what the effect predicts",
             "legendgroup": "predicted",
             "showlegend": j == 0,
@@ -178,30 +165,44 @@ def _predicted(found: Where, x: F, values: F) -> list[dict[str, Any]]:
             "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
             **draw.component_axes(j),
         }
-        for j in range(len(found.outputs))
+        for j, name in enumerate(found.outputs)
     ]
 
 
-def _workspace(found: Where) -> dict[str, Any]:
+def workspace_figure(found: Where) -> dict[str, Any]:
+    """The rows in views of the workspace, markers as large as their residuals over the noise."""
+    columns = found.workspace_map()
+    size = columns["over_noise"]
     views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
     return draw.linked_views(
-        [(a, _plain(found.variables[a]), b, _plain(found.variables[b])) for a, b in views
-         if a in found.variables and b in found.variables],
-        size=np.clip(4.0 + 3.0 * (found.size - 1.0), 3.0, 18.0),
+        [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
+         if a in columns and b in columns],
+        size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
         rows=found.row.tolist(),
-        text=[f"{value:.2f} times its noise" for value in found.size],
+        text=[f"{value:.2f} times its noise" for value in size],
         link=LINK,
     )  # fmt: skip
 
 
-def _stiffness_difference(stiffness: F, sd: F) -> dict[str, Any]:
+def signature_figure(found: Where) -> dict[str, Any]:
+    """One bar per signature, the largest first."""
+    shares = found.signature_map()
+    return draw.bars({"share": list(shares.values())}, list(shares), y_title="share")
+
+
+def stiffness_figure(found: Where) -> dict[str, Any] | None:
+    """Residual stiffness in numbers, bold and coloured beyond three standard deviations."""
+    known = found.stiffness_map()
+    if known is None:
+        return None
     rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]
-    ratio = stiffness / sd
-    text = [
-        [f"{number(value, 2)} ± {number(error, 2)}" for value, error in zip(a, b, strict=True)]
-        for a, b in zip(stiffness, sd, strict=True)
-    ]
-    shown = np.where(np.abs(ratio) > 3.0, np.clip(ratio, -20.0, 20.0), 0.0)
+    ratio = known["value"] / known["sd"]
+    seen = np.abs(ratio) > 3.0
+    text = [[""] * 6 for _ in rows]
+    for i, j in np.ndindex(6, 6):
+        cell = f"{number(known['value'][i, j], 2)} ± {number(known['sd'][i, j], 2)}"
+        text[i][j] = f"<b>{cell}</b>" if seen[i, j] else cell
+    shown = np.where(seen, np.clip(ratio, -20.0, 20.0), 0.0)
     return draw.text_map(shown, text, names, rows, limit=20.0)
 
 
@@ -221,7 +222,7 @@ def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any
 
 def _x_title(name: str) -> dict[str, Any]:
     return {
-        "text": f"against {name}",
+        "text": f"against {draw.plain(name)}",
         "showarrow": False,
         "xref": "paper",
         "yref": "paper",
