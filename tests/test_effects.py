@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from arm_joints import joints_of
 from ecm import _native
-from ecm.columns import POSE
+from ecm.columns import JOINTS, POSE
 from ecm.effects import Rows, all_effects, effect, get_effect, register, unregister
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
@@ -39,7 +40,8 @@ def everything(rows: Rows) -> Rows:
     table, n = rows.table, len(rows)
     random = np.random.default_rng(5)
     columns = {f"v_{name}": random.uniform(-0.01, 0.01, n) for name in POSE}
-    columns |= {f"q{j}_rad": random.uniform(-1.0, 1.0, n) for j in range(1, 8)}
+    joints = joints_of(table.poses, random.uniform(-0.4, 0.4, n))
+    columns |= dict(zip(JOINTS, joints.T, strict=True))
     columns |= {f"q{j}_dir": random.choice([-1.0, 1.0], n) for j in range(1, 8)}
     columns |= {f"tendon{j}_N": random.uniform(1.0, 5.0, n) for j in range(1, 4)}
     limit = np.abs(table.wrenches).max(axis=0)
