@@ -22,6 +22,7 @@ from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
 from ecm.meta import Instrument, Meta, Scene
 from ecm.table import Table
+from full_table import full_table
 from stand_in_campaign import campaign, physics, workspace_poses
 from test_rig_stand_in import L
 
@@ -37,25 +38,7 @@ def rows() -> Rows:
 @pytest.fixture(scope="module")
 def everything(rows: Rows) -> Rows:
     """The same rows with every column and key that an effect may need."""
-    table, n = rows.table, len(rows)
-    random = np.random.default_rng(5)
-    columns = {f"v_{name}": random.uniform(-0.01, 0.01, n) for name in POSE}
-    columns |= {f"q{j}_rad": random.uniform(-1.0, 1.0, n) for j in range(1, 8)}
-    columns |= {f"q{j}_dir": random.choice([-1.0, 1.0], n) for j in range(1, 8)}
-    columns |= {f"tendon{j}_N": random.uniform(1.0, 5.0, n) for j in range(1, 4)}
-    limit = np.abs(table.wrenches).max(axis=0)
-    meta = replace(
-        table.meta,
-        file=replace(table.meta.file, kind="continuous"),
-        mechanism={**table.meta.mechanism, "free_length_m": 0.1},
-        instrument=replace(
-            table.meta.instrument,
-            fts_range=tuple((0.5 * limit).tolist()),
-            fts_resolution=(0.1, 0.1, 0.1, 0.003, 0.003, 0.003),
-        ),
-    )
-    # Where the camera sees the platform, effects of the encoders cannot be tested.
-    return Rows(table.drop("leds_visible").with_columns(columns).with_meta(meta), rows.base)
+    return Rows(full_table(), rows.base)
 
 
 def rows_for(id: str, everything: Rows) -> Rows:

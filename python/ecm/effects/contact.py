@@ -12,7 +12,16 @@ from ecm import _native
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.history import step_times
 from ecm.effects.mid_frame import wrench_of
-from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, needs_full
+from ecm.effects.protocol import (
+    Effect,
+    Kind,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    needs_full,
+    needs_time,
+)
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
 from ecm.effects.rows import Rows
 from ecm.effects.slip import base_twist_columns
@@ -172,8 +181,9 @@ class Debonding(LinearEffect):
         }
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs all columns."""
-        return needs_full(table)
+        """Needs all columns; a tear also time, without which only the other forms are tried."""
+        torn = self._opens == "torn"
+        return needs_full(table) or (needs_time(table) if torn else None)
 
     def columns(self, rows: Rows) -> F:
         """-h after the tear, or the slope of -EA L max(0, e)^2 / 2."""

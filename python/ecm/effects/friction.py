@@ -20,6 +20,7 @@ from ecm.effects.protocol import (
     Parameter,
     Shape,
     needs_full,
+    needs_time,
 )
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.effects.rows import Rows
@@ -72,8 +73,10 @@ class Hysteresis(LinearEffect):
         return found | {"yield_m": self._yield_m} if self._yield_m > 0.0 else found
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs poses approached from both sides."""
+        """Needs poses approached from both sides; with a memory also time."""
         found = needs_full(table)
+        if found is None and self._yield_m > 0.0:
+            found = needs_time(table)
         if found is not None:
             return found
         if not table.has("approach"):
@@ -87,7 +90,9 @@ class Hysteresis(LinearEffect):
         return None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Local stiffness, or that at rest; three ways to the slip with a memory."""
+        """Local stiffness, or that at rest; where time is known three ways to the slip."""
+        if needs_time(table) is not None:
+            return (Hysteresis("local"), Hysteresis("rest"))
         ways = _ways(table)
         found = [Hysteresis("middle", way) for way in ways]
         found += [Hysteresis("each", way) for way in ways]

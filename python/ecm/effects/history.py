@@ -66,7 +66,7 @@ def memory_shape(memory: str) -> dict[str, float | str]:
 
 def order_of_visits(table: Table, memory: str = "run") -> list[NDArray[np.int64]]:
     """Rows of each run in order of time; of all runs together where the memory is `kept`."""
-    time = table.column("time_s") if table.has("time_s") else np.arange(len(table)) * 1.0
+    time = table.column("time_s")
     by_run = table.has("run") and memory == "run"
     run = table.column("run") if by_run else np.zeros(len(table))
     found = []

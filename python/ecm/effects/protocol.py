@@ -183,6 +183,11 @@ def needs_full(table: Table) -> Missing | None:
     return None
 
 
+def needs_time(table: Table) -> Missing | None:
+    """Missing without time: the order of rows is not the order in which they were read."""
+    return None if table.has("time_s") else Missing("no column time_s", "time_s", absent=True)
+
+
 def needs_varying(table: Table, name: str, smallest_range: float) -> Missing | None:
     """Missing where a covariate is absent, unknown, or does not vary."""
     if not table.has(name):

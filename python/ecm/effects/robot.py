@@ -8,85 +8,99 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import JOINT_SIGNS, JOINTS
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.columns import JOINT_SIGNS, JOINTS, POSE
+from ecm.effects.arm import top_jacobian
+from ecm.effects.hand_eye import flange_from_top
+from ecm.effects.protocol import (
+    Effect,
+    EffectBase,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    needs_full,
+)
 from ecm.effects.rows import Rows
+from ecm.errors import InputError
 
 if TYPE_CHECKING:
     from ecm.table import Table
 
 F = NDArray[np.float64]
 
-# KUKA LWR 4+: base to shoulder, shoulder to elbow, elbow to wrist, wrist to flange, in m.
-_LINKS_M = (0.3105, 0.400, 0.390, 0.078)
-# Axis of each joint in the stretched arm: along it, or across it with its sign.
-_AXES = ((0, 0, 1), (0, -1, 0), (0, 0, 1), (0, 1, 0), (0, 0, 1), (0, -1, 0), (0, 0, 1))
-_HEIGHTS_M = np.cumsum([0.0, _LINKS_M[0], 0.0, _LINKS_M[1], 0.0, _LINKS_M[2], 0.0])
-_FLANGE_M = float(sum(_LINKS_M))
 
+class _OfJoints(EffectBase):
+    """What the three share: small motions of the joints move the platform, -K_s B J.
 
-def tool_jacobian(joints: F) -> F:
-    """(N, 6, 7) twist of the flange, translation then rotation, in its own axes per joint rate.
-
-    The flange's z axis is taken for the top frame's x axis, pointing into the mechanism.
+    J is that of the top frame on the arm's flange; how it sits there the rows tell.
     """
-    n = len(joints)
-    jacobian = np.zeros((n, 6, 7))
-    turn = np.broadcast_to(np.eye(3), (n, 3, 3))
-    place = np.zeros((n, 3))
-    axes, places, height = [], [], 0.0
-    for j in range(7):
-        place = place + (_HEIGHTS_M[j] - height) * turn[:, :, 2]
-        height = float(_HEIGHTS_M[j])
-        axis = np.asarray(_AXES[j], dtype=np.float64)
-        axes.append(turn @ axis)
-        places.append(place)
-        turn = turn @ _turns(axis, joints[:, j])
-    flange = place + (_FLANGE_M - height) * turn[:, :, 2]
-    to_tool = np.swapaxes(turn, 1, 2)
-    # Flange z, x, y become top x, y, z.
-    order = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    for j in range(7):
-        moved = np.cross(axes[j], flange - places[j])
-        jacobian[:, :3, j] = np.einsum("nij,nj->ni", to_tool, moved) @ order.T
-        jacobian[:, 3:, j] = np.einsum("nij,nj->ni", to_tool, axes[j]) @ order.T
-    return jacobian
+
+    side = "measurement"
+    kind = "time"
+    _needed = JOINTS
+
+    def __init__(self, **top_on_flange: float) -> None:
+        if top_on_flange and set(top_on_flange) != set(POSE):
+            raise InputError(
+                f"effect {self.id}: the tool on the flange is {', '.join(POSE)}, "
+                f"found {', '.join(top_on_flange)}"
+            )
+        self._top_on_flange = top_on_flange
+
+    @property
+    def shape(self) -> Shape:
+        """Pose of the top frame on the flange; none until a table has told it."""
+        return {name: self._top_on_flange[name] for name in POSE if self._top_on_flange}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs joint positions, poses that follow from them, and rows that tell the tool."""
+        found = needs_full(table)
+        if found is not None:
+            return found
+        lacking = [name for name in self._needed if not table.has(name)]
+        if lacking:
+            return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
+        if table.has("leds_visible"):
+            return Missing("the pose is the camera's, not the joints'", "poses from the encoders")
+        tool = flange_from_top(table)
+        return tool if isinstance(tool, Missing) else None
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """With the tool that the table tells."""
+        tool = _told(flange_from_top(table), table)
+        return (type(self)(**dict(zip(POSE, tool.round(9).tolist(), strict=True))),)
+
+    def motion(self, rows: Rows) -> F:
+        """(N, 6, 7) J."""
+        tool = np.array([*self.shape.values()], dtype=np.float64)
+        if not len(tool):
+            tool = _told(flange_from_top(rows.table), rows.table)
+        return top_jacobian(np.ascontiguousarray(rows.table.matrix(JOINTS)), tool)
 
 
-def _turns(axis: F, angle: F) -> F:
-    """(N, 3, 3) rotations about one axis."""
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.asarray(np.eye(3) + s * cross + (1.0 - c) * (cross @ cross))
+def _told(tool: F | Missing, table: Table) -> F:
+    if isinstance(tool, Missing):
+        raise InputError(f"{table.source}: {tool.reason}; record {tool.record}")
+    return tool
 
 
-def needs_joints(table: Table, *more: str) -> Missing | None:
-    """Missing where joint positions are absent, or the pose is the camera's."""
-    found = needs_full(table)
-    if found is not None:
-        return found
-    lacking = [name for name in (*JOINTS, *more) if not table.has(name)]
-    if lacking:
-        return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
-    if table.has("leds_visible"):
-        return Missing("the pose is the camera's, not the joints'", "poses from the encoders")
-    return None
+def _moved(rows: Rows, motion: F) -> F:
+    """(N, 6, k) K_s B of small motions (N, 6, k) of the top frame in its own axes."""
+    return np.asarray(rows.screw_stiffness @ rows.base_from_top @ motion)
 
 
-def _body_motion(rows: Rows, motion: F) -> F:
-    """(N, 6, k) -K_s B of small motions (N, 6, k) of the flange in top axes."""
-    return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) @ motion)
+class RobotCompliance(_OfJoints):
+    """-(I + M)^-1 M h, M = K_s B J C J' B', C one compliance per joint.
 
-
-class RobotCompliance(LinearEffect):
-    """-K_s B J C J' B' h, C one compliance per joint."""
+    The arm gives way to -h, which the mechanism then exerts at the pose that is left: the balance
+    of the two springs under the tangent stiffness, to first order -M h.
+    """
 
     id = "robot_compliance"
     physics = "The robot's joints yield under the wrench, unseen by their encoders."
     parameters = tuple(Parameter(f"joint{j}", "rad/(N m)", 1e-4, 0.0, 0.01) for j in range(1, 8))
     signature = "depends on the joints, not on the pose alone"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-    side = "measurement"
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -96,19 +110,31 @@ class RobotCompliance(LinearEffect):
             "joint_offset": "calibrate with the camera",
         }
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs joint positions."""
-        return needs_joints(table)
+    def correction(self, rows: Rows, values: F) -> F:
+        """Wrench that is left, minus that of an arm that does not yield."""
+        return self._left(rows, values) - rows.wrench
 
-    def columns(self, rows: Rows) -> F:
-        """One per joint."""
-        jacobian = tool_jacobian(rows.table.matrix(JOINTS))
-        own = np.einsum("nji,nj->ni", rows.base_from_top, rows.wrench)
-        torque = np.einsum("nij,ni->nj", jacobian, own)
-        return _body_motion(rows, -jacobian * torque[:, None, :])
+    def jacobian(self, rows: Rows, values: F) -> F:
+        """-(I + M)^-1 K_s B J_j J_j' B' h_left for each joint."""
+        motion = self.motion(rows)
+        own = np.einsum("nji,nj->ni", rows.base_from_top, self._left(rows, values))
+        torque = np.einsum("nij,ni->nj", motion, own)
+        softer = self._softer(rows, values)
+        return np.asarray(-np.linalg.solve(softer, _moved(rows, motion) * torque[:, None, :]))
+
+    def _left(self, rows: Rows, values: F) -> F:
+        return np.asarray(
+            np.linalg.solve(self._softer(rows, values), rows.wrench[:, :, None])[..., 0]
+        )
+
+    def _softer(self, rows: Rows, values: F) -> F:
+        """(N, 6, 6) I + M."""
+        motion = self.motion(rows)
+        in_base = rows.base_from_top @ motion
+        return np.asarray(np.eye(6) + _moved(rows, motion * values) @ np.swapaxes(in_base, 1, 2))
 
 
-class Backlash(LinearEffect):
+class Backlash(_OfJoints, LinearEffect):
     """-K_s B J b sign(q'), b the play of each joint."""
 
     id = "backlash"
@@ -119,25 +145,20 @@ class Backlash(LinearEffect):
         "joint positions and the sign of their last motion (q1_rad, ..., q1_dir, ...), and "
         "poses from the encoders"
     )
-    side = "measurement"
-    kind = "time"
+    _needed = (*JOINTS, *JOINT_SIGNS)
 
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {"hysteresis": "joint-wise reversal", "fts_hysteresis": "joint-wise reversal"}
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs joint positions and the sign of their last motion."""
-        return needs_joints(table, *JOINT_SIGNS)
-
     def columns(self, rows: Rows) -> F:
         """One per joint."""
         signs = rows.table.matrix(JOINT_SIGNS)
-        return _body_motion(rows, tool_jacobian(rows.table.matrix(JOINTS)) * signs[:, None, :])
+        return -_moved(rows, self.motion(rows) * signs[:, None, :])
 
 
-class JointOffset(LinearEffect):
+class JointOffset(_OfJoints, LinearEffect):
     """-K_s B J dq, dq constant."""
 
     id = "joint_offset"
@@ -145,7 +166,6 @@ class JointOffset(LinearEffect):
     parameters = tuple(Parameter(f"joint{j}", "rad", 5e-4, -0.05, 0.05) for j in range(1, 8))
     signature = "smooth in the joints"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-    side = "measurement"
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -155,13 +175,9 @@ class JointOffset(LinearEffect):
             "base_frame_misalignment": "calibrate with the camera",
         }
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs joint positions."""
-        return needs_joints(table)
-
     def columns(self, rows: Rows) -> F:
         """One per joint."""
-        return _body_motion(rows, tool_jacobian(rows.table.matrix(JOINTS)))
+        return -_moved(rows, self.motion(rows))
 
 
 EFFECTS: Sequence[Effect] = (RobotCompliance(), Backlash(), JointOffset())

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.effects.history import known_before
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    Missing,
+    Parameter,
+    Shape,
+    needs_full,
+    needs_time,
+)
 from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
 from ecm.sensor_zero import zero_of_rows, zero_times
@@ -263,17 +271,17 @@ class FtsHysteresis(LinearEffect):
         }
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs loads that were reached from above and from below."""
+        """Needs time, and loads that were reached from above and from below."""
         from ecm.effects.friction import Hysteresis
 
-        return Hysteresis().missing(table)
+        return needs_time(table) or Hysteresis().missing(table)
 
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(known_before(rows)))
         width = self._width * own[~rows.unloaded].std(axis=0)
-        time, zeros = _times(rows.table)
+        time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
         lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
         state = np.zeros(6)
         # The sensor's history goes on through all runs, and through the readings of its zero.
@@ -288,12 +296,6 @@ class FtsHysteresis(LinearEffect):
         lag -= zero_of_rows(time, zeros, zero_lag)
         columns = base_from_sensor * lag[:, None, :]
         return np.asarray(columns if self._axes == "each" else columns.sum(axis=2, keepdims=True))
-
-
-def _times(table: Table) -> tuple[F, F]:
-    """(N,) times of the rows, or their order; (k,) times at which the zero was taken."""
-    time = table.column("time_s") if table.has("time_s") else np.arange(float(len(table)))
-    return np.asarray(time), np.asarray(zero_times(table), dtype=np.float64)
 
 
 def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:

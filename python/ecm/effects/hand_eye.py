@@ -1,0 +1,180 @@
+"""How the platform sits on the arm's flange, found from joints and poses of the same rows.
+
+    base_from_top_i = base_from_foot foot_from_flange(q_i) flange_from_top,
+
+solved for the two constant transforms: the rotations in closed form (the leading singular pair of
+sum R_i x F_i; Shah, "Solving the Robot-World/Hand-Eye Calibration Problem Using the Kronecker
+Product", J. Mechanisms Robotics 5(3), 2013), then all twelve numbers by reweighted Gauss-Newton.
+Only the second matters for how the platform moves with the joints.
+An encoder that is off by a constant shifts pose and joint alike, so the transforms found are those
+that the arm's controller uses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm import _native
+from ecm.columns import JOINTS
+from ecm.effects.arm import Chain, chain
+from ecm.effects.protocol import Missing
+
+if TYPE_CHECKING:
+    from ecm.table import Table
+
+F = NDArray[np.float64]
+
+_LEAST_ROWS = 6
+_ROUNDS, _LAST_STEP = 20, 1e-9
+_FLOOR_M, _FLOOR_RAD = 1e-5, 1e-4
+"""Poses are never told better than this; what is known of the transforms follows from it."""
+_MISFIT = 0.05
+"""Share of the motion that the arm's kinematics may leave: as much would its Jacobian err."""
+_TOOL_SD_M, _TOOL_SD_RAD = 5e-3, 0.02
+"""A tool known no better than this would turn or shift the Jacobian by some hundredths."""
+
+
+@dataclass(frozen=True)
+class _Mounting:
+    """base_from_foot and flange_from_top: rotations (3, 3), positions (3,)."""
+
+    foot: F
+    foot_m: F
+    tool: F
+    tool_m: F
+
+    def position_m(self, arm: Chain) -> F:
+        """(N, 3) of the top frame against the foot, in base axes."""
+        return np.asarray((arm.flange_m + arm.foot_from_flange @ self.tool_m) @ self.foot.T)
+
+
+def flange_from_top(table: Table) -> F | Missing:
+    """(6,) pose of the top frame on the flange, or why joints and poses do not tell it."""
+    arm = chain(np.ascontiguousarray(table.matrix(JOINTS)))
+    poses = table.poses
+    if len(poses) < _LEAST_ROWS:
+        return Missing(f"{len(poses)} rows do not tell the tool on the flange", "more poses")
+    rotation = _native.rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
+    position = poses[:, :3]
+    starts = (_by_turns(arm, rotation), _by_ways(arm, rotation, position))
+    solved = [_solved(_shifted(start, arm, position), arm, rotation, position) for start in starts]
+    found, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
+    motion = np.array([_rms(position - position.mean(axis=0)), _turned(rotation)])
+    if np.any(spread > np.maximum(_MISFIT * motion, 10.0 * np.array([_FLOOR_M, _FLOOR_RAD]))):
+        return Missing(
+            "joints and poses do not belong to one arm of known kinematics (KUKA LWR 4+): "
+            f"{1e3 * spread[0]:.2g} mm and {1e3 * spread[1]:.2g} mrad stay",
+            "joint angles with the maker's zeros and signs, and the poses that belong to them",
+        )
+    covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    sd_rad, sd_m = (_largest_sd(covariance[k : k + 3, k : k + 3]) for k in (6, 9))
+    if sd_m > _TOOL_SD_M or sd_rad > _TOOL_SD_RAD:
+        return Missing(
+            "the poses do not tell the tool on the flange "
+            f"({1e3 * sd_m:.2g} mm, {1e3 * sd_rad:.2g} mrad)",
+            "poses turned about two axes by 0.1 rad and more",
+        )
+    return np.concatenate([found.tool_m, _native.rotation_vectors(found.tool[None])[0]])
+
+
+def _by_turns(arm: Chain, rotation: F) -> tuple[F, F]:
+    """Rotations of foot and tool in closed form; poor where the poses hardly turn."""
+    pair = np.einsum("iad,ibc->abcd", rotation, arm.foot_from_flange).reshape(9, 9)
+    left, _, right = np.linalg.svd(pair)
+    foot, tool = left[:, 0].reshape(3, 3), right[0].reshape(3, 3)
+    sign = np.sign(np.linalg.det(foot))
+    return _nearest_rotation(sign * foot), _nearest_rotation(sign * tool)
+
+
+def _by_ways(arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
+    """The same for poses that hardly turn: then flange and top frame go the same ways."""
+    flange = arm.flange_m - arm.flange_m.mean(axis=0)
+    foot = _nearest_rotation((position_m - position_m.mean(axis=0)).T @ flange)
+    turns = np.swapaxes(foot @ arm.foot_from_flange, 1, 2) @ rotation
+    return foot, _nearest_rotation(turns.mean(axis=0))
+
+
+def _shifted(turns: tuple[F, F], arm: Chain, position_m: F) -> _Mounting:
+    """With the shifts that belong to them: r = A t + A F t_tool + t_foot."""
+    foot, tool = turns
+    known = position_m - arm.flange_m @ foot.T
+    moved = foot @ arm.foot_from_flange
+    both = np.concatenate([moved, np.broadcast_to(np.eye(3), moved.shape)], axis=2)
+    shifts = np.linalg.lstsq(both.reshape(-1, 6), known.ravel(), rcond=1e-6)[0]
+    return _Mounting(foot, shifts[3:], tool, shifts[:3])
+
+
+def _solved(start: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[_Mounting, F, F]:
+    """Reweighted Gauss-Newton: the mounting, robust rms of what stays, the normal equations."""
+    found = start
+    for _ in range(_ROUNDS):
+        left, design = _equations(found, arm, rotation, position_m)
+        spread, weights = _weighed(left)
+        root = np.sqrt(weights)[:, None] / np.repeat(spread, 3)
+        a = (design * root[:, :, None]).reshape(-1, 12)
+        normal = a.T @ a + np.eye(12)  # A step of 1 m or 1 rad weighs like one row: never singular.
+        step = np.linalg.solve(normal, a.T @ (left * root).ravel())
+        found = _moved(found, step)
+        if np.abs(step).max() < _LAST_STEP:
+            break
+    left, _ = _equations(found, arm, rotation, position_m)
+    return found, _weighed(left)[0], np.asarray(normal)
+
+
+def _equations(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
+    """(N, 6) shift and turn in base axes that poses have beyond the model; (N, 6, 12) slope.
+
+    The twelve: turn and shift of the foot in base axes, of the tool in the flange's.
+    """
+    seen = found.position_m(arm)
+    to_flange = found.foot @ arm.foot_from_flange
+    beyond = rotation @ np.swapaxes(to_flange @ found.tool, 1, 2)
+    turn = _native.rotation_vectors(np.ascontiguousarray(beyond))
+    left = np.concatenate([position_m - seen - found.foot_m, turn], axis=1)
+    design = np.zeros((len(seen), 6, 12))
+    for j, axis in enumerate(np.eye(3)):
+        design[:, :3, j] = np.cross(axis, seen)
+    design[:, 3:, :3] = design[:, :3, 3:6] = np.eye(3)
+    design[:, 3:, 6:9] = design[:, :3, 9:] = to_flange
+    return left, design
+
+
+def _moved(found: _Mounting, step: F) -> _Mounting:
+    foot, tool = _native.rotation_matrices(np.stack([step[:3], step[6:9]]))
+    return _Mounting(
+        _nearest_rotation(foot @ found.foot),
+        found.foot_m + step[3:6],
+        _nearest_rotation(tool @ found.tool),
+        found.tool_m + step[9:],
+    )
+
+
+def _weighed(left: F) -> tuple[F, F]:
+    """Robust rms of shift and turn, and (N,) weights: a bad row counts little."""
+    sizes = np.stack([np.linalg.norm(left[:, k : k + 3], axis=1) for k in (0, 3)], axis=1)
+    # The median length of a vector of three normal numbers is 1.54 of their deviation.
+    spread = np.maximum(np.median(sizes, axis=0) / 1.54, [_FLOOR_M, _FLOOR_RAD])
+    return spread, 1.0 / (1.0 + ((sizes / (3.0 * spread)) ** 2).sum(axis=1))
+
+
+def _turned(rotation: F) -> float:
+    """Rms angle, by axis, against the mean orientation."""
+    middle = _nearest_rotation(rotation.mean(axis=0))
+    return _rms(_native.rotation_vectors(np.ascontiguousarray(middle.T @ rotation)))
+
+
+def _rms(values: F) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _largest_sd(covariance: F) -> float:
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def _nearest_rotation(matrix: F) -> F:
+    u, _, v = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v)
