@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.columns import POSE
 from ecm.effects.history import known_before, order_of_visits
 from ecm.effects.protocol import (
     Effect,
@@ -32,10 +33,10 @@ _TAUS = 12
 class StressRelaxation(LinearEffect):
     """h (1 + g exp(-d / tau)), d the time at rest; in a continuous test its hereditary form.
 
-    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness (`linear`), or
-    d h_e in its place (`elastic`); of both the dwell form is the limit for a fast approach. A
-    second branch has a time constant of its own. With the way between readings known (`visits`)
-    it is the same integral over that way: what earlier poses have left counts as well.
+    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness and p the way from
+    rest (`linear`), or d h_e in its place (`elastic`); of both the dwell form is the limit for a
+    fast approach. A second branch has a time constant of its own. With the way between readings
+    known (`visits`) it is the same integral over that way: what earlier poses have left counts too.
     """
 
     id = "stress_relaxation"
@@ -145,7 +146,7 @@ class StressRelaxation(LinearEffect):
             return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
         driven = rows.wrench
         if self._overstress == "linear":
-            driven = rows.poses @ rows.stiffness.mean(axis=0).T
+            driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
         taus = [self._tau_s, self._second_tau_s][: self.branches]
         return np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
 
@@ -172,6 +173,19 @@ def hereditary(table: Table, driven: F, tau_s: float) -> F:
         for (before, now), step in zip(pairwise(order), steps, strict=True):
             grown = (driven[now] - driven[before]) * _kept(float(step), tau_s)
             found[now] = found[before] * np.exp(-step / tau_s) + grown
+    return found
+
+
+def _from_rest(rows: Rows) -> F:
+    """(N, n) way from the rest pose; where that is not known, from the first sample of the run.
+
+    A pose itself is no strain: where it counts from is a choice of axes.
+    """
+    if rows.base.inputs == POSE and rows.has_length:
+        return np.asarray(rows.poses - rows.rest_pose)
+    found = np.zeros_like(rows.poses)
+    for order in order_of_visits(rows.table):
+        found[order] = rows.poses[order] - rows.poses[order[0]]
     return found
 
 
