@@ -122,3 +122,40 @@ def test_a_large_base_hides_no_structure_from_the_gate() -> None:
     assert missing.verdict == "unknown"
     assert missing.unknown is not None
     assert missing.unknown["words"].startswith("fx follows humidity")
+
+
+# --- noise of some of the columns -----------------------------------------------------------------
+def spring(instrument: Instrument, rows: int = 200) -> Table:
+    """One displacement and one force of a spring that hardens; 0.3 N of noise."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1e-3, 1e-3, rows)
+    force = 1e4 * x + 3e9 * x**3 + 0.3 * rng.standard_normal(rows)
+    return as_table({"x_m": x, "fx_N": force}, meta=Meta(instrument=instrument))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        Instrument(pose_position_sd_m=1e-6, force_sd_N=0.1),
+        Instrument(1e-6, 1e-9, 0.1, 1e-9),
+    ],
+)
+def test_declared_noise_counts_for_a_displacement_and_a_force(told: Instrument) -> None:
+    """Figures of columns that are not there are not asked for."""
+    table = spring(told)
+    compared = compare(fit_model(table, "cubic"), table)
+    assert compared.noise.source == "declared"
+    assert compared.noise.force_sd_N == 0.1
+    assert compared.whitened_rms == pytest.approx(3.0, rel=0.1)
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert found.noise["source"] == "declared"
+    assert found.rmse["floor"]["fx_N"] == pytest.approx(0.1, rel=0.02)
+    assert [text for text in found.warnings if "times as large as declared" in text]
+    assert not [text for text in found.warnings if "noise is assumed" in text]
+
+
+def test_some_of_the_figures_that_are_needed_are_not_enough() -> None:
+    table = spring(Instrument(force_sd_N=0.1, torque_sd_Nm=0.01))
+    assert compare(fit_model(table, "cubic"), table).noise.source == "assumed"
+    exact = spring(Instrument(pose_position_sd_m=0.0, force_sd_N=0.0))
+    assert compare(fit_model(exact, "cubic"), exact).noise.source == "assumed"
