@@ -159,3 +159,14 @@ def test_some_of_the_figures_that_are_needed_are_not_enough() -> None:
     assert compare(fit_model(table, "cubic"), table).noise.source == "assumed"
     exact = spring(Instrument(pose_position_sd_m=0.0, force_sd_N=0.0))
     assert compare(fit_model(exact, "cubic"), exact).noise.source == "assumed"
+
+
+@pytest.mark.parametrize("name", ["gp", "mlp"])
+def test_a_learned_model_of_two_columns_is_not_measured_by_a_rig_of_twelve(name: str) -> None:
+    """40 um through the stiffness of a spring are more than it errs: any would look good."""
+    pytest.importorskip("sklearn")
+    table = spring(Instrument())
+    model = fit_model(table, name)
+    left = table.column("fx_N") - model.predict(table)[:, 0]
+    assert model.noise.components == pytest.approx((float(np.sqrt((left**2).mean())),))
+    assert "nothing says how much of it is noise" in compare(model, table).sentence()

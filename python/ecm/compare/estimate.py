@@ -70,7 +70,9 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     rows = Rows(table, base)
     measured = np.stack([table.column(name) for name in base.outputs], axis=1)
     left = measured - rows.sensor_load
-    dof = max(1, len(left) - len(base.coefficients) // len(base.outputs))
+    # A learned map has a weight for each row and more: they are no degrees of freedom.
+    own = len(base.coefficients) if base.kind == "polynomial" else 0
+    dof = max(1, len(left) - own // len(base.outputs))
     spread = np.sqrt((left**2).sum(axis=0) / dof)
     return Noise(source="assumed", components=usable_sd(spread, measured))
 

@@ -208,7 +208,7 @@ def _fit_baseline(table: Table, name: str) -> Model:
             base = fit_rod(*pairs, length)
         else:
             base = fit_constant_curvature(*pairs, length, weights)
-    return _model(base, declared_noise(table), None, table)
+    return _model(base, declared_or_fitted(base, table), None, table)
 
 
 def _fit_physics(
