@@ -62,6 +62,22 @@ def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
     assert eight.energy is not None
 
 
+@pytest.mark.parametrize(("rows", "columns"), [(12, (*POSE[:3], *WRENCH[:3])), (20, ALL)])
+def test_a_small_f_is_no_proof_that_little_is_missing(rows: int, columns: tuple[str, ...]) -> None:
+    """By chance, or because a base of many coefficients has taken noise as well."""
+    table = neck(rows, columns)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.gate["F"] < 0.8
+    assert found.upper_bound > 0.3
+
+
+def test_where_no_row_is_left_to_judge_by_there_is_no_bound() -> None:
+    table = neck(8)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.upper_bound == np.inf
+    assert "too few rows to bound s" in found.sentence()
+
+
 # --- columns that never vary ----------------------------------------------------------------------
 @pytest.mark.parametrize("constant", [0.123, 7.77])
 def test_a_force_that_never_varies_does_not_choose_the_degree(constant: float) -> None:

@@ -131,10 +131,14 @@ def _without(model: Model, table: Table) -> Table:
 
 
 def _upper_bound(problem: Problem, test: FTest) -> float:
-    """95 % bound on the rms strength that the omnibus leaves possible."""
-    if not np.isfinite(test.F):
+    """95 % bound on the rms strength that the omnibus leaves possible.
+
+    At least the bound of an F as noise alone gives on the average: by a small one, which is chance,
+    a strength would be ruled out that the test cannot see.
+    """
+    if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")
-    found = test.F * test.dof
+    found = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
     low, high = 0.0, 4.0 * found + 200.0
     for _ in range(60):
         middle = 0.5 * (low + high)
