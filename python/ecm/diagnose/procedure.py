@@ -18,7 +18,7 @@ from ecm.compare.lack_of_fit import FTest
 from ecm.compare.noise import Noise
 from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
-from ecm.diagnose.accept import held_out_rms
+from ecm.diagnose.accept import held_out_rms, kind_of
 from ecm.diagnose.base import choose_base
 from ecm.diagnose.classes import confusable
 from ecm.diagnose.further import further, held_out_by_fold
@@ -178,7 +178,7 @@ def _row(problem: Problem, item: Ranked) -> dict[str, Any]:
 def _held_out(problem: Problem, accepted: Sequence[Candidate]) -> dict[str, Any]:
     """Whitened rms on held-out rows; of a continuous test also run by run."""
     found: dict[str, Any] = {
-        "before": held_out_rms(problem, ()),
+        "before": held_out_rms(problem, (), kind_of(accepted)),
         "after": held_out_rms(problem, accepted),
     }
     if held_out_by(problem.table, "time") == "run":
