@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from ecm.compare import compare
 from ecm.diagnose import diagnose
 from ecm.diagnose.judge import Judged, judged
 from ecm.diagnose.scatter import _rest
-from ecm.effects import all_effects
-from ecm.meta import Instrument, Meta
+from ecm.effects import Rows, all_effects
+from ecm.meta import Instrument, Meta, read_meta
 from ecm.models import fit_model
 from ecm.models.by_degree import polynomial
 from ecm.table import Table, as_table
+from test_broken_input import block_mesh
 
 ALL = (*POSE, *WRENCH)
 INSTRUMENT = Instrument(
@@ -186,3 +188,33 @@ def test_a_learned_model_of_two_columns_is_not_measured_by_a_rig_of_twelve(name:
     left = table.column("fx_N") - model.predict(table)[:, 0]
     assert model.noise.components == pytest.approx((float(np.sqrt((left**2).mean())),))
     assert "nothing says how much of it is noise" in compare(model, table).sentence()
+
+
+# --- a body that is told by a mesh ----------------------------------------------------------------
+MESH_TOML = '[mechanism]\nmesh = "body.msh"\nyoung_modulus_Pa = 1e6\npoisson_ratio = 0.49\n'
+
+
+def test_the_length_of_a_mesh_is_that_of_the_mechanism(tmp_path: Path) -> None:
+    """[mechanism] mesh without length_m: the energy model needs nothing more."""
+    (tmp_path / "body.msh").write_text(block_mesh(), encoding="utf-8")
+    told = tmp_path / "neck.toml"
+    told.write_text(MESH_TOML, encoding="utf-8")
+    columns = neck_columns(60)
+    columns["x_m"] = columns["x_m"] - LENGTH_M + 0.1
+    table = as_table(columns, meta=read_meta(told))
+    assert table.meta.length_m == pytest.approx(0.1)
+    model = fit_model(table, "energy4")
+    assert model.length_m == pytest.approx(0.1)
+    assert Rows(table, fit_model(table, "linear").base).rest_pose[0] == pytest.approx(0.1)
+    references = compare(fit_model(table, "linear"), table).references
+    assert references is not None
+    assert references.energy is not None
+
+
+def test_a_table_stands_without_the_file_of_its_mesh(tmp_path: Path) -> None:
+    """Who does not ask for the body need not have it."""
+    told = tmp_path / "neck.toml"
+    told.write_text(MESH_TOML, encoding="utf-8")
+    table = as_table(neck_columns(60), meta=read_meta(told))
+    assert table.meta.length_m is None
+    assert compare(fit_model(table, "linear"), table).references is None

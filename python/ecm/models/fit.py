@@ -152,7 +152,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights:
 def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
     stem, groups = parse_groups(name)
     degree, symmetry = parse_energy_name(stem)
-    length = table.meta.mechanism.get("length_m")
+    length = table.meta.length_m
     if length is None:
         raise InputError(
             f"{table.source}: {name} needs the mechanism's length; "
