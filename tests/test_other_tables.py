@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from ecm.compare import compare
 from ecm.diagnose import diagnose
 from ecm.diagnose.judge import Judged, judged
 from ecm.diagnose.scatter import _rest
-from ecm.effects import all_effects
-from ecm.meta import Instrument, Meta
+from ecm.effects import Rows, all_effects
+from ecm.meta import Instrument, Meta, read_meta
 from ecm.models import fit_model
 from ecm.models.by_degree import polynomial
 from ecm.table import Table, as_table
+from test_broken_input import block_mesh
 
 ALL = (*POSE, *WRENCH)
 INSTRUMENT = Instrument(
@@ -60,6 +62,22 @@ def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
     eight = compare(fit_model(many, "linear"), many.select(np.arange(8))).references
     assert eight is not None
     assert eight.energy is not None
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(12, (*POSE[:3], *WRENCH[:3])), (20, ALL)])
+def test_a_small_f_is_no_proof_that_little_is_missing(rows: int, columns: tuple[str, ...]) -> None:
+    """By chance, or because a base of many coefficients has taken noise as well."""
+    table = neck(rows, columns)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.gate["F"] < 0.8
+    assert found.upper_bound > 0.3
+
+
+def test_where_no_row_is_left_to_judge_by_there_is_no_bound() -> None:
+    table = neck(8)
+    found = diagnose(fit_model(table, "linear"), table)
+    assert found.upper_bound == np.inf
+    assert "too few rows to bound s" in found.sentence()
 
 
 # --- columns that never vary ----------------------------------------------------------------------
@@ -122,3 +140,81 @@ def test_a_large_base_hides_no_structure_from_the_gate() -> None:
     assert missing.verdict == "unknown"
     assert missing.unknown is not None
     assert missing.unknown["words"].startswith("fx follows humidity")
+
+
+# --- noise of some of the columns -----------------------------------------------------------------
+def spring(instrument: Instrument, rows: int = 200) -> Table:
+    """One displacement and one force of a spring that hardens; 0.3 N of noise."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1e-3, 1e-3, rows)
+    force = 1e4 * x + 3e9 * x**3 + 0.3 * rng.standard_normal(rows)
+    return as_table({"x_m": x, "fx_N": force}, meta=Meta(instrument=instrument))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        Instrument(pose_position_sd_m=1e-6, force_sd_N=0.1),
+        Instrument(1e-6, 1e-9, 0.1, 1e-9),
+    ],
+)
+def test_declared_noise_counts_for_a_displacement_and_a_force(told: Instrument) -> None:
+    """Figures of columns that are not there are not asked for."""
+    table = spring(told)
+    compared = compare(fit_model(table, "cubic"), table)
+    assert compared.noise.source == "declared"
+    assert compared.noise.force_sd_N == 0.1
+    assert compared.whitened_rms == pytest.approx(3.0, rel=0.1)
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert found.noise["source"] == "declared"
+    assert found.rmse["floor"]["fx_N"] == pytest.approx(0.1, rel=0.02)
+    assert [text for text in found.warnings if "times as large as declared" in text]
+    assert not [text for text in found.warnings if "noise is assumed" in text]
+
+
+def test_some_of_the_figures_that_are_needed_are_not_enough() -> None:
+    table = spring(Instrument(force_sd_N=0.1, torque_sd_Nm=0.01))
+    assert compare(fit_model(table, "cubic"), table).noise.source == "assumed"
+    exact = spring(Instrument(pose_position_sd_m=0.0, force_sd_N=0.0))
+    assert compare(fit_model(exact, "cubic"), exact).noise.source == "assumed"
+
+
+@pytest.mark.parametrize("name", ["gp", "mlp"])
+def test_a_learned_model_of_two_columns_is_not_measured_by_a_rig_of_twelve(name: str) -> None:
+    """40 um through the stiffness of a spring are more than it errs: any would look good."""
+    pytest.importorskip("sklearn")
+    table = spring(Instrument())
+    model = fit_model(table, name)
+    left = table.column("fx_N") - model.predict(table)[:, 0]
+    assert model.noise.components == pytest.approx((float(np.sqrt((left**2).mean())),))
+    assert "nothing says how much of it is noise" in compare(model, table).sentence()
+
+
+# --- a body that is told by a mesh ----------------------------------------------------------------
+MESH_TOML = '[mechanism]\nmesh = "body.msh"\nyoung_modulus_Pa = 1e6\npoisson_ratio = 0.49\n'
+
+
+def test_the_length_of_a_mesh_is_that_of_the_mechanism(tmp_path: Path) -> None:
+    """[mechanism] mesh without length_m: the energy model needs nothing more."""
+    (tmp_path / "body.msh").write_text(block_mesh(), encoding="utf-8")
+    told = tmp_path / "neck.toml"
+    told.write_text(MESH_TOML, encoding="utf-8")
+    columns = neck_columns(60)
+    columns["x_m"] = columns["x_m"] - LENGTH_M + 0.1
+    table = as_table(columns, meta=read_meta(told))
+    assert table.meta.length_m == pytest.approx(0.1)
+    model = fit_model(table, "energy4")
+    assert model.length_m == pytest.approx(0.1)
+    assert Rows(table, fit_model(table, "linear").base).rest_pose[0] == pytest.approx(0.1)
+    references = compare(fit_model(table, "linear"), table).references
+    assert references is not None
+    assert references.energy is not None
+
+
+def test_a_table_stands_without_the_file_of_its_mesh(tmp_path: Path) -> None:
+    """Who does not ask for the body need not have it."""
+    told = tmp_path / "neck.toml"
+    told.write_text(MESH_TOML, encoding="utf-8")
+    table = as_table(neck_columns(60), meta=read_meta(told))
+    assert table.meta.length_m is None
+    assert compare(fit_model(table, "linear"), table).references is None

@@ -56,7 +56,7 @@ def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
         )
         falls.append(before / after)
     assert min(falls) >= 2.8, falls
-    assert falls == pytest.approx([3.10, 3.25, 4.32], abs=0.1)
+    assert falls == pytest.approx([3.07, 3.26, 4.25], abs=0.1)
 
 
 def test_a_second_branch_is_tried_and_not_kept(found: Diagnosis) -> None:

@@ -13,11 +13,11 @@ from blind_parts.analysis import library
 from blind_parts.data import Data
 from blind_parts.once import Work, only_the_answer
 from blind_parts.sets import Set
-from ecm.compare.estimate import estimate_noise
+from ecm.compare.estimate import declared_or_fitted, estimate_noise
 from ecm.compare.noise import Noise
 from ecm.diagnose import Diagnosis, diagnose
 from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Problem, declared_or_fitted
+from ecm.diagnose.problem import Problem
 from ecm.diagnose.search import rank
 from ecm.effects import Rows
 

@@ -403,6 +403,16 @@ def _material(table: Mapping[str, Any], place: str) -> dict[str, Any]:
     }
 
 
+def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:
+    """Length of the body in `mesh`; None where there is none, or its file cannot be read."""
+    if not isinstance(table.get("mesh"), str):
+        return None
+    try:
+        return _mesh_length(folder / table["mesh"], table)
+    except InputError:
+        return None
+
+
 def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
     quality = table.get("quality", "standard")
     return float(read_mesh(path, quality if quality in QUALITIES else "standard").length_m)

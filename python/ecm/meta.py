@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from ecm.columns import is_standard, likely_name
 from ecm.errors import InputError
-from ecm.mechanism import MECHANISM_KEYS, Mechanism
+from ecm.mechanism import MECHANISM_KEYS, Mechanism, length_of_mesh
 from ecm.settings import read_settings
 from ecm.toml_file import check_keys, read_toml, write_toml
 
@@ -145,9 +145,11 @@ class Meta:
 
     @property
     def length_m(self) -> float | None:
-        """Length of the mechanism, where it is known."""
+        """Length of the mechanism, where it is known: as told, else that of its mesh."""
         value = self.mechanism.get("length_m")
-        return None if value is None else float(value)
+        if value is None:
+            return length_of_mesh(self.mechanism, Path(self.source).parent)
+        return float(value)
 
     def with_length(self, length_m: float | None) -> Meta:
         """With this length of the mechanism, where its own is not told."""

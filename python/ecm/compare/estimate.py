@@ -16,6 +16,7 @@ from ecm.effects.rows import Rows
 from ecm.errors import InputError
 
 if TYPE_CHECKING:
+    from ecm.models.maps import StiffnessMap
     from ecm.table import Table
 
 _LEAST_CONTRASTS = 8
@@ -48,7 +49,9 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     """
     table = rows.table
     if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
-        return _pure_error(rows, predicted) or fallback or Noise()
+        told = declared_noise(table, (*rows.base.inputs, *rows.base.outputs))
+        declared = told if told.source == "declared" else fallback
+        return _pure_error(rows, predicted) or declared or Noise()
     prior = declared_noise(table)
     if prior.source == "assumed" and fallback is not None and fallback.source != "assumed":
         prior = fallback
@@ -56,6 +59,22 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     measured = table.wrenches
     found = floor_from_repeats(rows, measured - predicted, cells, nuisance_columns(rows), prior)
     return prior if found is None else found
+
+
+def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
+    """Declared figures; for tables of other columns without any the spread of the residual."""
+    declared = declared_noise(table, (*base.inputs, *base.outputs))
+    full = base.inputs == POSE and base.outputs == WRENCH
+    if full or declared.source == "declared":
+        return declared
+    rows = Rows(table, base)
+    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    left = measured - rows.sensor_load
+    # A learned map has a weight for each row and more: they are no degrees of freedom.
+    own = len(base.coefficients) if base.kind == "polynomial" else 0
+    dof = max(1, len(left) - own // len(base.outputs))
+    spread = np.sqrt((left**2).sum(axis=0) / dof)
+    return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
 def _pure_error(rows: Rows, predicted: F) -> Noise | None:

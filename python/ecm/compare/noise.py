@@ -7,6 +7,7 @@ the same in top axes) and goes through K_s = K diag(I, J^-1).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -121,34 +122,49 @@ def covariance_parts(rows: Rows) -> F:
     return parts
 
 
-def declared_noise(table: Table) -> Noise:
+_ALL = (*POSE, *WRENCH)
+
+
+def declared_noise(table: Table, columns: Sequence[str] = _ALL) -> Noise:
     """Instrument figures of the data's TOML; what is not there is assumed, and said so.
 
-    Where all four are 0 the data are exact: they have no noise to compare with, and a common
-    rig's is assumed.
+    Where all are 0 the data are exact: they have no noise to compare with, and a common rig's is
+    assumed.
+
+    Parameters
+    ----------
+    columns
+        What is looked at: of a displacement and a force two of the four figures are enough.
     """
-    figures = _figures(table) if not is_exact(table) else (None,) * 4
+    exact = is_exact(table, columns)
+    figures = (None,) * 4 if exact else tuple(_figures(table).values())
     default = Noise()
     values = np.array(
         [d if f is None else f for f, d in zip(figures, default.parameters(), strict=True)]
     )
-    source: Source = "declared" if all(f is not None for f in figures) else "assumed"
-    return default.with_parameters(values, source)
+    told = all(figure is not None for figure in _needed(table, columns))
+    return default.with_parameters(values, "declared" if told and not exact else "assumed")
 
 
-def is_exact(table: Table) -> bool:
-    """Whether the data's TOML declares all four noise figures as 0, as simulated pairs do."""
-    return all(figure == 0.0 for figure in _figures(table))
+def is_exact(table: Table, columns: Sequence[str] = _ALL) -> bool:
+    """Whether the data's TOML declares their noise figures as 0, as simulated pairs do."""
+    return all(figure == 0.0 for figure in _needed(table, columns))
 
 
-def _figures(table: Table) -> tuple[float | None, ...]:
+def _needed(table: Table, columns: Sequence[str]) -> list[float | None]:
+    figures = _figures(table)
+    return [figures[own] for own in figures if set(own) & set(columns)]
+
+
+def _figures(table: Table) -> dict[tuple[str, ...], float | None]:
+    """The four figures by the columns that they are of."""
     instrument = table.meta.instrument
-    return (
-        instrument.pose_position_sd_m,
-        instrument.pose_rotation_sd_rad,
-        instrument.force_sd_N,
-        instrument.torque_sd_Nm,
-    )
+    return {
+        POSE[:3]: instrument.pose_position_sd_m,
+        POSE[3:]: instrument.pose_rotation_sd_rad,
+        WRENCH[:3]: instrument.force_sd_N,
+        WRENCH[3:]: instrument.torque_sd_Nm,
+    }
 
 
 def whiteners(covariance: F) -> F:

@@ -140,9 +140,20 @@ def held_out_squares(problem: Problem, chosen: Sequence[Candidate], kind: str) -
     return problem.gram.held_out(columns, fold_of_group, _scored_groups(problem))
 
 
-def held_out_rms(problem: Problem, chosen: Sequence[Candidate]) -> float:
-    """Whitened root mean square on held-out rows that measure a pose."""
-    kind = "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+def kind_of(chosen: Sequence[Candidate]) -> str:
+    """What several effects are held out as: one of time leaks through folds of time."""
+    return "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+
+
+def held_out_rms(problem: Problem, chosen: Sequence[Candidate], kind: str = "") -> float:
+    """Whitened root mean square on held-out rows that measure a pose.
+
+    Parameters
+    ----------
+    kind
+        In folds for effects of this kind, so that errors may be compared; default the chosen's.
+    """
+    kind = kind or kind_of(chosen)
     squares = held_out_squares(problem, chosen, kind)
     weights = np.where(problem.scored, problem.weights, 0.0)
     return float(np.sqrt(squares.sum() / (weights.sum() * problem.response.shape[1])))

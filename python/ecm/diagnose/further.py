@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.folds import folds, held_out_by
-from ecm.diagnose.accept import held_out_squares
+from ecm.diagnose.accept import held_out_squares, kind_of
 from ecm.diagnose.problem import Candidate, Problem, with_more
 from ecm.diagnose.search import fall, normal_equations
 from ecm.effects import Effect
@@ -67,7 +67,7 @@ def further(problem: Problem, chosen: Sequence[Candidate]) -> list[Further]:
 
 def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:
     """(folds,) whitened rms of each held-out part: run by run of a continuous test."""
-    kind = "time" if any(item.effect.kind == "time" for item in chosen) else "pose"
+    kind = kind_of(chosen)
     squares = held_out_squares(problem, chosen, kind)
     parts = _fold_of_group(problem, kind)
     rows = np.bincount(problem.groups, np.where(problem.scored, problem.weights, 0.0), len(squares))

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import POSE, WRENCH
-from ecm.compare.estimate import estimate_noise, usable_sd
+from ecm.compare.estimate import declared_or_fitted, estimate_noise
 from ecm.compare.folds import is_pose, row_groups
 from ecm.compare.gram import Gram, gains, without
 from ecm.compare.lack_of_fit import omnibus
-from ecm.compare.noise import Noise, declared_noise, whiteners
+from ecm.compare.noise import Noise, whiteners
 from ecm.compare.residuals import features
 from ecm.diagnose.tangents import (
     basis_of,
@@ -245,18 +244,6 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
         gram=Gram.of(design, problem.response, problem.groups, problem.weights),
     )
     return wider, candidates
-
-
-def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
-    """Declared figures; for tables of other columns the spread of the base's residual."""
-    if base.inputs == POSE and base.outputs == WRENCH:
-        return declared_noise(table)
-    rows = Rows(table, base)
-    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
-    left = measured - rows.sensor_load
-    dof = max(1, len(left) - len(base.coefficients) // len(base.outputs))
-    spread = np.sqrt((left**2).sum(axis=0) / dof)
-    return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:

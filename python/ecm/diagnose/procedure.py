@@ -18,7 +18,7 @@ from ecm.compare.lack_of_fit import FTest
 from ecm.compare.noise import Noise
 from ecm.compare.signature import signature_shares
 from ecm.compare.unlike_runs import unlike_runs
-from ecm.diagnose.accept import held_out_rms
+from ecm.diagnose.accept import held_out_rms, kind_of
 from ecm.diagnose.base import choose_base
 from ecm.diagnose.classes import confusable
 from ecm.diagnose.further import further, held_out_by_fold
@@ -133,10 +133,14 @@ def _without(model: Model, table: Table) -> Table:
 
 
 def _upper_bound(problem: Problem, test: FTest) -> float:
-    """95 % bound on the rms strength that the omnibus leaves possible."""
-    if not np.isfinite(test.F):
+    """95 % bound on the rms strength that the omnibus leaves possible.
+
+    At least the bound of an F as noise alone gives on the average: by a small one, which is chance,
+    a strength would be ruled out that the test cannot see.
+    """
+    if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")
-    found = test.F * test.dof
+    found = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
     low, high = 0.0, 4.0 * found + 200.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -178,7 +182,7 @@ def _held_out(
 ) -> dict[str, Any]:
     """Whitened rms on held-out rows, and of the ceiling; of a continuous test also run by run."""
     found: dict[str, Any] = {
-        "before": held_out_rms(problem, ()),
+        "before": held_out_rms(problem, (), kind_of(accepted)),
         "after": held_out_rms(problem, accepted),
     }
     if ceiling is not None:

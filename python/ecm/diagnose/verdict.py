@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -53,7 +54,9 @@ class Diagnosis:
             "assumed": " The noise is assumed: give repeats or [instrument] figures.",
         }[self.noise["source"]]
         if self.verdict == "none":
-            text = f"Nothing is missing that these data could show (s < {self.upper_bound:.2f})."
+            bounded = math.isfinite(self.upper_bound)
+            bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
+            text = f"Nothing is missing that these data could show ({bound})."
         elif self.verdict == "unknown":
             nearest = self.unknown["nearest"] if self.unknown else None
             near = f"; nearest is {nearest['id']} ({nearest['share']:.0%})" if nearest else ""

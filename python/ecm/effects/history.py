@@ -43,7 +43,7 @@ def known_before(rows: Rows) -> F:
 
 def sides(table: Table, length_m: float | None = None) -> F:
     """(N,) a = sign((p - p_from) M (p - p0)); 0 where unknown."""
-    length = table.meta.mechanism.get("length_m") if length_m is None else length_m
+    length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))
     rest = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -155,7 +155,7 @@ class Rows:
         """Length of the mechanism."""
         length = self.base.length_m
         if length is None:
-            length = self.table.meta.mechanism.get("length_m")
+            length = self.table.meta.length_m
         if length is None:
             raise InputError(
                 f"{self.table.source}: the mechanism's length is not known; "

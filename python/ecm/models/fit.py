@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE, WRENCH
-from ecm.compare.estimate import usable_sd
+from ecm.columns import POSE
+from ecm.compare.estimate import declared_or_fitted
 from ecm.compare.folds import row_groups
 from ecm.compare.noise import Noise, declared_noise
 from ecm.errors import InputError
@@ -135,14 +135,9 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights:
 
         found = fit_with_pose_noise(table, base, noise, solve)
         return _model(found.base, noise, found.covariance, table, found.residual_variance)
+    noise = declared_or_fitted(base, table)
     residual = wrenches - base.predict(poses)
     k = len(model.coefficients)
-    if inputs == POSE and outputs == WRENCH:
-        noise = declared_noise(table)
-    else:
-        dof = max(1, len(poses) - k)
-        spread = np.sqrt((residual**2).sum(axis=0) / dof)
-        noise = Noise(source="assumed", components=usable_sd(spread, wrenches))
     covariance = None
     if pcr is None and len(poses) > k:
         regressor = _native.polynomial_regressor(
@@ -157,7 +152,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights:
 def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
     stem, groups = parse_groups(name)
     degree, symmetry = parse_energy_name(stem)
-    length = table.meta.mechanism.get("length_m")
+    length = table.meta.length_m
     if length is None:
         raise InputError(
             f"{table.source}: {name} needs the mechanism's length; "
@@ -213,7 +208,7 @@ def _fit_baseline(table: Table, name: str) -> Model:
             base = fit_rod(*pairs, length)
         else:
             base = fit_constant_curvature(*pairs, length, weights)
-    return _model(base, declared_noise(table), None, table)
+    return _model(base, declared_or_fitted(base, table), None, table)
 
 
 def _fit_physics(
