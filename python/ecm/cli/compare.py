@@ -57,7 +57,7 @@ def compare(
         load_effects()
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        found = run(open_model(model, console), table, seed=seed)
+        found = run(open_model(model, console, table), table, seed=seed)
         save_json(
             json,
             {

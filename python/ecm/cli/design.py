@@ -269,7 +269,7 @@ def _nominal(
     if base is not None or needed or physics:
         return nominal_base(
             table,
-            None if base is None else open_model(base, console),
+            None if base is None else open_model(base, console, table),
             physics=physics,
             noise=noise,
             threads=threads,

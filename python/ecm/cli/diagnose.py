@@ -66,7 +66,7 @@ def diagnose(
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        before = open_model(model, console)
+        before = open_model(model, console, table)
         if before.base.kind != "physics":
             prepare_physics(table, console, threads)
         table = table.with_length(before.base.length_m or before.length_m)
