@@ -177,6 +177,18 @@ def test_compare_prints_every_component(
     assert "http://" not in re.sub(r"http://www\.w3\.org[^\s\"']*", "", page.split("<main>")[1])
 
 
+def test_a_single_row_is_compared_and_drawn(tmp_path: Path, ecm_command: Command) -> None:
+    """Catches a report that takes for granted that something varies."""
+    (tmp_path / "d.csv").write_text(csv_text(neck_columns()), encoding="utf-8")
+    (tmp_path / "one.csv").write_text(csv_text(neck_columns(1)), encoding="utf-8")
+    ecm_command("fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", tmp_path / "one.csv", "--report", tmp_path / "c.html"
+    )
+    assert done.code == 0, done.err
+    assert "noise floor" in (tmp_path / "c.html").read_text(encoding="utf-8")
+
+
 def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> None:
     listed = ecm_command("effects", "--json", tmp_path / "e.json")
     ids = {effect["id"] for effect in read(tmp_path / "e.json")["effects"]}
