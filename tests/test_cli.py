@@ -309,6 +309,34 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert read(Path("truth.json"))["effects"][0]["s"] == 5.0
 
 
+def test_a_plan_replaces_nothing_but_a_plan(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    """Catches measurements, or the description of a rig, that are lost to a wrong name."""
+    model, plan = tmp_path / "m.json", tmp_path / "plan.csv"
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
+    ways: tuple[tuple[object, ...], ...] = (
+        ("design", neck_csv, "--n", "14", "--time-limit", "0.2", "--model", "linear", "--out"),
+        ("diagnose", model, neck_csv, "--next"),
+    )
+    measured = neck_csv.read_bytes()
+    for way in ways:
+        done = ecm_command(*way, neck_csv)
+        assert done.code == 2
+        assert "no plan, and is not overwritten" in done.err
+        assert neck_csv.read_bytes() == measured
+    rig = tmp_path / "plan.toml"
+    rig.write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+    for way in ways:
+        done = ecm_command(*way, plan)
+        assert done.code == 2
+        assert "plan.toml, which the plan's description would overwrite" in done.err
+        assert rig.read_text(encoding="utf-8") == "[rig]\ndwell_s = 5.0\n"
+    rig.unlink()
+    for _ in range(2):
+        assert ecm_command(*ways[0], plan).code == 0
+
+
 def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:
     """An offset of the sensor in its own axes, against the energy model (only L is known)."""
     from ecm._native import rotation_matrices

@@ -24,6 +24,7 @@ from ecm.cli.options import (
     load_effects,
     need_report,
     output,
+    output_plan,
     save_json,
 )
 from ecm.cli.text import columns
@@ -62,7 +63,8 @@ def diagnose(
     from ecm.diagnose import diagnose as run
 
     with Console(quiet=quiet) as console:
-        output(json, report, next_plan)
+        output(json, report)
+        output_plan(next_plan)
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
