@@ -223,7 +223,19 @@ def test_compare_sets_four_references_side_by_side(
             test = next(c for c in document["components"] if c["name"] == name)["lack_of_fit"]
         found = re.search(rf"^{name} +(\S+) +(\S+)$", done.out, re.MULTILINE)
         assert found is not None
-        assert found.groups() == (f"{test['F']:.3g}", f"{test['p']:.2g}")
+        assert found.groups() == (f"{test['F']:.6g}", f"{test['p']:.2g}")
+
+
+def test_a_single_row_is_compared_and_drawn(tmp_path: Path, ecm_command: Command) -> None:
+    """Catches a report that takes for granted that something varies."""
+    (tmp_path / "d.csv").write_text(csv_text(neck_columns()), encoding="utf-8")
+    (tmp_path / "one.csv").write_text(csv_text(neck_columns(1)), encoding="utf-8")
+    ecm_command("fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", tmp_path / "one.csv", "--report", tmp_path / "c.html"
+    )
+    assert done.code == 0, done.err
+    assert "noise floor" in (tmp_path / "c.html").read_text(encoding="utf-8")
 
 
 def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> None:
@@ -362,6 +374,34 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert "fts_offset" in told.out
     assert "the answer is right" in told.out
     assert read(Path("truth.json"))["effects"][0]["s"] == 5.0
+
+
+def test_a_plan_replaces_nothing_but_a_plan(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    """Catches measurements, or the description of a rig, that are lost to a wrong name."""
+    model, plan = tmp_path / "m.json", tmp_path / "plan.csv"
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
+    ways: tuple[tuple[object, ...], ...] = (
+        ("design", neck_csv, "--n", "14", "--time-limit", "0.2", "--model", "linear", "--out"),
+        ("diagnose", model, neck_csv, "--next"),
+    )
+    measured = neck_csv.read_bytes()
+    for way in ways:
+        done = ecm_command(*way, neck_csv)
+        assert done.code == 2
+        assert "no plan, and is not overwritten" in done.err
+        assert neck_csv.read_bytes() == measured
+    rig = tmp_path / "plan.toml"
+    rig.write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+    for way in ways:
+        done = ecm_command(*way, plan)
+        assert done.code == 2
+        assert "plan.toml, which the plan's description would overwrite" in done.err
+        assert rig.read_text(encoding="utf-8") == "[rig]\ndwell_s = 5.0\n"
+    rig.unlink()
+    for _ in range(2):
+        assert ecm_command(*ways[0], plan).code == 0
 
 
 def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:

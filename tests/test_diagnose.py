@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from ecm.columns import POSE, WRENCH
+from ecm.compare import compare
 from ecm.diagnose import Diagnosis, diagnose
 from ecm.diagnose.accept import check
 from ecm.diagnose.base import choose_base
@@ -344,6 +345,24 @@ def test_trap_copied_rows_and_one_bad_pose() -> None:
     diagnosis = diagnose(model(), bad)
     assert diagnosis.verdict == "none"
     assert diagnosis.outliers == (17,)
+    # Both reports name the same row of the file, counted from 1.
+    assert diagnosis.to_dict()["outliers"] == [18]
+    assert compare(model(), bad).to_dict()["where"]["worst_rows"][0]["row"] == 18
+
+
+@pytest.mark.parametrize("held", ["", "fts_offset"])
+def test_every_effect_of_the_catalogue_is_accounted_for(held: str) -> None:
+    """Catches an effect of the noise, or one of the model's own, of which nothing is said."""
+    table = campaign("", 1.0, 4)
+    tried = model().add(held).fit(table) if held else model()
+    report = diagnose(tried, table).to_dict()
+    ranked = {item["id"] for item in report["ranking"]}
+    not_testable = {item["id"] for item in report["not_testable"]}
+    of_noise = set(report["noise"]["tested"])
+    assert of_noise >= {"outliers", "pose_noise", "heteroscedastic_noise"}
+    assert ranked | not_testable | of_noise == {effect.id for effect in all_effects()}
+    assert not of_noise & (ranked | not_testable)
+    assert not held or held in not_testable
 
 
 def test_too_few_rows_are_refused() -> None:

@@ -379,6 +379,22 @@ def test_tables_of_different_things_do_not_join(tmp_path: Path) -> None:
     assert "y_m, z_m" in message
 
 
+def test_a_mesh_is_the_same_from_wherever_it_is_told(tmp_path: Path) -> None:
+    """Catches a second campaign, written to a folder of its own, that is refused for its path."""
+    rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 1.0]}
+    (tmp_path / "later").mkdir()
+    for name, mesh in (("a", "body.msh"), ("later/b", "../body.msh"), ("later/c", "body.msh")):
+        told = f'[mechanism]\nmesh = "{mesh}"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n'
+        (tmp_path / f"{name}.toml").write_text(told, encoding="utf-8")
+        (tmp_path / f"{name}.csv").write_text("y_m,fy_N\n0.0,0.0\n0.1,1.0\n", encoding="utf-8")
+    both = read_table([tmp_path / "a.csv", tmp_path / "later" / "b.csv"])
+    assert both.column("run").tolist() == [0, 0, 1, 1]
+    assert "[mechanism] differs" in refusal([tmp_path / "a.csv", tmp_path / "later" / "c.csv"])
+    # As written by a campaign whose plan came from the first folder.
+    as_table(rows, meta=read_table(tmp_path / "a.csv").meta).write(tmp_path / "later" / "d.csv")
+    assert len(read_table([tmp_path / "a.csv", tmp_path / "later" / "d.csv"])) == 4
+
+
 def test_frames_are_accepted() -> None:
     pandas = pytest.importorskip("pandas", reason="pandas frames: pandas is not installed")
     frame = pandas.DataFrame({"y_m": [0.0, 0.1], "fy_N": [0.0, 30.0], "approach": ["initial", ""]})

@@ -157,6 +157,13 @@ class Meta:
             return self
         return replace(self, mechanism={**self.mechanism, "length_m": length_m})
 
+    def mechanism_from_anywhere(self) -> dict[str, Any]:
+        """[mechanism] with the whole path of its mesh, which is told from where its file lies."""
+        mesh = self.mechanism.get("mesh")
+        if mesh is None:
+            return dict(self.mechanism)
+        return {**self.mechanism, "mesh": str((Path(self.source).parent / mesh).resolve())}
+
     def body(self) -> Mechanism | None:
         """The mechanism beside the data; None where nothing is said about it."""
         if not self.mechanism:

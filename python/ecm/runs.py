@@ -106,6 +106,8 @@ def _common_meta(parts: Sequence[Part], warnings: list[str]) -> Meta:
             mine, theirs = getattr(meta, what), getattr(first, what)
             if what == "file":
                 mine, theirs = mine.kind, theirs.kind
+            elif what == "mechanism":
+                mine, theirs = meta.mechanism_from_anywhere(), first.mechanism_from_anywhere()
             if mine != theirs:
                 raise InputError(
                     f"{source}: [{what}] differs from that of {first_source}, expected the same: "

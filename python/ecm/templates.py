@@ -104,6 +104,9 @@ torque_sd_Nm = 0.01
 
 [scene]
 gravity_m_s2 = [-9.81, 0.0, 0.0]   # in base axes
+
+# [run.1]                     # what was different in run 1 of the column `run`
+# payload_mass_kg = 0.0
 """
 
 TEXTS = {"config": CONFIG, "rig": RIG, "data": DATA_CSV}

@@ -60,7 +60,7 @@ def compare(
         load_effects()
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        opened = open_model(model, console)
+        opened = open_model(model, console, table)
         if opened.base.kind != "physics":
             prepare_physics(table, console, threads)
         found = run(opened, table, seed=seed)

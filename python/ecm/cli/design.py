@@ -20,6 +20,7 @@ from ecm.cli.options import (
     load_effects,
     need_report,
     output,
+    output_plan,
     save_json,
 )
 
@@ -122,7 +123,8 @@ def design(
     from ecm.design import choose, diagnosable_plan, paper_plan, plain_plan
 
     with Console(quiet=quiet) as console:
-        output(out, json, report)
+        output_plan(out)
+        output(json, report)
         need_report(report)
         wanted = _effects(effects, preset)
         settings = _rig(rig)
@@ -269,7 +271,7 @@ def _nominal(
     if base is not None or needed or physics:
         return nominal_base(
             table,
-            None if base is None else open_model(base, console),
+            None if base is None else open_model(base, console, table),
             physics=physics,
             noise=noise,
             threads=threads,

@@ -25,6 +25,7 @@ from ecm.cli.options import (
     load_effects,
     need_report,
     output,
+    output_plan,
     save_json,
 )
 
@@ -60,11 +61,12 @@ def diagnose(
     from ecm.diagnose import diagnose as run
 
     with Console(quiet=quiet) as console:
-        output(json, report, next_plan)
+        output(json, report)
+        output_plan(next_plan)
         need_report(report)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        before = open_model(model, console)
+        before = open_model(model, console, table)
         if before.base.kind != "physics":
             prepare_physics(table, console, threads)
         table = table.with_length(before.base.length_m or before.length_m)

@@ -39,15 +39,23 @@ def build_bar(console: Console) -> Callable[[int, int, str], object]:
     return show
 
 
-def open_model(name: str, console: Console | None = None) -> Model:
-    """MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model."""
+def open_model(name: str, console: Console, table: Table | None = None) -> Model:
+    """MODEL of a command: a model file, or a TOML whose [mechanism] is the physics model.
+
+    Parameters
+    ----------
+    table
+        The poses that it is asked for: the physics is built as wide as they reach.
+    """
     from ecm.models import Model, load_model, physics_map
+    from ecm.models.physics import reach_of
 
     path = Path(name)
     if path.suffix.lower() != ".toml":
         return load_model(path)
-    bar = None if console is None else build_bar(console)
-    return Model(base=physics_map(_mechanism(path), progress=bar))
+    reach = 0.0 if table is None else reach_of(table)
+    bar = build_bar(console)
+    return Model(base=physics_map(_mechanism(path), progress=bar, reach_rad=reach))
 
 
 def prepare_physics(table: Table, console: Console, threads: int = 0) -> PhysicsMap | None:

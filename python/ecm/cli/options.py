@@ -68,6 +68,30 @@ def output(*paths: Path | None) -> None:
         _writable(path, path.parent)
 
 
+def output_plan(path: Path | None) -> None:
+    """`output` of a plan: it replaces an older plan, nothing else, nor another's description."""
+    from ecm.errors import InputError
+
+    output(path)
+    if path is None:
+        return
+    if path.is_file():
+        with path.open(encoding="utf-8", errors="replace") as file:
+            header = file.readline().strip()
+        if header and "action" not in header.split(","):
+            raise InputError(
+                f"{path}: what stands there is no plan, and is not overwritten. Choose another "
+                "name."
+            )
+        return
+    beside = path.with_suffix(".toml")
+    if beside.exists():
+        raise InputError(
+            f"{path}: beside it stands {beside}, which the plan's description would overwrite. "
+            "Choose another name."
+        )
+
+
 def output_directory(path: Path) -> None:
     """InputError now where a directory could not be made or written into."""
     from ecm.errors import InputError

@@ -65,8 +65,8 @@ def predict(
     with Console(quiet=quiet) as console:
         output(out, json)
         load_effects()
-        opened = open_model(model, console)
         table = load([poses], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
+        opened = open_model(model, console, table)
         columns = predicted_columns(
             opened, table, stiffness, stiffness_kind.value, console, leverage=leverage
         )

@@ -60,7 +60,7 @@ def refit(
             raise InputError("nothing to change: give --add EFFECT, --remove EFFECT or --freeze")
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         load_effects()
-        changed = open_model(model, console)
+        changed = open_model(model, console, table)
         for id in remove or ():
             changed = changed.remove(id)
         for id in add or ():

@@ -197,7 +197,8 @@ def where(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> Where:
     """Maps of the residuals of the scored rows."""
     outputs = rows.base.outputs
     variables = {name: values[scored] for name, values in variables_of(rows).items()}
-    variables = {name: v for name, v in variables.items() if float(np.ptp(v)) > 0.0}
+    # Of a single row nothing varies; against its number it can be drawn.
+    variables = {name: v for name, v in variables.items() if name == "row" or np.ptp(v) > 0.0}
     physical = {"base": found.physical[scored]}
     spread = {"base": np.sqrt(np.einsum("nii->ni", found.covariance[scored]))}
     full = rows.base.inputs == POSE and outputs == WRENCH

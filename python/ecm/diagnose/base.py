@@ -19,7 +19,9 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     """Physics where there is a body, else a symmetric energy, else a polynomial.
 
     Of the physics E and nu are free; L and D enter only as effects. Degrees are taken by
-    generalised cross-validation: rows over fitted coefficients decide.
+    generalised cross-validation: rows over fitted coefficients decide. A rod that was fitted states
+    no body: held in their ratios its sections, which took their share of what is missing, would ask
+    for an effect of their own (a payload came with a compliance that was not there).
     """
     if isinstance(model.base, PhysicsMap):
         return model.base if model.base.family is None else model.base.with_free(*FREE)

@@ -26,9 +26,10 @@ from ecm.diagnose.judge import against_energy, implausible, judged
 from ecm.diagnose.limits import detection_limits
 from ecm.diagnose.next_experiment import next_experiments
 from ecm.diagnose.problem import Candidate, Problem
+from ecm.diagnose.scatter import tested_noise
 from ecm.diagnose.search import Ranked
 from ecm.diagnose.verdict import Diagnosis
-from ecm.effects import Effect, all_effects, get_effect
+from ecm.effects import Effect, Missing, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.models.ladder import Ceiling, ceiling_rms
 from ecm.refit import JointFit, joint_fit
@@ -72,7 +73,12 @@ def diagnose(
     table = replace(table.select(kept), zeros_s=zero_times(table))
     tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     carried = {item.id for item in model.effects}
-    tested = [effect for effect in tested if effect.id not in carried]
+    held = {
+        effect.id: Missing("the model holds it already", "refit without it first")
+        for effect in tested
+        if effect.id in carried
+    }
+    tested = [effect for effect in tested if effect.id not in held]
     own = _without(model, table)
     found = judged(choose_base(model, table), own, tested, noise, seed)
     found = against_energy(found, own, tested, noise, seed)
@@ -91,14 +97,18 @@ def diagnose(
         answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
         effects=final.effects,
         base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
-        noise=problem.noise.to_dict() | {"effects": [item.to_dict() for item in found.scatter]},
+        noise=problem.noise.to_dict()
+        | {
+            "effects": [item.to_dict() for item in found.scatter],
+            "tested": [effect.id for effect in tested_noise(problem, tested)],
+        },
         gate=found.gate,
         ranking=tuple(_row(problem, item) for item in found.ranked),
         checks=tuple(found.checks),
         confusable=tuple(tuple(pair) for pair in confusable(problem)),
         not_testable=tuple(
             {"id": id, "reason": lacking.reason, "record": lacking.record}
-            for id, lacking in problem.untestable.items()
+            for id, lacking in (problem.untestable | held).items()
         ),
         detection_limits=detection_limits(problem),
         unknown=unknown,

@@ -47,17 +47,17 @@ class Scatter:
         }
 
 
+def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
+    """Noise effects whose data are there; robust weights stand for those without parameters."""
+    noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
+    return [effect for effect in noise if effect.id not in problem.untestable]
+
+
 def scatter_effects(problem: Problem, effects: Sequence[Effect]) -> list[Scatter]:
     """Noise effects that stand out, the clearest parameter of each."""
     rows = problem.rows
-    tested = [
-        effect
-        for effect in effects
-        if isinstance(effect, NoiseEffect)
-        and effect.parameters
-        and effect.id not in problem.untestable
-    ]
-    if not tested or problem.noise.components is not None:
+    tested = [effect for effect in tested_noise(problem, effects) if effect.parameters]
+    if not tested:
         return []
     use = problem.scored & (problem.weights > 0.9)
     residual, kept = _rest(problem, use)
@@ -81,7 +81,7 @@ def scatter_effects(problem: Problem, effects: Sequence[Effect]) -> list[Scatter
 
 def with_growth(noise: Noise, found: Sequence[Scatter]) -> Noise:
     """The noise with scatter that grows with the load, where that stands out most."""
-    if not found or found[0].id != "heteroscedastic_noise":
+    if noise.components is not None or not found or found[0].id != "heteroscedastic_noise":
         return noise
     first = found[0]
     if first.parameter == "force_growth":

@@ -23,6 +23,7 @@ class Diagnosis:
     """The accepted effects, fitted jointly; of a class its best member."""
     base: dict[str, Any]
     noise: dict[str, Any]
+    """Figures and source; `tested` effects of the noise, and `effects`, those that are seen."""
     gate: dict[str, float]
     ranking: tuple[dict[str, Any], ...]
     checks: tuple[Check, ...]
@@ -35,7 +36,7 @@ class Diagnosis:
     signature: dict[str, float]
     next_experiment: tuple[dict[str, Any], ...]
     outliers: tuple[int, ...]
-    """Rows of the table whose robust weight is below one half."""
+    """Rows of the table whose robust weight is below one half, from 0; in the report from 1."""
     seed: int
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""
@@ -78,7 +79,7 @@ class Diagnosis:
         return tuple((item.id,) for item in self.effects)
 
     def to_dict(self) -> dict[str, Any]:
-        """The report."""
+        """The report; rows are counted from 1, as `worst_rows` of `compare` are."""
         return {
             "schema": 1,
             "seed": self.seed,
@@ -128,7 +129,7 @@ class Diagnosis:
             "held_out": self.held_out,
             "signature": self.signature,
             "next_experiment": list(self.next_experiment),
-            "outliers": list(self.outliers),
+            "outliers": [row + 1 for row in self.outliers],
             "upper_bound": self.upper_bound,
             "left_over": self.left,
             "further": list(self.further),
