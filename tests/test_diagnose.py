@@ -21,6 +21,7 @@ from ecm.diagnose.problem import assemble
 from ecm.diagnose.search import rank
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
+from ecm.meta import Instrument
 from ecm.models import fit_model
 from ecm.rig import RigSettings, run_campaign
 from ecm.table import Table
@@ -184,6 +185,21 @@ def test_the_report_is_that_of_the_interface() -> None:
     assert set(report["rmse"]) == {"before", "after", "floor", "ceiling"}
     assert set(report["held_out"]) == {"before", "after"}
     assert report["signature"]["constant_in_base"] > 0.3
+
+
+@pytest.mark.parametrize("source", ["declared", "assumed", "repeats"])
+def test_the_verdict_says_where_its_noise_comes_from(source: str) -> None:
+    table = campaign("payload", 1.0, 4)
+    if source != "repeats":
+        table = table.select(np.unique(table.column("pose_id"), return_index=True)[1]).measured()
+    if source == "assumed":
+        table = table.with_meta(replace(table.meta, instrument=Instrument()))
+    found = diagnose(model(), table)
+    assert found.noise["source"] == source
+    said = found.sentence()
+    assert ("as declared, not measured" in said) is (source == "declared")
+    assert ("The noise is assumed: give repeats" in said) is (source == "assumed")
+    assert any("the noise is assumed" in text for text in found.warnings) is (source == "assumed")
 
 
 def test_the_same_seed_gives_the_same_report_and_another_the_same_verdict() -> None:
