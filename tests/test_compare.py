@@ -211,7 +211,7 @@ def test_what_was_fitted_to_the_table_counts_once_in_its_lack_of_fit() -> None:
 def test_the_interval_of_an_excess_holds_it_as_often_as_it_says() -> None:
     """Nearly: of many such tables 85 % with 40 poses and 88 % with 100, of the 90 % it says.
 
-    What misfits is shared by the five rows of a pose: drawing rows would give half of them.
+    What misfits is shared by the five rows of a pose: drawing rows would hold it in 61 %.
     """
     sd, excess = 0.1, 0.15
     line = fit_model(

@@ -69,7 +69,7 @@ def compare(
         )
         if report is not None:
             write_comparison(report, found)
-        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "fit F",
+        rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "F",
                  "unit")]  # fmt: skip
         silent = never_excited(table)
         for item in found.components:
@@ -101,7 +101,7 @@ def _ratio(found: FTest | None) -> str:
 def _lack_of_fit(found: FTest) -> str:
     return (
         f"Lack of fit over all components: F = {found.F:.6g} with {found.dof:.4g} and "
-        f"{found.dof_error:.4g} degrees of freedom, p = {found.p:.2g} (1 where only noise is left)."
+        f"{found.dof_error:.4g} degrees of freedom, p = {found.p:.2g}."
     )
 
 
