@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from conftest import Done
 from ecm.columns import POSE, WRENCH
 from ecm.compare import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError
 from ecm.meta import Instrument, Meta
+from ecm.models import load_model
 from ecm.refit import FittedEffect, joint_fit
 from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, workspace_poses
@@ -259,3 +263,31 @@ def test_a_clamp_that_would_push_is_no_shape_to_choose() -> None:
     """A stop holds; where the data ask for one that pulls, its stiffness stays at zero."""
     assert not get_effect("debonding").parameters[0].allows(-1.0)
     assert get_effect("length_error").parameters[0].allows(-1.0)
+
+
+def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Callable[..., Done]) -> None:
+    """On another table frozen values stay to the last digit, and the rest moves."""
+    own, other = tmp_path / "own.csv", tmp_path / "other.csv"
+    with_effect("fts_offset", np.array([2.0, -1.0, 1.0, 0.05, -0.03, 0.02])).write(own)
+    with_effect("fts_offset", np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), seed=5).write(other)
+    models = {name: tmp_path / f"{name}.json" for name in ("bare", "full", "kept", "base", "less")}
+
+    def refitted(model: str, data: Path, out: str, *arguments: str) -> str:
+        done = ecm_command("refit", models[model], data, *arguments, "--out", models[out])
+        assert done.code == 0, done.err
+        return done.out
+
+    assert ecm_command("fit", own, "--model", "energy4", "--out", models["bare"]).code == 0
+    refitted("bare", own, "full", "--add", "fts_offset")
+    refitted("full", other, "kept", "--freeze", "fts_offset")
+    refitted("full", other, "base", "--freeze", "base")
+    said = refitted("full", own, "less", "--remove", "fts_offset")
+    full, kept, base, less = (load_model(models[n]) for n in ("full", "kept", "base", "less"))
+    before, frozen, moved = (m.effects[0].values for m in (full, kept, base))
+    assert np.array_equal(frozen, before)
+    assert not np.allclose(kept.base.coefficients, full.base.coefficients, rtol=1e-6)
+    assert np.array_equal(base.base.coefficients, full.base.coefficients)
+    assert np.abs(moved - before).max() > 0.5
+    assert less.effects == ()
+    assert full.history[-1].train < 0.8 * less.history[-1].train
+    assert "6 parameters fewer" in said

@@ -98,3 +98,30 @@ def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(
     assert not history & lacking
     assert any("hysteresis" in members for members in told["answer"]), told["sentence"]
     assert told["held_out"]["after"] < 1.15 < told["held_out"]["before"]
+
+
+def test_the_next_experiment_is_measured_and_tells_a_class_apart(
+    planned: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "next"
+    shutil.copytree(planned, folder)
+    for command in (
+        "new rig",
+        "campaign plan.csv --rig rig.toml --hide face_tilt=1 --seed 1 --out first.csv",
+        "diagnose neck.toml first.csv --json first.json --next next.csv",
+        "campaign next.csv --rig rig.toml --hide first.csv --seed 2 --out second.csv",
+        "diagnose neck.toml first.csv second.csv --json joint.json",
+    ):
+        run(["ecm", *command.split()], folder, command)
+    first, joint = (
+        json.loads((folder / name).read_text(encoding="utf-8"))
+        for name in ("first.json", "joint.json")
+    )
+    assert first["verdict"] == "ambiguous"
+    assert len(first["answer"][0]) > 1
+    assert "face_tilt" in first["answer"][0]
+    assert joint["answer"] == [["face_tilt"]], joint["sentence"]
+    # What is hidden in the first is hidden in the second, and neither says it.
+    for name in ("first", "second"):
+        for ending in ("csv", "toml"):
+            assert "face_tilt" not in (folder / f"{name}.{ending}").read_text(encoding="utf-8")

@@ -99,8 +99,8 @@ def joint_fit(
         residual, design = _linearised(rows, base, fitted, measured, free_base)
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
-        # By its rows: with all frozen it has no columns to tell the size from.
-        flat = z.reshape(y.size, -1)
+        # Of nothing that is free as well: no shape is left to guess.
+        flat = z.reshape(y.size, z.shape[2])
         step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
         moved = float(np.linalg.norm(flat @ step))
         least = _least_effects(flat, fitted, free_base)
@@ -118,7 +118,7 @@ def joint_fit(
         converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
-    weighted = (z * root[:, None, None]).reshape(measured.size, -1)
+    weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
     least = _least_effects(weighted, fitted, free_base)
     y = np.einsum("nij,nj->ni", whitener, residual)
     # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
@@ -165,7 +165,7 @@ def best_shape(
     fit = joint_fit(base, others, table, noise, freeze_base=freeze_base)
     size = fit.whitened.size
     whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
-    fixed = orthonormal(fit.design.reshape(size, -1))
+    fixed = orthonormal(fit.design.reshape(size, fit.design.shape[2]))
     y = fit.whitened.ravel() - fixed @ (fixed.T @ fit.whitened.ravel())
 
     def value(shape: Effect) -> float:

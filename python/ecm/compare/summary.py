@@ -212,8 +212,10 @@ def _fitted_here(model: Model, table: Table) -> int:
     """How many numbers of the model were fitted to this very table; none where it is new to it."""
     from ecm.models.training import training_of  # Late: models stand on the comparison.
 
-    seen = {training_of(rows)["hash"] for rows in (table.measured(), informative(table))}
-    if model.training.get("hash") not in seen:
+    known, count = model.training.get("hash"), model.training.get("rows")
+    # A hash reads every number: only of as many rows as the fit had.
+    fitted = (rows for rows in (table.measured(), informative(table)) if len(rows) == count)
+    if not any(training_of(rows)["hash"] == known for rows in fitted):
         return 0
     base = 0 if model.base_frozen else len(model.base.coefficients)
     return base + sum(len(item.values) for item in model.effects if not item.frozen)
