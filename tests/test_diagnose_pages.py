@@ -19,8 +19,8 @@ from ecm.cli import run
 from ecm.table import Table
 from stand_in_campaign import campaign, model
 
-HOSTILE = '</script><b>"x'
-"""Ends a script, opens an element, and ends a string of Python."""
+HOSTILE = '</script><b>"x*y'
+"""Ends a script, opens an element, ends a string of Python, and looks like a product."""
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,23 @@ from ecm.columns import POSE
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
-def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
+def skeleton(terms: Sequence[tuple[Sequence[str], str]], outputs: Sequence[str]) -> str:
     """Python text of ten lines that registers an effect.
 
     Parameters
     ----------
     terms
-        (feature, component) pairs, such as ("time_s*x_m", "fx_N").
+        (factors, component) pairs, such as (("time_s", "x_m"), "fx_N"); no factor: a constant.
     outputs
         Wrench columns of the base.
     """
-    feature, component = terms[0] if terms else ("constant", outputs[0])
+    factors, component = terms[0] if terms else ((), outputs[0])
     unit = component.rsplit("_", 1)[1].replace("Nm", "N m")
-    factors = _factors(feature)
-    columns = sorted({name for name in factors if name not in (*POSE, *_STANDARD, "constant")})
+    feature = "*".join(factors) or "constant"
+    columns = sorted({name for name in factors if name not in (*POSE, *_STANDARD)})
     needs = f", needs={tuple(columns)!r}" if columns else ""
     extra = ", sides" if "approach" in factors else ""
-    value = " * ".join(_value(name) for name in factors if name != "constant") or "1.0"
+    value = " * ".join(_value(name) for name in factors) or "1.0"
     index = list(outputs).index(component)
     return "\n".join(
         [
@@ -38,7 +38,7 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             "def my_effect(rows):",
             *(
                 ["    def u(name): v = rows.table.column(name); return v - v.mean()"]
-                if any(name not in _STANDARD and name != "constant" for name in factors)
+                if any(name not in _STANDARD for name in factors)
                 else []
             ),
             f"    columns = np.zeros((len(rows), {len(outputs)}))",
@@ -47,13 +47,6 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             "",
         ]
     )
-
-
-def _factors(feature: str) -> list[str]:
-    found: list[str] = []
-    for part in feature.split("*"):
-        found += [part[:-2]] * 2 if part.endswith("^2") else [part]
-    return found
 
 
 def _value(name: str) -> str:
