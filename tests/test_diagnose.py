@@ -229,6 +229,7 @@ def lists_of_the_interface(report: dict[str, Any]) -> None:
         assert names.get(limit["parameter"], limit["unit"]) == limit["unit"]
         assert isinstance(limit["size"], float)
         assert limit["size"] > 0.0
+    assert bool(report["next_experiment"]) or report["verdict"] != "ambiguous"
     for item in report["next_experiment"]:
         assert {"action", "minutes", "p_correct"} <= set(item)
         assert isinstance(item["action"], str)
@@ -308,6 +309,7 @@ def test_trap_temperature_that_grows_with_time() -> None:
     assert diagnosis.verdict == "ambiguous"
     assert set(diagnosis.answer[0]) == {"ageing", "temperature_modulus"}
     assert any("warm and cold" in item["action"] for item in diagnosis.next_experiment)
+    lists_of_the_interface(json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False)))
 
 
 def test_trap_a_wrong_sign_is_no_soft_material() -> None:

@@ -19,8 +19,8 @@ from ecm.cli import run
 from ecm.table import Table
 from stand_in_campaign import campaign, model
 
-HOSTILE = '</script><b>"x'
-"""Ends a script, opens an element, and ends a string of Python."""
+HOSTILE = '</script><b>"x*y'
+"""Ends a script, opens an element, ends a string of Python, and looks like a product."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +127,12 @@ def test_unknown_tells_variables_nearest_effect_and_a_skeleton_that_runs(
         assert part in section
     assert unknown["skeleton"] in found.out
     assert unknown["skeleton"].strip() in section
+    # The residual is drawn against the variables that matter, though it follows none alone.
+    figures = json.loads(found.page.read_text(encoding="utf-8").split("const figures = ")[1]
+                         .partition(";\nfigures.forEach")[0])  # fmt: skip
+    titles = {note["text"] for f in figures[:2] for note in f["layout"]["annotations"]}
+    against = {f"against {html.escape(name, quote=False)}" for name in ("y_m", HOSTILE)}
+    assert against <= titles
     # The hostile name stays a string of Python.
     code = compile(unknown["skeleton"], "skeleton", "exec")
     constants = [c for part in code.co_consts if hasattr(part, "co_consts") for c in part.co_consts]

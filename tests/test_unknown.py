@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm.compare.residuals import factors
 from ecm.diagnose import Diagnosis, diagnose
 from ecm.diagnose.relevance import relevance
 from ecm.diagnose.skeleton import skeleton
@@ -69,17 +70,20 @@ def test_the_skeleton_is_an_effect_that_explains_the_residual(found: Diagnosis) 
 
 
 def test_a_skeleton_for_squares_and_sides() -> None:
-    text = skeleton([("approach*x_m", "fx_N")], ("fx_N", "fy_N"))
+    text = skeleton([(("approach", "x_m"), "fx_N")], ("fx_N", "fy_N"))
     assert "sides(rows.table)" in text
     assert 'u("x_m")' in text
     compile(text, "skeleton", "exec")
-    squared = skeleton([("y_m^2", "fy_N")], ("fx_N", "fy_N"))
+    squared = skeleton([(("y_m", "y_m"), "fy_N")], ("fx_N", "fy_N"))
     assert 'u("y_m") * u("y_m")' in squared
     assert "needs=('approach', 'x_m')" in text
-    assert 'kind="time"' in skeleton([("row", "fx_N")], ("fx_N",))
+    assert 'kind="time"' in skeleton([(("row",), "fx_N")], ("fx_N",))
     assert '{"size": "N/(m m)"}' in squared
-    assert '{"size": "N m/Pa"}' in skeleton([("hose_pressure_Pa", "tau_x_Nm")], ("tau_x_Nm",))
+    assert '{"size": "N m/Pa"}' in skeleton([(("hose_Pa",), "tau_x_Nm")], ("tau_x_Nm",))
     assert "columns[:, 1]" in squared
+    constant = skeleton([((), "fy_N")], ("fx_N", "fy_N"))
+    assert "columns[:, 1] = 1.0" in constant
+    compile(constant, "skeleton", "exec")
 
 
 def test_of_a_table_with_one_force_the_draft_is_an_effect_as_well() -> None:
@@ -128,3 +132,15 @@ def test_of_six_components_those_that_are_measured_are_taken() -> None:
     finally:
         for id in ("fan", "wrong", "broken"):
             unregister(id)
+
+
+def test_a_name_that_holds_a_star_is_one_name() -> None:
+    """`a*b` of a user's table is no product of `a` and `b`."""
+    known = ("x_m", "time_s", "a*b", "c^2")
+    assert factors("a*b", known) == ("a*b",)
+    assert factors("a*b*x_m", known) == ("a*b", "x_m")
+    assert factors("a*b^2", known) == ("a*b", "a*b")
+    assert factors("c^2", known) == ("c^2",)
+    assert factors("time_s*x_m", known) == ("time_s", "x_m")
+    assert factors("x_m^2", known) == ("x_m", "x_m")
+    assert factors("constant", known) == ()

@@ -51,7 +51,9 @@ def write_diagnosis(
     if compared is not None:
         from ecm.report.where import where_section
 
-        section = where_section(compared.where())
+        unknown = document["unknown"]
+        follows = [] if unknown is None else unknown["variables"]
+        section = where_section(compared.where(), follows)
         if predicted is not None:
             drawn = FigureBlock(
                 "What the answer predicts (crosses) on the residuals of the model before.",

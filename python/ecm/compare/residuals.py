@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,22 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     one = [(np.ones(len(rows)), "constant")]
     chosen = [*one, *linear, *own, *bent, *products, *squares, *mixed][:most]
     return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
+
+
+def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
+    """The names whose product a name of `features` stands for; none of the constant.
+
+    Parameters
+    ----------
+    known
+        Names of pose and covariates: a column of one's own may hold a star itself.
+    """
+    if feature in known:
+        return (feature,)
+    if feature.endswith("^2") and feature[:-2] in known:
+        return (feature[:-2],) * 2
+    pairs = ((feature[:i], feature[i + 1 :]) for i, c in enumerate(feature) if c == "*")
+    return next((pair for pair in pairs if set(pair) <= set(known)), ())
 
 
 def covariates(rows: Rows) -> dict[str, F]:

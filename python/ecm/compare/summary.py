@@ -89,7 +89,7 @@ class Comparison:
     def references(self) -> References | None:
         """Physics base, symmetric energy, ceiling and floor; None for tables of other columns.
 
-        Fits two bases: made when it is asked for.
+        Fits two bases, and runs the FEM of a `[mechanism]` that is new: made when it is asked for.
         """
         return references(self.compared.model, self.compared.rows.table, self.noise)
 

@@ -8,23 +8,23 @@ from collections.abc import Sequence
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
-def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
+def skeleton(terms: Sequence[tuple[Sequence[str], str]], outputs: Sequence[str]) -> str:
     """Python text of ten lines that registers an effect.
 
     Parameters
     ----------
     terms
-        (feature, component) pairs, such as ("time_s*x_m", "fx_N").
+        (factors, component) pairs, such as (("time_s", "x_m"), "fx_N"); no factor: a constant.
     outputs
         Wrench columns of the base.
     """
-    feature, component = terms[0] if terms else ("constant", outputs[0])
-    factors = _factors(feature)
+    factors, component = terms[0] if terms else ((), outputs[0])
+    feature = "*".join(factors) or "constant"
     unit = _unit(component, factors)
-    columns = sorted(set(factors) - {"row", "constant"})
+    columns = sorted(set(factors) - {"row"})
     kind = ', kind="time"' if "row" in factors else ""
     extra = ", sides" if "approach" in factors else ""
-    value = " * ".join(_value(name) for name in factors if name != "constant") or "1.0"
+    value = " * ".join(_value(name) for name in factors) or "1.0"
     index = list(outputs).index(component)
     return "\n".join(
         [
@@ -36,7 +36,7 @@ def skeleton(terms: Sequence[tuple[str, str]], outputs: Sequence[str]) -> str:
             "def my_effect(rows):",
             *(
                 ["    def u(name): v = rows.table.column(name); return v - v.mean()"]
-                if any(name not in _STANDARD and name != "constant" for name in factors)
+                if any(name not in _STANDARD for name in factors)
                 else []
             ),
             f"    columns = np.zeros((len(rows), {len(outputs)}))",
@@ -54,13 +54,6 @@ def _unit(component: str, factors: Sequence[str]) -> str:
     if not over:
         return force
     return f"{force}/{over[0]}" if len(over) == 1 else f"{force}/({' '.join(over)})"
-
-
-def _factors(feature: str) -> list[str]:
-    found: list[str] = []
-    for part in feature.split("*"):
-        found += [part[:-2]] * 2 if part.endswith("^2") else [part]
-    return found
 
 
 def _value(name: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.compare.lack_of_fit import FTest
-from ecm.compare.residuals import covariates, features
+from ecm.compare.residuals import covariates, factors, features
 from ecm.diagnose.problem import Candidate, Problem
 from ecm.diagnose.relevance import relevance
 from ecm.diagnose.search import rank
@@ -39,10 +39,10 @@ def describe(
     listed = [(names[j], problem.base.outputs[c], size) for j, c, size in terms]
     shares = _relevance(problem, left, values)
     variables = [name for name, share in shares.items() if share >= _LEAST_RELEVANCE]
-    for feature, _, _ in listed:
-        for part in feature.replace("^2", "").split("*"):
-            if part not in variables and part != "constant":
-                variables.append(part)
+    known = (*problem.rows.base.inputs, *covariates(problem.rows))
+    products = [(factors(feature, known), component) for feature, component, _ in listed]
+    for parts, _ in products:
+        variables += [part for part in dict.fromkeys(parts) if part not in variables]
     ranked = rank(problem, chosen)
     nearest: dict[str, Any] | None = None
     if ranked:
@@ -54,7 +54,7 @@ def describe(
         "relevance": shares,
         "words": _words(listed),
         "nearest": nearest,
-        "skeleton": skeleton([(f, c) for f, c, _ in listed], problem.base.outputs),
+        "skeleton": skeleton(products, problem.base.outputs),
     }
 
 

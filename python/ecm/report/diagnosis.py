@@ -66,8 +66,10 @@ def _errors(document: Mapping[str, Any]) -> list[Block]:
     ]
     caption = (
         "Root mean square error in the unit of each column. Before: the model as given. The floor "
-        "is the noise; the ceiling is the base with a free cubic of the pose, on held-out rows."
+        "is the noise"
     )
+    more = "; the ceiling is the base with a free cubic of the pose, on held-out rows."
+    caption += more if errors["ceiling"] else "."
     over_noise = {"before": held_out["before"], "after": held_out["after"], "floor": 1.0}
     if "ceiling" in held_out:
         over_noise["ceiling"] = held_out["ceiling"]

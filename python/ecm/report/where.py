@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,8 @@ F = NDArray[np.float64]
 
 LINK = "measured rows"
 """Points of all figures with this mark and the same row are marked together."""
+_DRAWN = 2
+"""Variables that the residual is drawn against; the menus give the others."""
 _FRAMES = {"base": "base axes", "top": "top axes"}
 
 
@@ -67,11 +69,18 @@ def residual_figure(
     return {"data": data, "layout": layout}
 
 
-def where_section(found: Where) -> Section:
-    """Maps, signature, residual stiffness and the worst rows."""
+def where_section(found: Where, variables: Sequence[str] = ()) -> Section:
+    """Maps, signature, residual stiffness and the worst rows.
+
+    Parameters
+    ----------
+    variables
+        What to draw the residual against; default what it follows most, each alone.
+    """
     blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
     linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
-    first, *second = found.strongest()
+    given = [name for name in variables if name in found.variables]
+    first, *second = (given or found.strongest())[:_DRAWN]
     blocks.append(
         FigureBlock(
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
