@@ -312,6 +312,28 @@ def test_trap_temperature_that_grows_with_time() -> None:
     lists_of_the_interface(json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False)))
 
 
+def of_one_dwell(table: Table, dwell_s: float) -> Table:
+    """Its checks, and the poses that were read after this dwell."""
+    return table.select((table.column("dwell_s") == dwell_s) | (table.text("kind") != "pose"))
+
+
+@pytest.mark.parametrize("dwell_s", [2.0, 8.0, 30.0])
+def test_trap_constant_dwell_names_nothing_and_says_what_to_record(dwell_s: float) -> None:
+    diagnosis = diagnose(model(), of_one_dwell(campaign("stress_relaxation", 1.0, 4), dwell_s))
+    listed = {item["id"]: item for item in diagnosis.not_testable}
+    assert "dwell_s" in listed["stress_relaxation"]["record"]
+    assert diagnosis.verdict == "none", diagnosis.sentence()
+
+
+def test_trap_constant_dwell_hides_relaxation_in_the_modulus() -> None:
+    """Of the same readings: all dwells together name it, each alone has a modulus of its own."""
+    table = campaign("stress_relaxation", 1.0, 4)
+    assert diagnose(model(), table).answer == (("stress_relaxation",),)
+    fitted = [model().fit(of_one_dwell(table, dwell_s)).base for dwell_s in (2.0, 8.0, 30.0)]
+    short, middle, long = (float(base.coefficients[0]) for base in fitted)
+    assert short > 1.005 * middle > 1.01 * long
+
+
 def test_trap_a_wrong_sign_is_no_soft_material() -> None:
     table = campaign("", 1.0, 4)
     turned = table.with_columns({name: -table.column(name) for name in WRENCH})

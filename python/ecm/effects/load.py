@@ -249,9 +249,10 @@ class CableDrag(LinearEffect):
 
 
 class TendonFriction(LinearEffect):
-    """mu a T_j along the top's axis, and mu r a T_j about the tendon's side, a = +-1 the approach.
+    """-mu a T_j u at the rim, r R s_j from the platform's centre, a = +-1 the side of approach.
 
-    Tendon j of n runs at the azimuth 2 pi j / n.
+    Tendon j of n runs at the azimuth 2 pi j / n, s_j = (0, cos, sin); u is the top's axis where the
+    tendons are `guided` along the mechanism, and the chord from base to top where they run `free`.
     """
 
     id = "tendon_friction"
@@ -263,6 +264,18 @@ class TendonFriction(LinearEffect):
     signature = "m = number of tendons, odd in the side of approach, not conservative"
     needs = "tendon state (tendon1_N, ...), and poses reached from both sides (approach)"
     kind = "time"
+
+    def __init__(self, run: str = "guided") -> None:
+        self._run = run
+
+    @property
+    def shape(self) -> Shape:
+        """How the tendons run."""
+        return {"run": self._run}
+
+    def variants(self, table: Table) -> tuple[Effect, ...]:
+        """Both ways."""
+        return (TendonFriction("guided"), TendonFriction("free"))
 
     @property
     def rivals(self) -> dict[str, str]:
@@ -283,19 +296,21 @@ class TendonFriction(LinearEffect):
         return None
 
     def columns(self, rows: Rows) -> F:
-        """Sum over the tendons, in top axes turned to base axes."""
+        """Sum over the tendons, per mu and per mu times the radius of the holes."""
         names = _tendons(rows.table)
         side = sides(rows.table, rows.length_m)
-        own = np.zeros((len(rows), 6, 2))
+        along = rows.rotation[:, :, 0]
+        if self._run == "free":
+            along = rows.poses[:, :3] / np.linalg.norm(rows.poses[:, :3], axis=1)[:, None]
+        columns = np.zeros((len(rows), 6, 2))
         for j, name in enumerate(names):
-            pull = side * np.nan_to_num(rows.table.column(name))
+            pull = (side * np.nan_to_num(rows.table.column(name)))[:, None]
             azimuth = 2.0 * np.pi * j / len(names)
-            own[:, 0, 0] -= pull
-            own[:, 4, 1] -= pull * np.sin(azimuth)
-            own[:, 5, 1] += pull * np.cos(azimuth)
-        columns = rows.base_from_top @ own
+            hole = rows.rotation @ np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
+            columns[:, :3, 0] -= pull * along
+            columns[:, 3:, 1] -= pull * np.cross(hole, along)
         columns[rows.unloaded | (rows.of_run("tendons_slack", 0.0) == 1.0)] = 0.0
-        return np.asarray(columns)
+        return columns
 
 
 def _tendons(table: Table) -> list[str]:
