@@ -221,7 +221,7 @@ def test_compare_sets_four_references_side_by_side(
         test = document["lack_of_fit"]
         if name != "all":
             test = next(c for c in document["components"] if c["name"] == name)["lack_of_fit"]
-        found = re.search(rf"^{name} +(\S+) +(\S+)$", done.out, re.MULTILINE)
+        found = re.search(rf"^{name} +(\S+) +\S+ +\S+ +(\S+)$", done.out, re.MULTILINE)
         assert found is not None
         assert found.groups() == (f"{test['F']:.6g}", f"{test['p']:.2g}")
 

@@ -101,10 +101,11 @@ def _errors(found: Comparison, silent: Sequence[str]) -> str:
 def _lack_of_fit(found: Comparison, silent: Sequence[str]) -> str:
     """F of what the model leaves between repeated poses over what repeats of one pose leave."""
     tests = {"all": found.lack_of_fit} | {c.name: c.lack_of_fit for c in found.components}
-    rows = [("lack of fit", "F", "p")]
+    rows = [("lack of fit", "F", "dof", "of error", "p")]
     for name, test in tests.items():
         if test is not None and name not in silent:
-            rows.append((name, f"{test.F:.6g}", f"{test.p:.2g}"))
+            dof = f"{test.dof:.4g}", f"{test.dof_error:.4g}"
+            rows.append((name, f"{test.F:.6g}", *dof, f"{test.p:.2g}"))
     return columns(rows)
 
 

@@ -234,7 +234,7 @@ class FtsHysteresis(LinearEffect):
     physics = "The sensor itself reads differently when its load rises than when it falls."
     parameters: tuple[Parameter, ...] = (Parameter("lag", "1", 0.02, -1.0, 1.0),)
     signature = "odd in the side of approach, body axes, also without the mechanism"
-    needs = "loads reached from both sides (approach)"
+    needs = "loads reached from both sides (approach, time_s)"
     side = "measurement"
     kind = "time"
 
