@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,17 +19,19 @@ from ecm.effects.moved import moved_in_base, moved_in_top
 from ecm.effects.registry import with_shape
 from ecm.errors import InputError
 from ecm.meta import Meta
+from ecm.rig import run_campaign
 from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, workspace_poses
 from test_diagnose import found_in
-from test_rig_stand_in import L, wrench
+from test_rig_stand_in import L, StandIn, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
 from arm_joints import joints_of
 from ecm.robot.scene import scene
 from ecm.robot.simulation import Simulation
-from robot_rig import settings
+from programs import need_program
+from robot_rig import plan, settings
 
 F = NDArray[np.float64]
 YIELD_RAD_NM = 2e-5
@@ -206,9 +209,26 @@ def test_an_effect_of_the_joints_is_named(hidden: str) -> None:
     assert found_in(diagnosis, hidden), diagnosis.sentence()
 
 
-@pytest.mark.parametrize("seed", [5])
-def test_an_arm_without_faults_is_not_named(seed: int) -> None:
-    diagnosis = diagnose(model(), encoders("", seed))
+def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: Path) -> None:
+    """The rig's joints hang behind, its poses are worked out of what the encoders say."""
+    need_program("cc", "gcc")
+    table = run_campaign(
+        plan(workspace_poses(36, 3)),
+        settings(joint_yield_rad_Nm=YIELD_RAD_NM, processes=1),
+        None, source=StandIn(), folder=tmp_path,
+    )  # fmt: skip
+    read, _ = top_of(table.matrix(JOINTS))
+    by_encoders = table.drop("leds_visible").with_columns(dict(zip(POSE, read.T, strict=True)))
+    diagnosis = diagnose(model(), by_encoders)
+    assert diagnosis.answer == (("robot_compliance",),), diagnosis.sentence()
+    effect = diagnosis.effects[0]
+    known = effect.sd < 2e-6
+    assert known.sum() >= 2
+    assert effect.values[known] == pytest.approx(YIELD_RAD_NM, rel=0.15)
+
+
+def test_an_arm_without_faults_is_not_named() -> None:
+    diagnosis = diagnose(model(), encoders("", 5))
     assert diagnosis.verdict == "none", diagnosis.sentence()
     listed = {item["id"] for item in diagnosis.not_testable}
     assert not listed & {"robot_compliance", "backlash", "joint_offset"}
