@@ -16,6 +16,7 @@ from ecm.diagnose import diagnose
 from ecm.diagnose.judge import Judged, judged
 from ecm.diagnose.scatter import _rest
 from ecm.effects import Rows, all_effects
+from ecm.errors import InputError
 from ecm.meta import Instrument, Meta, read_meta
 from ecm.models import fit_model
 from ecm.models.by_degree import polynomial
@@ -186,6 +187,17 @@ def test_some_of_the_figures_that_are_needed_are_not_enough() -> None:
     assert compare(fit_model(table, "cubic"), table).noise.source == "assumed"
     exact = spring(Instrument(pose_position_sd_m=0.0, force_sd_N=0.0))
     assert compare(fit_model(exact, "cubic"), exact).noise.source == "assumed"
+
+
+@pytest.mark.parametrize("columns", [ALL, (POSE[0], WRENCH[0], WRENCH[5])])
+def test_a_figure_of_nothing_is_refused_with_what_to_give(columns: tuple[str, ...]) -> None:
+    """Rows cannot be weighed by a torque without noise; it was a matrix that is not positive."""
+    own = neck_columns(60)
+    told = Meta(instrument=Instrument(0.0, 0.0, 0.3, 0.0))
+    table = as_table({name: own[name] for name in columns}, meta=told)
+    model = fit_model(as_table({name: own[name] for name in columns}), "linear")
+    with pytest.raises(InputError, match="torque_sd_Nm above 0"):
+        compare(model, table)
 
 
 @pytest.mark.parametrize("name", ["gp", "mlp"])
