@@ -59,7 +59,8 @@ def ordered_with(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
     groups = table.groups()
     parts = np.zeros(len(table), dtype=np.int64) if groups is None else groups
     loads = np.stack([table.column(name) for name in outputs], axis=1)
-    scale = np.maximum(loads.std(axis=0), 1e-300)
+    # What never varies has a rounding error for its spread.
+    scale = np.where(np.ptp(loads, axis=0) > 1e-12, loads.std(axis=0), np.inf)
     named = {name: table.column(name) for name in offered(table, inputs, outputs)}
     named.pop("time_s", None)
     named["load"] = np.sqrt(((loads / scale) ** 2).sum(axis=1))

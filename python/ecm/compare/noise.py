@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.columns import POSE, WRENCH
+from ecm.errors import InputError
 
 if TYPE_CHECKING:
     from ecm.effects.rows import Rows
@@ -169,6 +170,12 @@ def _figures(table: Table) -> dict[tuple[str, ...], float | None]:
 
 def whiteners(covariance: F) -> F:
     """(N, m, m) inverse Cholesky factors: W r has unit covariance."""
-    lower = np.linalg.cholesky(covariance)
+    try:
+        lower = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "a component of the wrench has no noise at all; in [instrument] give force_sd_N and "
+            "torque_sd_Nm above 0, or all figures 0 where the data are exact"
+        ) from None
     identity = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape)
     return np.asarray(np.linalg.solve(lower, identity))
