@@ -86,6 +86,11 @@ def likely_name(name: str) -> str | None:
     return None
 
 
+def unit_of(name: str) -> str:
+    """'N m' of tau_x_Nm: what stands at the end of a column's name."""
+    return name.rsplit("_", 1)[1].replace("Nm", "N m")
+
+
 def close_name(name: str) -> str | None:
     """A standard name that this one resembles, for a hint beside a warning."""
     close = get_close_matches(name, _STANDARD, n=1, cutoff=0.85)

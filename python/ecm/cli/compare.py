@@ -24,6 +24,7 @@ from ecm.cli.options import (
     save_json,
 )
 from ecm.cli.text import columns
+from ecm.columns import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +91,7 @@ def _errors(found: Comparison, silent: Sequence[str]) -> str:
         if item.name in silent:
             continue
         interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-        unit = item.name.rsplit("_", 1)[1].replace("Nm", "N m")
+        unit = unit_of(item.name)
         rows.append(
             (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
              f"{item.excess:.3g}", interval, unit)

@@ -69,7 +69,7 @@ def diagnose(
         before = open_model(model, console, table)
         if before.base.kind != "physics":
             prepare_physics(table, console, threads)
-        table = table.with_length(before.base.length_m or before.length_m)
+        table = table.with_length(before.known_length_m)
         found = run(before, table, seed=seed)
         document = found.to_dict()
         document["warnings"] = [*document["warnings"], *table.warnings]

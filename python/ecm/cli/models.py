@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import POSE, STIFFNESS, WRENCH
+from ecm.columns import POSE, STIFFNESS, WRENCH, unit_of
 from ecm.errors import InputError
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def fit_summary(
         spread = float(np.std(values))
         share = rmse / spread if spread > 0.0 else None
         components[column] = {"rmse": rmse, "spread": spread, "rmse_over_spread": share}
-        unit = column.rsplit("_", 1)[1].replace("Nm", "N m")
+        unit = unit_of(column)
         if share is None:
             sentences.append(f"{column}: never excited, nothing was learnt about it")
         else:

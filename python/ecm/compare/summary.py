@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.columns import unit_of
 from ecm.compare.estimate import estimate_noise, repeat_cells
 from ecm.compare.folds import informative, is_pose, row_groups
 from ecm.compare.lack_of_fit import FTest, lack_of_fit
@@ -102,7 +103,7 @@ class Comparison:
     def sentence(self) -> str:
         """One plain sentence."""
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
-        unit = worst.name.rsplit("_", 1)[1].replace("Nm", "N m")
+        unit = unit_of(worst.name)
         if self.noise.components is not None and self.noise.source == "assumed":
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}; "
@@ -155,7 +156,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
             f"{table.source}: no column {lacking[0]}, which the model {model.name} needs; "
             f"it has inputs {', '.join(model.inputs)} and outputs {', '.join(model.outputs)}"
         )
-    table = table.with_length(model.base.length_m or model.length_m)
+    table = table.with_length(model.known_length_m)
     rows = Rows(table, model.base)
     predicted = model.predict(table)
     if noise is None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+from ecm.columns import unit_of
+
 _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
@@ -50,7 +52,7 @@ def skeleton(terms: Sequence[tuple[Sequence[str], str]], outputs: Sequence[str])
 def _unit(component: str, factors: Sequence[str]) -> str:
     """'N/(s m)': the component's unit over those that stand at the end of the factors' names."""
     over = [name.rsplit("_", 1)[1] for name in factors if "_" in name and name not in _STANDARD]
-    force = component.rsplit("_", 1)[1].replace("Nm", "N m")
+    force = unit_of(component)
     if not over:
         return force
     return f"{force}/{over[0]}" if len(over) == 1 else f"{force}/({' '.join(over)})"

@@ -89,6 +89,17 @@ def _moved(rows: Rows, motion: F) -> F:
     return np.asarray(rows.screw_stiffness @ rows.base_from_top @ motion)
 
 
+def _softer(rows: Rows, motion: F, values: F) -> F:
+    """(N, 6, 6) I + M."""
+    in_base = rows.base_from_top @ motion
+    return np.asarray(np.eye(6) + _moved(rows, motion * values) @ np.swapaxes(in_base, 1, 2))
+
+
+def _left(rows: Rows, softer: F) -> F:
+    """(N, 6) wrench that is left where I + M (N, 6, 6) is `softer`."""
+    return np.asarray(np.linalg.solve(softer, rows.wrench[:, :, None])[..., 0])
+
+
 class RobotCompliance(_OfJoints):
     """-(I + M)^-1 M h, M = K_s B J C J' B', C one compliance per joint.
 
@@ -112,26 +123,15 @@ class RobotCompliance(_OfJoints):
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench that is left, minus that of an arm that does not yield."""
-        return self._left(rows, values) - rows.wrench
+        return _left(rows, _softer(rows, self.motion(rows), values)) - rows.wrench
 
     def jacobian(self, rows: Rows, values: F) -> F:
         """-(I + M)^-1 K_s B J_j J_j' B' h_left for each joint."""
         motion = self.motion(rows)
-        own = np.einsum("nji,nj->ni", rows.base_from_top, self._left(rows, values))
+        softer = _softer(rows, motion, values)
+        own = np.einsum("nji,nj->ni", rows.base_from_top, _left(rows, softer))
         torque = np.einsum("nij,ni->nj", motion, own)
-        softer = self._softer(rows, values)
         return np.asarray(-np.linalg.solve(softer, _moved(rows, motion) * torque[:, None, :]))
-
-    def _left(self, rows: Rows, values: F) -> F:
-        return np.asarray(
-            np.linalg.solve(self._softer(rows, values), rows.wrench[:, :, None])[..., 0]
-        )
-
-    def _softer(self, rows: Rows, values: F) -> F:
-        """(N, 6, 6) I + M."""
-        motion = self.motion(rows)
-        in_base = rows.base_from_top @ motion
-        return np.asarray(np.eye(6) + _moved(rows, motion * values) @ np.swapaxes(in_base, 1, 2))
 
 
 class Backlash(_OfJoints, LinearEffect):

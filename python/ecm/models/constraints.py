@@ -42,7 +42,7 @@ def constrained(model: Model, *, zero_at_home: bool = False, stable: bool = Fals
     stable
         The stored energy has a minimum there: all eigenvalues of H above zero.
     """
-    base, length = model.base, model.base.length_m or model.length_m
+    base, length = model.base, model.known_length_m
     if base.inputs != POSE or base.outputs != WRENCH or length is None:
         raise InputError(
             "constraints at the undeformed pose need all six pose and wrench columns and the "

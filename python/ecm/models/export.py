@@ -91,7 +91,7 @@ def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
 
 def _folded(model: Model) -> tuple[EnergyMap, F]:
     """The energy nearest to base plus acting effects, the smallest that is near enough."""
-    length = model.base.length_m or model.length_m
+    length = model.known_length_m
     if model.inputs != POSE or model.outputs != WRENCH or length is None:
         raise InputError(
             "a model with effects of physics is exported as an energy, which needs all six pose "
@@ -131,7 +131,7 @@ def _noise_sd(model: Model) -> F:
 
     poses = poses_in_domain(model, 200)
     columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    length = model.base.length_m or model.length_m
+    length = model.known_length_m
     known = {} if length is None else {"length_m": length}
     rows = Rows(Table(columns, Meta(mechanism=known), "poses"), model.base)
     return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(poses)))
@@ -154,7 +154,7 @@ def poses_in_domain(model: Model, count: int) -> F:
         half = _native.rotation_matrices(np.ascontiguousarray(0.5 * theta))
         position = np.einsum("nij,nj->ni", half, c + np.array([base.model.length_m, 0.0, 0.0]))
         return np.hstack([position, theta])
-    length = model.base.length_m or model.length_m or 0.1
+    length = model.known_length_m or 0.1
     lower = np.array([0.9 * length, -0.1 * length, -0.1 * length, -0.3, -0.3, -0.3])
     upper = np.array([1.1 * length, 0.1 * length, 0.1 * length, 0.3, 0.3, 0.3])
     for j, column in enumerate(POSE):
@@ -166,7 +166,7 @@ def poses_in_domain(model: Model, count: int) -> F:
 
 
 def _mujoco(model: Model, name: str) -> tuple[str, list[str]]:
-    length = model.base.length_m or model.length_m
+    length = model.known_length_m
     if model.inputs != POSE or model.outputs != WRENCH or length is None:
         raise InputError(
             "a MuJoCo export needs a model of all six pose and six wrench columns, and the "

@@ -36,7 +36,7 @@ def model_document(model: Model) -> dict[str, Any]:
         "format": _FORMAT,
         "version": _VERSION,
         **model.base.document(),
-        "length_m": model.base.length_m or model.length_m,
+        "length_m": model.known_length_m,
         "scene": asdict(model.scene),
         **_covariance_document(model),
         "noise": model.noise.to_dict(),

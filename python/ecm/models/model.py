@@ -73,6 +73,11 @@ class Model:
         """Wrench columns."""
         return self.base.outputs
 
+    @property
+    def known_length_m(self) -> float | None:
+        """Length of the mechanism: the base's own, else that of the data it was fitted to."""
+        return self.base.length_m or self.length_m
+
     def predict(self, data: Table | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench the mechanism needs at poses (N, n), or expected readings of a table.
 
