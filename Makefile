@@ -9,26 +9,42 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  ?= cargo
 
-.PHONY: demo test setup build test-rust test-python wheel bench-diagnose bench-blind clean
+STEP   := scripts/step
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-demo: build
-	$(BIN)/ecm identify examples/neck.toml --out demo
+.PHONY: demo test setup build build-demo test-rust test-python wheel bench-diagnose bench-blind clean
+
+demo: build-demo
+	@$(BIN)/ecm identify examples/neck.toml --out demo
 	@echo "Open demo/report.html in a browser."
 
 test: test-rust test-python
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
-	$(BIN)/python -m pip install --quiet --group dev
-	$(BIN)/python -m pip install --quiet $$($(BIN)/python tests/requirements.py mesh cad data report learn cluster robot)
-	touch $@
+$(VENV)/bin/python:
+	@$(STEP) "Python environment in $(VENV)" $(PYTHON) -m venv $(VENV)
+
+# What the demo and the build use, and no more.
+$(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
+	@$(STEP) "Python packages for the demo" \
+	  sh -c "$(PIP) 'pip>=25.1' && $(PIP) --group build --group demo"
+	@touch $@
+
+$(VENV)/.ready: pyproject.toml | $(VENV)/bin/python
+	@$(BIN)/python tests/requirements.py mesh cad data report learn cluster robot >$(VENV)/requirements.txt
+	@$(STEP) "Python packages for the tests" \
+	  sh -c "$(PIP) 'pip>=25.1' && $(PIP) --group dev -r $(VENV)/requirements.txt"
+	@touch $@
 
 # One profile for wheel and tests: the solver's dependencies are compiled once.
+BUILD := $(STEP) "Rust core (a first build takes minutes)" $(BIN)/maturin develop --release
+
 build: setup
-	$(BIN)/maturin develop --release --quiet
+	@$(BUILD)
+
+build-demo: $(VENV)/.demo
+	@$(BUILD)
 
 test-rust:
 	$(CARGO) fmt --all --check

@@ -29,20 +29,14 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 
-from blind_parts.analysis import (
-    oracle,
-    other_base_answer,
-    parameters,
-    same_verdicts,
-    worked_answer,
-)
+from blind_parts.analysis import oracle, other_base_answer, parameters, same_verdicts, worked_answer
 from blind_parts.data import data_of, shared_model, shared_plan
 from blind_parts.print_table import write_table
 from blind_parts.second import second_answer
 from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
 from blind_parts.simple import simple_answers
 from blind_parts.workers import cores, run_all
-from ecm.stages import write_atomically
+from ecm.io.cache import write_atomically
 
 _SEEDS_EVERY = 15
 """The same data are analysed with twenty seeds in one of so many rounds of a tier."""

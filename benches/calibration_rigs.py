@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.meta import Meta
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.elastic import Anchors, Progress, Smooth
 from ecm.rig.frames import compose, rotation, seen_from
 from ecm.rig.instruments import Camera, ForceTorqueSensor, displaced
-from ecm.rig.observe import wrench_in_base, zero_readings
+from ecm.rig.measurement import wrench_in_base, zero_readings
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Instruments
-from ecm.table import Table
 
 F = NDArray[np.float64]
 

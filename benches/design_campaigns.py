@@ -32,13 +32,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm import selection
 from ecm._native import EnergyModel
-from ecm.columns import POSE, WRENCH
-from ecm.design import Design, choose, nominal_base, paper_plan
+from ecm.designs import Design, nominal_model, optimal_design, paper_plan
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table, read_table
 from ecm.models import EnergyMap, fit_model
 from ecm.rig import RigSettings, campaign_minutes
-from ecm.table import Table, read_table
+from ecm.workflow import paper_selection as selection
 
 F = NDArray[np.float64]
 ROOT = Path(__file__).parent.parent
@@ -76,8 +76,10 @@ def figure_5(table: Table, seeds: int) -> dict[str, dict[str, list[float]]]:
         train, test = selection.split(len(table), TEST, seed)
         pool = table.poses[train], table.wrenches[train]
         designs = {
-            "D": choose(pool[0], N_PAPER, criterion="d", iterations=100, seed=seed),
-            "maximin": choose(pool[0], N_PAPER, criterion="maximin", iterations=100, seed=seed),
+            "D": optimal_design(pool[0], N_PAPER, criterion="d", iterations=100, seed=seed),
+            "maximin": optimal_design(
+                pool[0], N_PAPER, criterion="maximin", iterations=100, seed=seed
+            ),
             "random": random_design(len(train), N_PAPER, seed),
         }
         rows, _ = selection.design_errors(
@@ -119,7 +121,7 @@ def measured(table: Table, truth: EnergyMap, rows: NDArray[np.int64], seed: int)
 
 def nominal_noise(table: Table) -> F:
     """Position, rotation, force, torque: what one averaged row of the default rig has."""
-    return nominal_base(table).noise.parameters()
+    return nominal_model(table).noise.parameters()
 
 
 def errors(model: Any, truth: EnergyMap, table: Table, seed: int) -> tuple[float, float]:
@@ -145,7 +147,7 @@ def small_campaigns(table: Table, seeds: int) -> list[dict[str, Any]]:
             symmetry="alike",
         )
     )  # fmt: skip
-    base = replace(nominal_base(table), base=truth)
+    base = replace(nominal_model(table), base=truth)
     rows = []
 
     def add(model: str, name: str, designs: list[Design]) -> None:
@@ -167,7 +169,7 @@ def small_campaigns(table: Table, seeds: int) -> list[dict[str, Any]]:
             flush=True,
         )
 
-    paper = choose(table.poses, N_PAPER, criterion="d", iterations=200)
+    paper = optimal_design(table.poses, N_PAPER, criterion="d", iterations=200)
     add("cubic", "D", [paper] * seeds)
     for model in MODELS:
         for n in SIZES:
@@ -175,7 +177,7 @@ def small_campaigns(table: Table, seeds: int) -> list[dict[str, Any]]:
                 options: dict[str, Any] = {"model": model, "base": base, "iterations": 30}
                 if 6 * n < 1.2 * terms(model, table):
                     continue
-                design = choose(
+                design = optimal_design(
                     table.poses, n, criterion=criterion, length_m=table.meta.length_m, **options
                 )
                 add(model, criterion.upper(), [design] * seeds)
@@ -210,7 +212,7 @@ def certified(table: Table, seeds: int = 3) -> list[dict[str, Any]]:
     for criterion, model, n, iterations in CERTIFIED:
         clock = time.process_time()
         found = [
-            choose(
+            optimal_design(
                 table.poses, n, criterion=criterion, model=model or "cubic",
                 length_m=table.meta.length_m, iterations=iterations, seed=seed,
             )
@@ -231,7 +233,7 @@ def certified(table: Table, seeds: int = 3) -> list[dict[str, Any]]:
 
 def terms(model: str, table: Table) -> int:
     """Coefficients of an energy model."""
-    from ecm.design.regressors import model_columns
+    from ecm.designs.regressors import model_columns
 
     return int(model_columns(table.poses[:1], model, table.meta.length_m, None).shape[2])
 

@@ -23,15 +23,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ecm.design import choose, diagnosable_plan
-from ecm.diagnose import diagnose
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.designs import diagnosable_plan, optimal_design
+from ecm.diagnosis import diagnose
+from ecm.fem.simulate import fem_poses
+from ecm.io.cache import write_atomically
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import POSE, Table
 from ecm.models import Model, physics_map
 from ecm.rig import RigSettings, run_campaign
-from ecm.simulate import fem_poses
-from ecm.stages import write_atomically
-from ecm.table import POSE, Table
 
 EFFECTS = (
     "fts_offset",
@@ -67,7 +67,7 @@ def plan_of(mechanism: Mechanism, poses: int, visits: int) -> Table:
     candidates, _ = fem_poses(mechanism, 2 * poses, seed=100)
     columns = {name: candidates[:, j] for j, name in enumerate(POSE)}
     table = Table(columns, Meta(mechanism=mechanism.to_dict()), "candidates")
-    chosen = choose(candidates, poses, criterion="maximin", seed=0)
+    chosen = optimal_design(candidates, poses, criterion="maximin", seed=0)
     return diagnosable_plan(table, chosen, visits, seed=0)
 
 
@@ -140,7 +140,7 @@ def main() -> int:
     mechanism = Mechanism()
     plan_file = given.out / f"plan-{given.poses}-{given.visits}.csv"
     if plan_file.exists():
-        from ecm.table import read_table
+        from ecm.io.table import read_table
 
         plan = read_table(plan_file)
     else:

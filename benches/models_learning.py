@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE, WRENCH
-from ecm.compare.noise import Noise, whiteners
 from ecm.effects import Rows
 from ecm.errors import EcmError
-from ecm.meta import Instrument, Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table
 from ecm.models import fit_model
 from ecm.models.fit import Weights
-from ecm.table import Table
+from ecm.regression.noise import Noise, whiteners
 
 F = NDArray[np.float64]
 I = NDArray[np.int64]
@@ -381,8 +381,8 @@ def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
 
 def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
     """FEM pairs of a smaller load box, all six components by the same share."""
-    from ecm.mechanism import Mechanism
-    from ecm.simulate import TABLE_I_MAX, TABLE_I_MIN, Workspace, simulate
+    from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN, Workspace, simulate
+    from ecm.io.mechanism import Mechanism
 
     box = Workspace(
         wrench_min=tuple(share * v for v in TABLE_I_MIN),
@@ -394,8 +394,8 @@ def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
 
 def part_full(count: int, figures: Figures, folder: Path) -> list[str]:
     """Every stable solution of the paper's load box, however far it turns."""
-    from ecm.mechanism import Mechanism
-    from ecm.simulate import Workspace, simulate
+    from ecm.fem.simulate import Workspace, simulate
+    from ecm.io.mechanism import Mechanism
 
     far = simulate(Mechanism(), count, Workspace(full_box=True), seed=4, directory=folder / "full")
     body = Body(far.poses, far.wrenches, test=100)
@@ -449,13 +449,13 @@ def main() -> None:
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     if arguments.data is None:
-        from ecm.mechanism import Mechanism
-        from ecm.simulate import simulate
+        from ecm.fem.simulate import simulate
+        from ecm.io.mechanism import Mechanism
 
         pairs = simulate(Mechanism(), 1700, directory=out / "fem")
         poses, wrenches = pairs.poses, pairs.wrenches
     else:
-        from ecm.table import read_table
+        from ecm.io.table import read_table
 
         data = read_table([arguments.data])
         poses, wrenches = data.poses.copy(), data.wrenches.copy()

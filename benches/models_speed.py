@@ -123,7 +123,7 @@ def in_turns(calls: dict[str, Callable[[], object]], seconds: float) -> dict[str
 
 def fem_ratio(model: _native.EnergyModel, cubic: _native.PolynomialModel) -> list[str]:
     """Fig. 11: one pose a call from Python, FEM on one thread against the models."""
-    from ecm.mechanism import Mechanism
+    from ecm.io.mechanism import Mechanism
 
     fem = Mechanism().fem()
     random = np.random.default_rng(1)

@@ -25,15 +25,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import POSE, WRENCH
-from ecm.compare.noise import Noise, whiteners
 from ecm.effects import Rows
 from ecm.errors import EcmError, MissingExtra
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models import StiffnessMap, fit_model
-from ecm.models.choice import free_coefficients
-from ecm.table import Table
+from ecm.models.selection import free_coefficients
+from ecm.regression.noise import Noise, whiteners
 
 F = NDArray[np.float64]
 L = 0.1034
@@ -156,11 +156,11 @@ def shown(lines: list[dict[str, object]]) -> str:
 def pairs(data: Path | None, count: int = 1700) -> tuple[F, F]:
     """Of a file, or by FEM."""
     if data is not None:
-        from ecm.table import read_table
+        from ecm.io.table import read_table
 
         table = read_table([data])
         return table.poses.copy(), table.wrenches.copy()
-    from ecm.simulate import fem_poses
+    from ecm.fem.simulate import fem_poses
 
     return fem_poses(Mechanism(), count, seed=0)
 

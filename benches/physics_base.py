@@ -22,20 +22,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import Mesh
-from ecm.blas import one_blas_thread
-from ecm.columns import POSE, WRENCH
-from ecm.compare.noise import Noise
-from ecm.material import Material
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.fem.simulate import fem_poses
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.material import Material
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
-from ecm.models.physics_build import diameter
-from ecm.models.physics_family import PARAMETERS
-from ecm.models.physics_fit import noise_whiteners
-from ecm.models.physics_poses import NOISE, workspace_poses
-from ecm.models.physics_refit import refit_physics
-from ecm.simulate import fem_poses
-from ecm.table import Table
+from ecm.models.physics.body_fits import noise_whiteners
+from ecm.models.physics.build import diameter
+from ecm.models.physics.family import PARAMETERS
+from ecm.models.physics.poses import NOISE, workspace_poses
+from ecm.models.physics.refit import refit_physics
+from ecm.regression.blas import one_blas_thread
+from ecm.regression.noise import Noise
 
 F = NDArray[np.float64]
 
@@ -171,7 +171,7 @@ def unseen_bodies(base: PhysicsMap, body: Mechanism, bodies: int, rows: int) -> 
 def stretched(body: Mechanism, across: float, nu: float):  # type: ignore[no-untyped-def]
     """FEM of the body with all diameters times `across`, at its own E."""
     from ecm._native import Fem
-    from ecm.models.physics_build import with_poisson_ratio
+    from ecm.models.physics.build import with_poisson_ratio
 
     mesh = body.mesh()
     other = Mesh.from_arrays(

@@ -24,15 +24,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ecm.columns import POSE
-from ecm.config import read_rig
+from ecm.io.cache import cache_directory
+from ecm.io.columns import POSE
+from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
-from ecm.robot.campaign import RobotCampaign
-from ecm.robot.procedure import Stop
-from ecm.robot.run import robot_path
-from ecm.robot.summary import PHASES
-from ecm.stages import cache_directory
-from ecm.table import Table, read_table
+from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.procedure import Stop
+from ecm.rig.arm.run import robot_path
+from ecm.rig.arm.summary import PHASES
+from ecm.workflow.config import read_rig
 
 ROOT = Path(__file__).parent.parent
 

@@ -29,11 +29,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from ecm._native import PolynomialModel
-from ecm.config import read_rig
-from ecm.paper import TABLE_III
+from ecm.io.cache import cache_directory, write_atomically
+from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
-from ecm.stages import cache_directory, write_atomically
-from ecm.table import Table, read_table
+from ecm.workflow.config import read_rig
+from ecm.workflow.paper import TABLE_III
 
 SOURCES = ("camera", "sensor", "drift")
 THRESHOLDS = (0.0, 0.1, 0.5)
@@ -68,8 +68,8 @@ class Driven:
 
     def campaign(self, name: str, plan: Table, settings: RigSettings, seed: int) -> Table:
         """What `run_campaign` gives, sorties apart."""
-        from ecm.robot.campaign import RobotCampaign
-        from ecm.robot.worker import Job, sorties
+        from ecm.rig.arm.campaign import RobotCampaign
+        from ecm.rig.arm.worker import Job, sorties
 
         key = name, seed
 

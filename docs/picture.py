@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
-from ecm.table import read_table
+from ecm.io.table import read_table
 
 F = NDArray[np.float64]
 BLUE, ORANGE, INK = "#0072b2", "#d55e00", "#1c2430"

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.rig import RigSettings
-from ecm.robot.inverse import solve, swivel
-from ecm.robot.scene import scene
+from ecm.rig.arm.inverse import solve, swivel
+from ecm.rig.arm.scene import scene
 from test_rig_stand_in import L
 
 F = NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.blas import one_blas_thread
 from ecm.cli import run
-from ecm.columns import POSE, WRENCH
+from ecm.io.columns import POSE, WRENCH
+from ecm.regression.blas import one_blas_thread
 
 F = NDArray[np.float64]
 ROOT = Path(__file__).parent.parent

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from arm_joints import joints_of
-from ecm.columns import JOINT_SIGNS, JOINTS, VELOCITY
-from ecm.table import Table
+from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
+from ecm.io.table import Table
 from stand_in_campaign import campaign
 
 

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm.io.table import Table
 from ecm.rig import RigSettings
-from ecm.table import Table
 from test_rig_plan import plan_of
 from test_rig_stand_in import L, some_poses, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
-from ecm.robot.feed_forward import build
-from ecm.robot.mechanism import controller_model, surrogate
-from ecm.robot.procedure import Machine
-from ecm.robot.worker import Job
+from ecm.rig.arm.feed_forward import build
+from ecm.rig.arm.mechanism import controller_model, surrogate
+from ecm.rig.arm.procedure import Machine
+from ecm.rig.arm.worker import Job
 from programs import need_program
 
 F = NDArray[np.float64]

@@ -7,12 +7,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.design import Design, diagnosable_plan
-from ecm.meta import Meta
+from ecm.designs import Design, diagnosable_plan
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, surrogate_of
 from ecm.rig import RigSettings, run_campaign
-from ecm.table import Table
 from test_rig_stand_in import L, StandIn, wrench
 
 F = NDArray[np.float64]

@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.columns import WRENCH
-from ecm.compare.folds import folds, held_out_by, is_pose, row_groups
-from ecm.compare.gram import Gram
-from ecm.compare.noise import declared_noise, whiteners
-from ecm.diagnose import diagnose, search
-from ecm.diagnose.accept import CHOSEN, LEVEL, Check, check
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Problem, assemble
-from ecm.diagnose.search import LEAST_BIC, rank
+from ecm.diagnosis import diagnose, search
+from ecm.diagnosis.accept import CHOSEN, LEVEL, AcceptanceCheck, acceptance_check
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import Problem, assemble
+from ecm.diagnosis.search import LEAST_BIC, rank
 from ecm.effects import Rows, all_effects, get_effect
-from ecm.meta import FileMeta
-from ecm.table import Table
+from ecm.io.columns import WRENCH
+from ecm.io.description import FileMeta
+from ecm.io.table import Table
+from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
+from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.normal_equations import NormalEquations
 from stand_in_campaign import campaign, model, physics
 
 F = NDArray[np.float64]
-PASSES = Check(
+PASSES = AcceptanceCheck(
     id="payload",
     p_holm=1e-6,
     delta_bic=40.0,
@@ -56,7 +56,7 @@ def effect_of(id: str, values: list[float], strength: float, table: Table) -> F:
     rows = Rows(table, physics())
     change = get_effect(id).correction(rows, np.array(values))
     whitener = whiteners(declared_noise(table).covariance(rows))
-    white = np.einsum("nij,nj->ni", whitener, change)[is_pose(table)]
+    white = np.einsum("nij,nj->ni", whitener, change)[is_pose_row(table)]
     return np.asarray(change * strength / np.sqrt((white**2).mean()))
 
 
@@ -66,10 +66,10 @@ def assembled(table: Table, *ids: str) -> Problem:
     return assemble(choose_base(model(), table), table, tested, None)
 
 
-def evidence(problem: Problem) -> Check:
+def evidence(problem: Problem) -> AcceptanceCheck:
     """Of the first effect alone, as if the search had chosen it."""
     first = rank(problem)[0].candidate
-    return check(problem, [first], first, [first.id], 0)
+    return acceptance_check(problem, [first], first, [first.id], 0)
 
 
 # --- conditions ---------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ def test_each_condition_alone_refuses(condition: str) -> None:
 
 
 def test_every_condition_of_a_check_is_tested_above() -> None:
-    assert {field.name for field in fields(Check)} - {"id", "winners"} == set(FAILS)
+    assert {field.name for field in fields(AcceptanceCheck)} - {"id", "winners"} == set(FAILS)
     assert (LEVEL, LEAST_BIC, CHOSEN) == (0.01, 6.0, 0.8)
 
 
@@ -99,7 +99,7 @@ def test_an_effect_of_one_cluster_of_poses_only_does_not_generalise() -> None:
 def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
     """2 % of the rows hang on a weight: robust weights, and without these the last check."""
     table = campaign("", 1.0, 4)
-    rows = np.flatnonzero(is_pose(table))
+    rows = np.flatnonzero(is_pose_row(table))
     rows = np.random.default_rng(1).choice(rows, round(0.02 * len(table)), replace=False)
     hung = np.zeros((len(table), 1))
     hung[rows] = 1.0
@@ -111,7 +111,7 @@ def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
     assert set(diagnosis.outliers) >= set(rows.tolist())
     problem = assembled(table, "payload")
     even = np.ones(len(table))
-    gram = Gram.of(problem.design, problem.response, problem.groups, even)
+    gram = NormalEquations.of(problem.design, problem.response, problem.groups, even)
     found = evidence(replace(problem, weights=even, gram=gram))
     assert not found.robust
     elsewhere = replace(found, held_out_fall=2.0)

@@ -32,10 +32,10 @@ from blind_parts.simple import SIMPLE, _thresholded, bic_forward, random_folds
 from blind_parts.strange import STRANGE
 from blind_parts.strength import Strength
 from blind_parts.workers import run_all
-from ecm.columns import WRENCH
-from ecm.design import follow_up_plan
+from ecm.designs import follow_up_plan
 from ecm.effects import Rows, all_effects, get_effect
-from ecm.rig.draws import DRAWS
+from ecm.io.columns import WRENCH
+from ecm.rig.hidden.draw import DRAWS
 
 ONE = (
     "anisotropy",
@@ -202,7 +202,7 @@ def test_simpler_methods_find_what_is_plain(folder: Path) -> None:
 
 
 def test_what_is_replayed_is_what_a_whole_analysis_says(folder: Path) -> None:
-    from ecm.diagnose import diagnose
+    from ecm.diagnosis import diagnose
 
     asked = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
     data, (_, work) = _data(asked, folder), _worked(asked, folder)
@@ -304,7 +304,7 @@ def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(
 # --- the second generator -----------------------------------------------------------------------
 def test_the_rod_shares_no_code_with_the_library() -> None:
     folder = Path(blind_parts.__file__).parent
-    allowed = {"rod_tables.py": {"ecm.columns", "ecm.meta", "ecm.table"}}
+    allowed = {"rod_tables.py": {"ecm.io.columns", "ecm.io.description", "ecm.io.table"}}
     files = sorted(folder.glob("rod*.py"))
     assert len(files) >= 5
     for file in files:
@@ -334,7 +334,7 @@ def test_rotation_vectors_come_back() -> None:
 
 def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
     """s^2 is what the whitened effect adds to the residual's mean square beyond the base."""
-    from ecm.compare.noise import declared_noise
+    from ecm.regression.noise import declared_noise
 
     asked = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
     data = _data(asked, folder)

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 import test_blind as short
-from ecm.diagnose import accept, judge, problem, search
+from ecm.diagnosis import accept, problem, search
+from ecm.diagnosis import decide as judge
 from ecm.effects import Effect, Missing
-from ecm.table import Table
+from ecm.io.table import Table
 
 Patch = pytest.MonkeyPatch
 
@@ -39,18 +40,20 @@ def last_first(patch: Patch) -> None:
 
 def all_accepted(patch: Patch) -> None:
     """What the search chooses is named, whatever the checks say."""
-    patch.setattr(accept.Check, "accepted", property(lambda check: True))
+    patch.setattr(accept.AcceptanceCheck, "accepted", property(lambda check: True))
 
 
 def no_classes(patch: Patch) -> None:
     """The best alone is the answer."""
-    patch.setattr(judge, "answer_class", lambda problem, chosen, item, *_: [item.id])
-    patch.setattr(judge, "widened", lambda problem, chosen, item, members, near: list(members))
+    patch.setattr(judge, "confusion_class", lambda problem, chosen, item, *_: [item.id])
+    patch.setattr(
+        judge, "widened_class", lambda problem, chosen, item, members, near: list(members)
+    )
 
 
 def nothing_held_out(patch: Patch) -> None:
     """An effect need not do better on rows that its fit has not seen."""
-    patch.setattr(accept, "held_out_fall", lambda *_: np.inf)
+    patch.setattr(accept, "held_out_delta", lambda *_: np.inf)
 
 
 def random_folds(patch: Patch) -> None:
@@ -95,10 +98,10 @@ class _Careless:
 
 def missing_ignored(patch: Patch) -> None:
     """Every effect whose columns are there is tested."""
-    tangents = problem.tangents_of
+    tangents = problem.all_score_columns
     patch.setattr(
         problem,
-        "tangents_of",
+        "all_score_columns",
         lambda rows, whitener, effects: tangents(rows, whitener, [_Careless(e) for e in effects]),
     )
 

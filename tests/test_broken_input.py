@@ -215,9 +215,9 @@ CASES = (
          {"d.csv": without("fx_N"), "d.toml": BODY_TOML, "r.toml": ""}),
     Case("nothing to reveal", ("reveal", "d.csv"), ("d.csv", "truth"), {"d.csv": GOOD}),
     # --- effects ------------------------------------------------------------
-    Case("unknown effect id", ("effects", "fts_drif"), ("fts_drif", "did you mean fts_drift")),
+    Case("unknown effect id", ("effects", "fts_drif"), ("fts_drif", "did you mean 'fts_drift'")),
     Case("refit with an unknown effect", ("refit", "m.json", "d.csv", "--add", "payloat", "--out",
-         "n.json"), ("payloat", "did you mean payload"), {"d.csv": GOOD}, fit_first=True),
+         "n.json"), ("payloat", "did you mean 'payload'"), {"d.csv": GOOD}, fit_first=True),
     Case("refit without a change", ("refit", "m.json", "d.csv", "--out", "n.json"),
          ("--add EFFECT",), {"d.csv": GOOD}, fit_first=True),
     Case("removing what is not there", ("refit", "m.json", "d.csv", "--remove", "payload",

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.columns import WRENCH
-from ecm.diagnose.odds import _joined_forms
-from ecm.diagnose.problem import Candidate
+from ecm.diagnosis.discrimination import _joined_forms
+from ecm.diagnosis.problem import Candidate
 from ecm.effects import Rows, get_effect
 from ecm.effects.protocol import Shape
 from ecm.effects.registry import with_shape
 from ecm.effects.sensor import zeroings
 from ecm.errors import InputError
-from ecm.table import Table, read_table
+from ecm.io.columns import WRENCH
+from ecm.io.table import Table, read_table
 from stand_in_campaign import campaign, physics
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from conftest import LENGTH_M, neck_columns
-from ecm.check import check, never_excited
+from ecm.diagnosis.check import check, never_excited
 from ecm.effects import all_effects
-from ecm.meta import Instrument, Meta
-from ecm.table import as_table
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import as_table
 
 FULL = Meta(mechanism={"length_m": LENGTH_M})
 

@@ -23,11 +23,11 @@ import pytest
 from conftest import LENGTH_M, Done, csv_text, neck_columns, neck_rows
 from ecm.cli.app import app
 from ecm.cli.console import Console
-from ecm.columns import POSE, STIFFNESS, WRENCH
-from ecm.mechanism import Mechanism
+from ecm.io.columns import POSE, STIFFNESS, WRENCH
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
 from ecm.models import PhysicsMap, fit_model
 from ecm.report.page import number
-from ecm.table import read_table
 from stand_in_campaign import campaign, physics
 
 Command = Callable[..., Done]
@@ -192,7 +192,7 @@ def test_compare_sets_four_references_side_by_side(
         asked.append(body)
         return physics()
 
-    for place in ("ecm.models", "ecm.models.physics"):
+    for place in ("ecm.models", "ecm.models.physics.map"):
         monkeypatch.setattr(f"{place}.physics_map", built)
     table = campaign("base_compliance", 2.0, 1)
     body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
@@ -351,7 +351,7 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
 
     done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
-    for place in ("ecm.models", "ecm.models.physics"):  # no FEM for the references
+    for place in ("ecm.models", "ecm.models.physics.map"):  # no FEM for the references
         monkeypatch.setattr(f"{place}.physics_map", lambda *_, **__: physics())
     said = done("compare", "m.json", "data.csv", "--json", "before.json")
     assert "physics base" in said.out
@@ -458,7 +458,7 @@ def test_nobody_sees_a_traceback(  # noqa: PLR0917
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(importlib.import_module("ecm.check"), "check", fail)
+    monkeypatch.setattr(importlib.import_module("ecm.diagnosis.check"), "check", fail)
     done = ecm_command("check", neck_csv)
     assert done.code == code
     assert says in done.err
@@ -480,7 +480,7 @@ def test_errors_of_the_computation_and_of_the_input_differ(
         def fail(*_: object, error: Exception = error, **__: object) -> None:
             raise error
 
-        monkeypatch.setattr(importlib.import_module("ecm.check"), "check", fail)
+        monkeypatch.setattr(importlib.import_module("ecm.diagnosis.check"), "check", fail)
         done = ecm_command("check", neck_csv)
         assert done.code == code
         assert done.err.startswith(f"error: {error}")
@@ -493,7 +493,7 @@ def endless(*args, progress=None, **more):
     print("begun", flush=True)
     while True:
         time.sleep(0.01)
-importlib.import_module("ecm.simulate").simulate = endless
+importlib.import_module("ecm.fem.simulate").simulate = endless
 main()
 """
 

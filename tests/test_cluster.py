@@ -14,8 +14,9 @@ import pytest
 
 from ecm._native import Mesh
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
-from ecm.simulate import simulate
+from ecm.fem.simulate import simulate
+from ecm.io.dask import DaskClient
+from ecm.io.mechanism import Mechanism
 
 pytest.importorskip("distributed", reason="needs the extra `cluster` (Dask distributed)")
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -111,7 +112,8 @@ def test_a_mesh_file_reaches_the_workers(cluster: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(there.poses, here.poses)
 
 
-def test_nobody_at_the_address_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ecm.cluster._CONNECT_S", 1.0)
-    with pytest.raises(InputError, match="no answer within"):
-        simulate(Mechanism(), 1, scheduler="tcp://127.0.0.1:1")
+def test_nobody_at_the_address_is_bad_input() -> None:
+    with pytest.raises(InputError, match="no answer within 1 s"):
+        DaskClient("tcp://127.0.0.1:1", timeout_s=1.0)
+    with pytest.raises(InputError, match="--scheduler nobody: no answer"):
+        simulate(Mechanism(), 1, scheduler="nobody")

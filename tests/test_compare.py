@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 
 from conftest import Done, csv_text
-from ecm.columns import WRENCH
-from ecm.compare import Noise, compare, declared_noise, floor, lack_of_fit, omnibus
-from ecm.compare.estimate import estimate_noise, repeat_cells
-from ecm.compare.folds import folds, informative, is_pose, row_groups
-from ecm.compare.gram import Gram
-from ecm.diagnose import diagnose
+from ecm.comparison import Noise, compare, declared_noise, lack_of_fit, omnibus_test
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows
 from ecm.errors import InputError
-from ecm.meta import Meta
+from ecm.io.columns import WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.models import Model, fit_model
-from ecm.refit import joint_fit
-from ecm.table import Table
+from ecm.models.joint_fit import joint_fit
+from ecm.models.noise_estimate import estimate_noise, repeat_cells
+from ecm.regression import reml as floor
+from ecm.regression.folds import folds, is_pose_row, row_groups, without_zero_readings
+from ecm.regression.normal_equations import NormalEquations
 from stand_in_campaign import campaign, model, physics
 
 
@@ -104,7 +105,7 @@ def test_a_few_wild_rows_do_not_widen_the_noise(monkeypatch: pytest.MonkeyPatch)
     """1 % are off by thirty times their noise: contrasts that hold them are left out."""
     table = campaign(seed=2)
     random = np.random.default_rng(0)
-    rows = random.choice(np.flatnonzero(is_pose(table)), 3, replace=False)
+    rows = random.choice(np.flatnonzero(is_pose_row(table)), 3, replace=False)
     wrenches = table.wrenches.copy()
     wrenches[rows] += random.choice([-30.0, 30.0], (3, 6)) * np.repeat([0.3, 0.01], 3)
     wild = table.with_columns(dict(zip(WRENCH, wrenches.T, strict=True)))
@@ -131,7 +132,7 @@ def test_pose_noise_acts_through_the_stiffness() -> None:
     table = campaign(seed=2)
     rows = Rows(table, physics())
     covariance = Noise(1e-5, 0.0, 1e-9, 1e-9).covariance(rows)
-    i = int(np.flatnonzero(is_pose(table))[3])
+    i = int(np.flatnonzero(is_pose_row(table))[3])
     random = np.random.default_rng(0)
     near = np.tile(rows.poses[i], (4000, 1))
     near[:, :3] += 1e-5 * random.standard_normal((4000, 3))
@@ -157,7 +158,7 @@ def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
     assert fx.name == "fx_N"
     assert fx.rmse**2 == pytest.approx(fx.floor**2 + fx.excess**2, rel=1e-6)
     assert fx.bias == pytest.approx(
-        float((table.wrenches - physics().predict(table.poses))[is_pose(table), 0].mean())
+        float((table.wrenches - physics().predict(table.poses))[is_pose_row(table), 0].mean())
     )
     document = wrong.to_dict()
     assert set(document["rmse"]) == set(WRENCH)
@@ -201,7 +202,7 @@ def test_what_was_fitted_to_the_table_counts_once_in_its_lack_of_fit() -> None:
         return found.lack_of_fit.dof
 
     whole = dof(model(), table)
-    assert whole == 6 * len(np.unique(table.column("pose_id")[is_pose(table)]))
+    assert whole == 6 * len(np.unique(table.column("pose_id")[is_pose_row(table)]))
     assert dof(better, table) == whole - base - payload
     assert dof(better.freeze("payload").fit(table), table) == whole - base
     assert dof(better, campaign("payload", 1.0, 5)) == whole
@@ -306,35 +307,35 @@ def test_repeats_stay_together_in_every_fold() -> None:
         assert len(np.unique(parts)) == 5
         for group in np.unique(groups):
             assert len(np.unique(parts[groups == group])) == 1
-    ids = table.column("pose_id")[is_pose(table)]
-    assert len(np.unique(groups[is_pose(table)])) == len(np.unique(ids))
-    assert len(np.unique(repeat_cells(table)[is_pose(table)])) == len(np.unique(ids))
+    ids = table.column("pose_id")[is_pose_row(table)]
+    assert len(np.unique(groups[is_pose_row(table)])) == len(np.unique(ids))
+    assert len(np.unique(repeat_cells(table)[is_pose_row(table)])) == len(np.unique(ids))
 
 
 def test_unloaded_rows_that_gave_the_zero_are_left_out() -> None:
     table = campaign(seed=3)
     unloaded = table.text("kind") == "unloaded"
     assert np.all(table.wrenches[unloaded] == 0.0)
-    assert len(informative(table)) == len(table) - unloaded.sum()
+    assert len(without_zero_readings(table)) == len(table) - unloaded.sum()
     read = table.with_columns({"fx_N": table.column("fx_N") + 0.1})
-    assert len(informative(read)) == len(table)
+    assert len(without_zero_readings(read)) == len(table)
 
 
 def test_omnibus_is_level_under_nothing_and_sees_structure() -> None:
     random = np.random.default_rng(0)
     design = random.standard_normal((200, 3, 20))
     fitted = random.standard_normal((200, 3, 2))
-    p = [omnibus(random.standard_normal((200, 3)), design, fitted).p for _ in range(200)]
+    p = [omnibus_test(random.standard_normal((200, 3)), design, fitted).p for _ in range(200)]
     assert 0.02 < np.mean(np.array(p) < 0.1) < 0.2
     structured = random.standard_normal((200, 3)) + 0.5 * design[:, :, 0]
-    assert omnibus(structured, design, fitted).p < 1e-6
+    assert omnibus_test(structured, design, fitted).p < 1e-6
 
 
 def test_held_out_squares_are_those_of_a_refit_without_the_fold() -> None:
     random = np.random.default_rng(1)
     design, response = random.standard_normal((60, 2, 3)), random.standard_normal((60, 2))
     groups = np.arange(60) // 3
-    gram = Gram.of(design, response, groups)
+    gram = NormalEquations.of(design, response, groups)
     fold_of_group = np.arange(20) % 4
     found = gram.held_out([0, 2], fold_of_group, np.ones(20))
     expected = np.zeros(20)

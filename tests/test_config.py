@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from conftest import ROOT
-from ecm.config import Config, config_from_dict, read_config, read_rig
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
-from ecm.templates import CONFIG, DATA_CSV, DATA_TOML, RIG
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
+from ecm.io.templates import template
+from ecm.workflow.config import Config, config_from_dict, read_config, read_rig
 
 
 def test_the_example_is_the_neck_at_the_papers_size() -> None:
@@ -33,14 +34,11 @@ def test_the_rigs_example_is_valid() -> None:
 
 
 def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
-    from ecm.table import read_table
-
-    for name, text in (("c.toml", CONFIG), ("r.toml", RIG), ("d.csv", DATA_CSV),
-                       ("d.toml", DATA_TOML)):  # fmt: skip
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    assert read_config(tmp_path / "c.toml").mechanism == Mechanism()
-    read_rig(tmp_path / "r.toml")
-    table = read_table(tmp_path / "d.csv", need="fit")
+    for name in ("config.toml", "rig.toml", "data.csv", "data.toml"):
+        (tmp_path / name).write_text(template(name), encoding="utf-8")
+    assert read_config(tmp_path / "config.toml").mechanism == Mechanism()
+    read_rig(tmp_path / "rig.toml")
+    table = read_table(tmp_path / "data.csv", need="fit")
     assert len(table) == 2
     assert table.meta.instrument.force_sd_N == 0.3
 
@@ -60,18 +58,24 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
         ({"design": {"n": 0}}, "[design]: n = 0: expected at least 1"),
         ({"design": {"n": True}}, "expected a whole number"),
         ({"design": {"starts": "10"}}, "[design]: starts = '10': expected a whole number"),
-        ({"select": {"degrees": [3, 1]}}, "degrees = [3, 1]: expected growing numbers"),
-        ({"select": {"degrees": [9]}}, "degrees holds 9: expected 1 to 5"),
+        ({"select": {"degrees": [3, 1]}}, "degrees = [3, 1]: expected increasing numbers"),
+        ({"select": {"degrees": [9]}}, "degrees[0] = 9: expected a number from 1 to 5"),
         ({"select": {"degrees": 3}}, "expected a list in square brackets"),
         ({"select": {"thresholds": [-0.1]}}, "expected at least 0"),
-        ({"select": {"energy_degrees": [7]}}, "expected 4, 5 or 6"),
-        ({"workspace": {"rotation_limit_rad": 45.0}}, "is it in degrees?"),
-        ({"workspace": {"wrench_min": [1.0]}}, "has 1 entries: expected six"),
+        (
+            {"select": {"energy_degrees": [7]}},
+            "energy_degrees[0] = 7: expected a number from 4 to 6",
+        ),
+        ({"workspace": {"rotation_limit_rad": 45.0}}, "rotation angle in rad, not degrees"),
+        ({"workspace": {"wrench_min": [1.0]}}, "wrench_min has 1 entries: expected a list of 6"),
         ({"workspace": {"stretch_limit": float("inf")}}, "expected a finite number"),
         ({"mechanism": {"length_m": 0.1}}, "expected a body for FEM"),
         ({"mechanism": {"builtin": "cylinder"}}, "needs the key 'length_m'"),
         ({"mechanism": 3}, "[mechanism]: found 3, expected a table"),
-        ({"rig": {"mode": "manual"}}, "[rig] mode"),
+        (
+            {"rig": {"mode": "manual"}},
+            "[rig]: mode = 'manual': expected one of quasi_static, robot",
+        ),
         ({"instrument": {"force_noise": 1.0}}, "force_noise_N"),
         ({"design": 3}, "[design]: found 3, expected a table"),
     ],

@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from conftest import LENGTH_M
-from ecm.columns import POSE, WRENCH
-from ecm.compare.folds import distinct_rows
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows
 from ecm.effects.relaxation import StressRelaxation
-from ecm.meta import FileMeta, Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import FileMeta, Meta
+from ecm.io.table import Table, as_table
 from ecm.models import fit_model
-from ecm.table import Table, as_table
+from ecm.regression.folds import distinct_rows
 
 STIFFNESS = 1e4
 SHARE, TAU_S = 0.5, 20.0

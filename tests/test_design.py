@@ -16,26 +16,26 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from conftest import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
-from ecm.columns import POSE, WRENCH
-from ecm.config import read_rig
-from ecm.design import (
+from ecm.designs import (
     Design,
-    choose,
+    design_sizes,
     diagnosable_plan,
-    how_many,
-    nominal_base,
+    nominal_model,
+    optimal_design,
     paper_plan,
     plain_plan,
     rig_noise,
-    separable,
 )
-from ecm.design.how_many import knee
-from ecm.design.regressors import regressor
-from ecm.design.rows import list_or_region, row_list
+from ecm.designs.regressors import regressor
+from ecm.designs.rows import list_or_region, row_list
+from ecm.designs.size import knee
+from ecm.diagnosis.identifiability import identifiability
 from ecm.effects import get_effect
 from ecm.errors import EcmError, InputError
-from ecm.meta import Meta
-from ecm.table import Table, read_table
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table, read_table
+from ecm.workflow.config import read_rig
 
 F = NDArray[np.float64]
 Command = Callable[..., Done]
@@ -68,7 +68,7 @@ def test_criteria_are_what_a_fresh_evaluation_gives() -> None:
         return float(np.linalg.slogdet(information / len(chosen))[1] / 7.0), variance, both
 
     found = {
-        name: choose(poses, 12, criterion=name, model="linear", iterations=30)
+        name: optimal_design(poses, 12, criterion=name, model="linear", iterations=30)
         for name in ("d", "i", "g", "di")
     }
     measures = {name: of(design) for name, design in found.items()}
@@ -93,22 +93,22 @@ def test_maximin_counts_a_radian_as_given() -> None:
         gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
         return float(gaps[np.triu_indices(len(points), 1)].min())
 
-    metres = choose(poses, 9, criterion="maximin", metres_per_radian=0.05, iterations=20)
+    metres = optimal_design(poses, 9, criterion="maximin", metres_per_radian=0.05, iterations=20)
     scale = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
     assert metres.value == pytest.approx(smallest(poses[metres.indices] * scale))
-    plain = choose(poses, 9, criterion="maximin", iterations=20)
+    plain = optimal_design(poses, 9, criterion="maximin", iterations=20)
     size = np.ptp(poses, axis=0)
     assert plain.value == pytest.approx(smallest(2.0 * poses[plain.indices] / size))
     assert set(metres.indices) != set(plain.indices)
     with pytest.raises(InputError, match="metres per radian"):
-        choose(poses, 9, criterion="maximin", metres_per_radian=-1.0)
+        optimal_design(poses, 9, criterion="maximin", metres_per_radian=-1.0)
 
 
 def test_lists_measured_poses_and_repeats() -> None:
     poses, _ = neck_rows(60)
     poses[40:] = poses[:20]
     for criterion in ("d", "g", "maximin"):
-        found = choose(
+        found = optimal_design(
             poses, 8, criterion=criterion, model="linear", include=[45, 3], exclude=[0, 1],
             measured=poses[10:14], iterations=10,
         )  # fmt: skip
@@ -118,8 +118,8 @@ def test_lists_measured_poses_and_repeats() -> None:
         assert not {0, 1} & set(rows)
         assert len({poses[i].tobytes() for i in rows}) == 10
     with pytest.raises(EcmError, match="n = 45"):
-        choose(poses, 45, model="linear")
-    again = choose(poses, 45, model="linear", replicates=True, iterations=5)
+        optimal_design(poses, 45, model="linear")
+    again = optimal_design(poses, 45, model="linear", replicates=True, iterations=5)
     assert len(again.indices) == 45
 
 
@@ -127,7 +127,7 @@ def test_lists_measured_poses_and_repeats() -> None:
 def test_the_same_design_on_any_number_of_threads(model: str) -> None:
     poses, _ = neck_rows(100)
     found = [
-        choose(poses, 15, model=model, length_m=LENGTH_M, threads=t, seed=5, iterations=10)
+        optimal_design(poses, 15, model=model, length_m=LENGTH_M, threads=t, seed=5, iterations=10)
         for t in (1, 2)
     ]
     np.testing.assert_array_equal(found[0].indices, found[1].indices)
@@ -136,7 +136,7 @@ def test_the_same_design_on_any_number_of_threads(model: str) -> None:
 def test_noise_of_the_pose_moves_the_design() -> None:
     """A row's information is A' Sigma^-1 A with the pose noise carried through the stiffness."""
     table = candidates()
-    base = nominal_base(table)
+    base = nominal_model(table)
     rows = regressor(table.poses, "energy4", length_m=LENGTH_M, base=base)
     blocks = rows.rows.reshape(len(table), 6, -1)
     at = base.rows(table.poses[:1])
@@ -144,23 +144,23 @@ def test_noise_of_the_pose_moves_the_design() -> None:
     noise = base.noise
     sigma = np.diag([noise.force_sd_N**2] * 3 + [noise.torque_sd_Nm**2] * 3)
     pose = np.diag([noise.position_sd_m**2] * 3 + [noise.rotation_sd_rad**2] * 3)
-    from ecm.design.regressors import model_columns
+    from ecm.designs.regressors import model_columns
 
     plain = model_columns(table.poses[:1], "energy4", LENGTH_M, None)[0]
     wanted = plain.T @ np.linalg.solve(sigma + k @ pose @ k.T, plain)
     np.testing.assert_allclose(blocks[0].T @ blocks[0], wanted, rtol=1e-6)
-    weighted = choose(table.poses, 10, model="energy4", base=base, iterations=10)
+    weighted = optimal_design(table.poses, 10, model="energy4", base=base, iterations=10)
     assert 0.8 < weighted.efficiency <= 1.0
 
 
 def test_physics_needs_its_base() -> None:
     table = candidates()
     with pytest.raises(InputError, match="nominal base"):
-        choose(table.poses, 5, model="physics")
+        optimal_design(table.poses, 5, model="physics")
     with pytest.raises(InputError, match=r"\[mechanism\] that FEM can solve"):
-        nominal_base(table, physics=True)
+        nominal_model(table, physics=True)
     with pytest.raises(InputError, match="nominal stiffness"):
-        nominal_base(candidates(wrenches=False))
+        nominal_model(candidates(wrenches=False))
 
 
 def test_a_design_for_the_physics_base_from_end_to_end(
@@ -179,7 +179,7 @@ def test_a_design_for_the_physics_base_from_end_to_end(
                        "--out", "p.csv", "--json", "p.json")  # fmt: skip
     assert done.code == 0, done.err
     document = json.loads(Path("p.json").read_text())
-    base = nominal_base(read_table("c.csv"), physics=True)
+    base = nominal_model(read_table("c.csv"), physics=True)
     assert base.base.kind == "physics"
     rows = regressor(table.poses, "physics", base=base).rows
     # The columns are the wrench over E and its change with nu, whitened.
@@ -208,13 +208,13 @@ def test_a_design_for_the_physics_base_from_end_to_end(
 def test_effects_of_the_poses_are_part_of_the_design() -> None:
     """With the effect in the model its parameters come out sharper than without."""
     table = candidates(200)
-    base = nominal_base(table)
+    base = nominal_model(table)
     effects = [get_effect("fts_offset"), get_effect("tip_frame_misalignment")]
     with pytest.raises(InputError, match="absorbs"):
-        choose(table.poses, 90, model="cubic", base=base, effects=effects)
+        optimal_design(table.poses, 90, model="cubic", base=base, effects=effects)
     options: dict[str, Any] = {"model": "energy4", "base": base, "iterations": 30}
-    plain = choose(table.poses, 8, **options)
-    aware = choose(table.poses, 8, effects=effects, **options)
+    plain = optimal_design(table.poses, 8, **options)
+    aware = optimal_design(table.poses, 8, effects=effects, **options)
     joined = regressor(table.poses, "energy4", base=base, effects=effects)
     rows = joined.rows.reshape(len(table), 6, -1)
     terms = regressor(table.poses, "energy4", base=base).rows.shape[1]
@@ -232,12 +232,12 @@ def test_effects_of_the_poses_are_part_of_the_design() -> None:
 
 def test_more_poses_tell_more_and_the_knee_is_marked_once() -> None:
     poses, _ = neck_rows(150)
-    sizes = how_many(poses, [8, 12, 20, 40, 80], model="linear", iterations=10)
+    sizes = design_sizes(poses, [8, 12, 20, 40, 80], model="linear", iterations=10)
     errors = np.array([[s.wrench_error, s.stiffness_error] for s in sizes])
     assert (np.diff(errors, axis=0) < 0.0).all()
     assert [s.n for s in sizes if s.knee] == [sizes[knee([s.n for s in sizes], errors[:, 0])].n]
     rows = regressor(poses, "linear").rows
-    found = choose(poses, 20, model="linear", iterations=10)
+    found = optimal_design(poses, 20, model="linear", iterations=10)
     chosen = rows[found.indices]
     seen = np.random.default_rng([0, 5]).permutation(len(poses))[:300]
     own = rows[seen] @ np.linalg.inv(chosen.T @ chosen)
@@ -246,7 +246,7 @@ def test_more_poses_tell_more_and_the_knee_is_marked_once() -> None:
     slope = np.sqrt(np.diag(np.linalg.inv(chosen.T @ chosen))[1:].mean())
     assert sizes[2].stiffness_error == pytest.approx(slope, rel=1e-6)
     with pytest.raises(InputError, match="expected 7"):
-        how_many(poses, [3], model="linear")
+        design_sizes(poses, [3], model="linear")
 
 
 def test_knee_of_a_hyperbola_and_of_a_line() -> None:
@@ -263,7 +263,7 @@ def test_columns_of_the_candidates_are_copied() -> None:
     extra: dict[str, Any] = {"leds_visible": np.arange(30.0), "own": np.arange(30.0) ** 2,
              "sd_fx_N": np.ones(30), "time_s": np.arange(30.0), "kind": ["pose"] * 30}  # fmt: skip
     table = table.with_columns(extra)
-    chosen = choose(table.poses, 9, model="linear", iterations=5)
+    chosen = optimal_design(table.poses, 9, model="linear", iterations=5)
     for plan in (plain_plan(table, chosen, seed=1), paper_plan(table, chosen, seed=1)):
         kept = [*POSE, "leds_visible", "own"]
         assert list(plan.columns) == [
@@ -284,7 +284,7 @@ def test_columns_of_the_candidates_are_copied() -> None:
 
 def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) -> None:
     table = candidates(100).with_columns({"own": np.arange(100.0)})
-    chosen = choose(table.poses, 30, criterion="maximin", iterations=10)
+    chosen = optimal_design(table.poses, 30, criterion="maximin", iterations=10)
     plan = diagnosable_plan(table, chosen, seed=0)
     kind = plan.text("kind")
     poses = plan.select(kind == "pose")
@@ -307,19 +307,19 @@ def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) 
 
 def test_which_effects_a_plan_can_name() -> None:
     table = candidates(150)
-    base = nominal_base(table)
-    chosen = choose(table.poses, 25, criterion="maximin", iterations=10)
+    base = nominal_model(table)
+    chosen = optimal_design(table.poses, 25, criterion="maximin", iterations=10)
     effects = [get_effect(i) for i in ("fts_drift", "hysteresis", "length_error", "fts_offset")]
-    told = {s.id: s for s in separable(diagnosable_plan(table, chosen), base, effects)}
-    once = {s.id: s for s in separable(paper_plan(table, chosen), base, effects)}
+    told = {s.id: s for s in identifiability(diagnosable_plan(table, chosen), base, effects)}
+    once = {s.id: s for s in identifiability(paper_plan(table, chosen), base, effects)}
     assert told["fts_drift"].named
     assert told["hysteresis"].named
     assert once["hysteresis"].reason, "one side of approach does not show it"
     assert "not visible" in once["hysteresis"].sentence()
     assert told["fts_offset"].size < once["fts_offset"].size, "two visits a pose tell more"
     # Four times the poses halve what can be seen.
-    many = choose(table.poses, 100, criterion="maximin", iterations=10)
-    more = {s.id: s for s in separable(diagnosable_plan(table, many), base, effects)}
+    many = optimal_design(table.poses, 100, criterion="maximin", iterations=10)
+    more = {s.id: s for s in identifiability(diagnosable_plan(table, many), base, effects)}
     assert 0.35 < more["fts_offset"].size / told["fts_offset"].size < 0.75
 
 
@@ -424,7 +424,7 @@ def test_presets_effects_and_how_many(neck: Path, ecm_command: Command) -> None:
     done = ecm_command("design", "c.csv", "--n", "9", "--preset", "diagnosable", "--effects",
                        "fts_drif", "--out", "q.csv")  # fmt: skip
     assert done.code == 2
-    assert "did you mean fts_drift" in done.err
+    assert "did you mean 'fts_drift'" in done.err
 
 
 def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Command) -> None:
@@ -470,8 +470,8 @@ def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Co
 def test_a_ridge_determines_what_few_poses_cannot() -> None:
     poses, _ = neck_rows(60)
     with pytest.raises(EcmError, match="28 coefficients"):
-        choose(poses, 20, model="quadratic")
-    found = choose(poses, 20, model="quadratic", ridge=0.1, iterations=20)
+        optimal_design(poses, 20, model="quadratic")
+    found = optimal_design(poses, 20, model="quadratic", ridge=0.1, iterations=20)
     rows = regressor(poses, "quadratic").rows
     prior = 0.1 * np.eye(28)
     prior[0, 0] = 0.0
@@ -479,7 +479,7 @@ def test_a_ridge_determines_what_few_poses_cannot() -> None:
     expected = np.linalg.slogdet(chosen.T @ chosen + prior)[1] / 28.0 - np.log(20.0)
     assert found.value == pytest.approx(expected)
     with pytest.raises(InputError, match="--ridge"):
-        choose(poses, 20, model="quadratic", ridge=-1.0)
+        optimal_design(poses, 20, model="quadratic", ridge=-1.0)
 
 
 def test_augment_and_time_limit(neck: Path, ecm_command: Command) -> None:

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.columns import POSE, WRENCH
-from ecm.compare import compare
-from ecm.diagnose import Diagnosis, diagnose
-from ecm.diagnose.accept import check
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import assemble
-from ecm.diagnose.search import rank
+from ecm.comparison import compare
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.accept import acceptance_check
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.search import rank
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
-from ecm.meta import Instrument
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument
+from ecm.io.table import Table
 from ecm.models import fit_model
 from ecm.rig import RigSettings, run_campaign
-from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, plan
 from test_rig_stand_in import L, StandIn
 
@@ -470,6 +470,6 @@ def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:
         choose_base(model(), campaign(seed=3)), campaign(seed=3), all_effects(), None
     )
     weakest = rank(problem)[-1].candidate
-    found = check(problem, [weakest], weakest, [weakest.id], 0)
+    found = acceptance_check(problem, [weakest], weakest, [weakest.id], 0)
     assert not found.accepted
     assert json.loads(json.dumps(asdict(found)))["robust"] is False

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 import test_rig_stand_in as stand_in
 from ecm import _native
-from ecm.columns import POSE, VELOCITY, WRENCH
-from ecm.diagnose import Diagnosis, diagnose
-from ecm.effects.history import pose_before
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.columns import POSE, VELOCITY, WRENCH
+from ecm.io.table import Table
 from ecm.models import Model, fit_model, surrogate_of
-from ecm.models.backbone import RodMap
+from ecm.models.rod import RodMap
+from ecm.regression.approach import pose_before
 from ecm.rig.frames import left_jacobian_inverse, rotate, rotation, transpose
-from ecm.table import Table
 from stand_in_campaign import campaign, model, workspace_poses
 from test_diagnose import found_in
 from test_rig_stand_in import L

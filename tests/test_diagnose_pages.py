@@ -16,7 +16,7 @@ import pytest
 
 from browser import open_page
 from ecm.cli import run
-from ecm.table import Table
+from ecm.io.table import Table
 from stand_in_campaign import campaign, model
 
 HOSTILE = '</script><b>"x*y'

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from conftest import ROOT
-from ecm.compare.covariates import derived, ordered_with
-from ecm.diagnose import Diagnosis, diagnose
+from ecm.comparison.covariates import confounded_with_order, derived_columns
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.table import Table, read_table
 from ecm.models import fit_model
-from ecm.table import Table, read_table
 
 META = ROOT / "examples" / "finger_joint.toml"
 FORCE = "column_6"
@@ -44,15 +44,15 @@ def test_an_unused_input_explains_part_of_the_residual(found: Diagnosis, joint: 
 
 def test_load_and_time_cannot_be_separated(found: Diagnosis, joint: Table) -> None:
     """Weights ascend at each position; with their rows shuffled within it they do not."""
-    assert {FORCE, "load"} <= set(ordered_with(joint, POSES, TORQUES))
+    assert {FORCE, "load"} <= set(confounded_with_order(joint, POSES, TORQUES))
     assert any("load and time cannot be separated" in text for text in found.warnings)
     order = np.random.default_rng(1).permutation(len(joint))
-    assert ordered_with(joint.select(order), POSES, TORQUES) == ()
+    assert confounded_with_order(joint.select(order), POSES, TORQUES) == ()
 
 
 def test_what_was_computed_from_the_torque_is_no_cause(found: Diagnosis, joint: Table) -> None:
     """Columns 13 and 14 are the author's linear estimate, 16 and 17 what it leaves."""
-    out = derived(joint, POSES, TORQUES)
+    out = derived_columns(joint, POSES, TORQUES)
     assert set(out) == {"column_13", "column_14", "column_16", "column_17"}
     assert found.unknown is not None
     assert not set(out) & set(found.unknown["variables"])

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE, WRENCH
 from ecm.effects import Effect, Rows, all_effects, effect, get_effect, register, unregister
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
@@ -20,8 +19,9 @@ from ecm.effects.load import Payload
 from ecm.effects.material import Anisotropy
 from ecm.effects.sensor import FtsDrift, FtsOffset
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta, Scene
-from ecm.table import Table
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta, Scene
+from ecm.io.table import Table
 from full_table import full_table
 from stand_in_campaign import campaign, physics, workspace_poses
 from test_rig_stand_in import L
@@ -441,7 +441,7 @@ def test_an_effect_of_ones_own_in_a_few_lines(rows: Rows) -> None:
         assert found in all_effects()
     finally:
         unregister("string")
-    with pytest.raises(InputError, match="did you mean fts_drift"):
+    with pytest.raises(InputError, match="did you mean 'fts_drift'"):
         get_effect("fts_drif")
     with pytest.raises(InputError, match="is in the catalogue"):
         register(FtsOffset())

@@ -10,17 +10,17 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.effects import Missing, Rows, get_effect
-from ecm.effects.arm import top_jacobian
 from ecm.effects.hand_eye import flange_from_top
-from ecm.effects.moved import moved_in_base, moved_in_top
+from ecm.effects.kuka import top_jacobian
 from ecm.effects.registry import with_shape
+from ecm.effects.se3 import moved_in_base, moved_in_top
 from ecm.errors import InputError
-from ecm.meta import Meta
+from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.rig import run_campaign
-from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, workspace_poses
 from test_diagnose import found_in
 from test_rig_stand_in import L, StandIn, wrench
@@ -28,8 +28,8 @@ from test_rig_stand_in import L, StandIn, wrench
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
 from arm_joints import joints_of
-from ecm.robot.scene import scene
-from ecm.robot.simulation import Simulation
+from ecm.rig.arm.scene import scene
+from ecm.rig.arm.simulation import Simulation
 from programs import need_program
 from robot_rig import plan, settings
 

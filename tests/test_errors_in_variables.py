@@ -7,15 +7,15 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE, WRENCH
-from ecm.compare.noise import Noise, whiteners
 from ecm.effects import Rows
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table
 from ecm.models import EnergyMap, PolynomialMap, StiffnessMap, fit_model
 from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.polynomial_gls import fit_polynomial_gls
-from ecm.table import Table
+from ecm.regression.noise import Noise, whiteners
 from stand_in_campaign import workspace_poses
 from test_rig_stand_in import L, wrench
 

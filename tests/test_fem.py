@@ -10,8 +10,8 @@ import pytest
 
 from ecm._native import Fem, FemError, Mesh
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
-from ecm.sensitivity import wrench_sensitivities
+from ecm.fem.sensitivity import wrench_sensitivities
+from ecm.io.mechanism import Mechanism
 
 WRENCH = np.array([[-20.0, 10.0, 5.0, 0.2, -0.3, 0.3]])
 NECK = {"builtin": "cylinder", "length_m": 0.1034, "radius_m": 0.033}

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from conftest import Done
-from ecm.columns import POSE, WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
+from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_model
 from stand_in_campaign import campaign
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from conftest import ROOT, Done
-from ecm.table import read_table
+from ecm.io.table import read_table
 
 META = ROOT / "examples" / "finger_joint.toml"
 Command = Callable[..., Done]

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.columns import POSE
-from ecm.compare.noise import declared_noise
-from ecm.design import drivable, follow_up_plan
-from ecm.design.base import BaseForDesign
-from ecm.design.separable import predicted_table
+from ecm.designs import can_be_run, follow_up_plan
+from ecm.designs.nominal import NominalModel
+from ecm.diagnosis.identifiability import predicted_table
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.table import read_table
+from ecm.regression.noise import declared_noise
+from ecm.regression.sensor_zero import is_zero
 from ecm.rig import RigSettings, run_campaign
-from ecm.sensor_zero import is_zero
-from ecm.table import read_table
 from stand_in_campaign import campaign, physics
 from test_rig_stand_in import StandIn
 
 EXPERIMENTS = sorted({text for effect in all_effects() for text in effect.rivals.values()})
-DRIVEN = [text for text in EXPERIMENTS if drivable(text)]
+DRIVEN = [text for text in EXPERIMENTS if can_be_run(text)]
 
 
 def test_most_experiments_of_the_catalogue_can_be_driven() -> None:
@@ -155,7 +155,7 @@ def test_a_plan_for_data_without_pose_ids_joins_them_as_repeats(tmp_path: Path) 
 def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
     first = campaign(seed=3)
     session = "remount turned by 180 degrees + calliper + a pair of push and pull poses"
-    assert drivable(session)
+    assert can_be_run(session)
     plan = follow_up_plan(first, session)
     runs = plan.column("run").astype(int)
     own = int(first.column("run").max()) + 1
@@ -181,7 +181,7 @@ def test_remounts_of_a_session_end_at_the_angles_that_were_proposed() -> None:
 
 def test_a_dead_weight_is_foretold_as_the_sensor_feels_it() -> None:
     first = campaign(seed=3)
-    base = BaseForDesign(physics(), declared_noise(first), first.meta)
+    base = NominalModel(physics(), declared_noise(first), first.meta)
     rows = Rows(predicted_table(follow_up_plan(first, "dead weights"), base), physics())
     assert rows.dead_weight.sum() == 7
     hung = rows.table.wrenches[rows.dead_weight]

@@ -8,19 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.compare.folds import informative
-from ecm.compare.gram import Gram, explained, gains, without
-from ecm.compare.lack_of_fit import captured
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import assemble
-from ecm.diagnose.search import fall, material, normal_equations, rank, search
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.search import all_needed, delta_chi2, normal_equations, rank, search
 from ecm.effects import Rows, all_effects
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.contact import Debonding
 from ecm.effects.friction import Hysteresis
 from ecm.effects.geometry import DiameterError
-from ecm.effects.history import order_of_visits, pose_before
 from ecm.effects.load import CableDrag
 from ecm.effects.material import StrainStiffening
 from ecm.effects.modulus import MullinsSoftening
@@ -30,9 +25,19 @@ from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.effects.sensor_axes import FtsHysteresis
 from ecm.effects.slip import PlatformSlip
-from ecm.meta import Meta
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits, pose_before
+from ecm.regression.f_test import explained_by_span
+from ecm.regression.folds import without_zero_readings
+from ecm.regression.normal_equations import (
+    NormalEquations,
+    explained_by_blocks,
+    explained_squares,
+    projected_out,
+)
 from ecm.rig import RigSettings, run_campaign
-from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, plan
 from test_rig_stand_in import L, StandIn
 
@@ -116,7 +121,7 @@ def test_the_sensors_play_at_its_zero_shifts_all_readings_around_it() -> None:
     lag = effect.columns(zeroed)
     assert np.all(lag[zeroed.unloaded] == 0.0)
     # The readings themselves may be left out: their times tell.
-    kept = informative(table)
+    kept = without_zero_readings(table)
     assert len(kept) < len(table)
     np.testing.assert_allclose(effect.columns(Rows(kept, base)), lag[~zeroed.unloaded])
     # Where the free sensor reads something the zero is another.
@@ -230,7 +235,7 @@ def test_what_dependent_columns_explain_does_not_depend_on_their_order() -> None
     y = random.standard_normal(120)
     fitted = a @ np.linalg.lstsq(a, y, rcond=1e-10)[0]
     for order in (np.arange(17), random.permutation(17)):
-        found, rank = captured(a[:, order], y)
+        found, rank = explained_by_span(a[:, order], y)
         assert rank == 12
         assert found == pytest.approx(float(fitted @ fitted), rel=1e-9)
 
@@ -239,14 +244,16 @@ def test_gains_beside_fixed_columns_are_those_of_whole_fits() -> None:
     random = np.random.default_rng(1)
     design, y = random.standard_normal((40, 2, 9)), random.standard_normal((40, 2))
     groups = np.repeat(np.arange(10), 4)
-    gram = Gram.of(design, y, groups, random.uniform(0.5, 1.0, 40))
+    gram = NormalEquations.of(design, y, groups, random.uniform(0.5, 1.0, 40))
     matrix, vector, _ = gram.total()
     assert np.allclose(gram.matrices.sum(axis=0), matrix)
     assert np.allclose(gram.only((3, 1)).matrices, gram.matrices[:, [3, 1]][:, :, [3, 1]])
-    left = without(matrix, vector, (0, 1))
-    found = gains((matrix, vector), left, [(2,), (3, 4), (5, 6), (8,)])
+    left = projected_out(matrix, vector, (0, 1))
+    found = explained_by_blocks((matrix, vector), left, [(2,), (3, 4), (5, 6), (8,)])
     for gain, block in zip(found, [(2,), (3, 4), (5, 6), (8,)], strict=True):
-        whole = explained(matrix, vector, (0, 1, *block)) - explained(matrix, vector, (0, 1))
+        whole = explained_squares(matrix, vector, (0, 1, *block)) - explained_squares(
+            matrix, vector, (0, 1)
+        )
         assert gain == pytest.approx(whole, rel=1e-6)
 
 
@@ -254,14 +261,16 @@ def test_a_coefficient_of_the_wrong_sign_explains_nothing() -> None:
     random = np.random.default_rng(2)
     design = random.standard_normal((40, 2, 5))
     y = design @ np.array([1.0, 2.0, -1.0, 0.5, -2.0])
-    gram = Gram.of(design, y, np.repeat(np.arange(10), 4))
+    gram = NormalEquations.of(design, y, np.repeat(np.arange(10), 4))
     matrix, vector, _ = gram.total()
-    left = without(matrix, vector, (0,))
+    left = projected_out(matrix, vector, (0,))
     signs = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
     blocks = [(1, 2), (1, 3), (2,), (3, 4)]
     allowed = [(1,), (1, 3), (), (3, 4)]
-    found = gains((matrix, vector), left, blocks, signs)
-    np.testing.assert_allclose(found, gains((matrix, vector), left, allowed), rtol=1e-9)
+    found = explained_by_blocks((matrix, vector), left, blocks, signs)
+    np.testing.assert_allclose(
+        found, explained_by_blocks((matrix, vector), left, allowed), rtol=1e-9
+    )
 
 
 def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
@@ -273,9 +282,9 @@ def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
     chosen = search(problem)
     assert {item.id for item in chosen} == {"taper", "length_error"}
     equations = normal_equations(problem)
-    assert material(equations, problem, chosen)
-    best_single = max(fall(equations, problem, (c,)) for c in problem.candidates)
-    assert fall(equations, problem, chosen) > 1.03 * best_single
+    assert all_needed(equations, problem, chosen)
+    best_single = max(delta_chi2(equations, problem, (c,)) for c in problem.candidates)
+    assert delta_chi2(equations, problem, chosen) > 1.03 * best_single
 
 
 @pytest.mark.parametrize("power", [0.0, 2.0, 6.0])

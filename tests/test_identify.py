@@ -17,13 +17,13 @@ import pytest
 
 from browser import open_page
 from conftest import Done
-from ecm.config import Config
 from ecm.errors import InputError
-from ecm.identify import Console, Job, measure
-from ecm.measured import need_free
+from ecm.fem.simulate import simulate
+from ecm.io.table import Table
 from ecm.rig import RigSettings
-from ecm.simulate import simulate
-from ecm.table import Table
+from ecm.workflow.campaign_files import require_free
+from ecm.workflow.config import Config
+from ecm.workflow.identify import Console, Job, measure
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "examples" / "quick.toml"
@@ -159,7 +159,7 @@ def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
         with pytest.raises(InputError, match=r"measured-d\.csv: .*Move it away, or .* --out"):
             measure(job(tmp_path), plan, "measured-d", rig)
         with pytest.raises(InputError, match="Move it away"):
-            need_free(tmp_path, tmp_path / "stages", ("measured-d",), rig, 1)
+            require_free(tmp_path, tmp_path / "stages", ("measured-d",), rig, 1)
     assert {file: file.read_bytes() for file in tmp_path.glob("measured-d*")} == before
     path.rename(tmp_path / "mine.csv")
     assert len(measure(job(tmp_path), plan, "measured-d", OTHER).measured()) == 3
@@ -173,21 +173,21 @@ def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: P
     with pytest.raises(KeyboardInterrupt):
         measure(job(out, Stops(3)), plan, "measured-d", OTHER)
     assert (out / "measured-d.journal.csv").exists()
-    need_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
+    require_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
     assert len(measure(job(out), plan, "measured-d", RigSettings()).measured()) == 3
     third = RigSettings.from_dict({"rig": {"dwell_s": 3.0}})
     for refused in (
-        lambda: need_free(out, out / "stages", ("measured-d",), third, 1),
+        lambda: require_free(out, out / "stages", ("measured-d",), third, 1),
         lambda: measure(job(out), plan, "measured-d", third),
     ):
         with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
             refused()
     with pytest.raises(InputError, match="another seed"):
-        need_free(out, out / "stages", ("measured-d",), OTHER, 2)
+        require_free(out, out / "stages", ("measured-d",), OTHER, 2)
     (out / "stages" / "measured-d.begun.json").unlink()
     with pytest.raises(InputError, match="journal of another campaign"):
         measure(job(out), plan, "measured-d", third)
-    need_free(out, out / "stages", ("measured-d",), OTHER, 1)
+    require_free(out, out / "stages", ("measured-d",), OTHER, 1)
     rest = Stops()
     again = measure(job(out, rest), plan, "measured-d", OTHER)
     assert rest.taken == whole.taken - 3

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from conftest import Done
-from ecm.compare import compare
-from ecm.diagnose import diagnose
+from ecm.comparison import compare
+from ecm.diagnosis import diagnose
+from ecm.io.table import Table, read_table
 from ecm.models import Model, fit_model
-from ecm.table import Table, read_table
 from stand_in_campaign import campaign
 from test_rig_stand_in import L
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
+from ecm.io.mechanism import Mechanism
 
 NECK = {
     "builtin": "cylinder",
@@ -118,15 +118,15 @@ def test_the_key_depends_on_what_matters_and_not_on_where_a_mesh_lies(tmp_path: 
     ("change", "expected"),
     [
         ({"builtin": "cilinder"}, "did you mean 'cylinder'?"),
-        ({"length_m": 103.4}, "looks like millimetres"),
-        ({"length_m": -0.1}, "expected a positive"),
+        ({"length_m": 103.4}, "from 0.001 to 10 (undeformed length in metres, not millimetres"),
+        ({"length_m": -0.1}, "length_m = -0.1: expected a number from 0.001"),
         ({"radius_m": 33.0}, "expected metres for both"),
         ({"young_modulus_Pa": 0.65}, "looks like MPa"),
-        ({"poisson_ratio": 0.51}, "at most 0.5"),
+        ({"poisson_ratio": 0.51}, "expected a number from 0 to 0.5"),
         ({"builtin": "tube"}, "needs the key 'inner_radius_m'"),
         ({"builtin": "tube", "inner_radius_m": 0.04}, "below radius_m"),
         ({"builtin": "hourglass", "waist_radius_m": 0.05}, "at most radius_m"),
-        ({"quality": "super"}, "known: "),
+        ({"quality": "super"}, "expected one of standard, fine"),
         ({"mesh": "x.msh"}, "found both builtin and mesh"),
         ({"radius": 0.03}, "unknown key 'radius', did you mean 'radius_m'?"),
         ({"young_modulus_Pa": "0.65 MPa"}, "expected a number"),

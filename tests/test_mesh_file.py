@@ -10,8 +10,8 @@ import pytest
 
 from ecm._native import Mesh
 from ecm.errors import InputError, MissingExtra
-from ecm.mechanism import Mechanism
-from ecm.mesh_file import read_mesh
+from ecm.io.mechanism import Mechanism
+from ecm.io.mesh import read_mesh
 
 LENGTH, RADIUS = 0.1, 0.03
 BODY = Mesh.cylinder(length_m=LENGTH, radius_m=RADIUS, quality="1x4x6")
@@ -125,7 +125,7 @@ def test_a_missing_extra_is_named(
     def absent(module: str) -> Any:
         raise ImportError(module)
 
-    monkeypatch.setattr("ecm.mesh_file.import_module", absent)
+    monkeypatch.setattr("ecm.io.mesh.import_module", absent)
     (tmp_path / name).write_text("x", encoding="utf-8")
     with pytest.raises(MissingExtra, match=rf"{package}.*ecm-stiffness\[{extra}\]"):
         read_mesh(tmp_path / name)
@@ -137,7 +137,7 @@ def test_missing_system_libraries_of_gmsh_are_named(
     def broken(module: str) -> Any:
         raise OSError("libGLU.so.1: cannot open shared object file")
 
-    monkeypatch.setattr("ecm.mesh_file.import_module", broken)
+    monkeypatch.setattr("ecm.io.mesh.import_module", broken)
     (tmp_path / "a.step").write_text("x", encoding="utf-8")
     with pytest.raises(InputError, match="libglu1-mesa"):
         read_mesh(tmp_path / "a.step")
@@ -198,7 +198,7 @@ def test_cad_that_is_no_mechanism_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no face lies flat"):
         read_mesh(_cad(tmp_path / "ball.step", ball=True))
     small = _cad(tmp_path / "metres.step", scale=1e-3)
-    with pytest.raises(InputError, match="shorter than a millimetre"):
+    with pytest.raises(InputError, match="undeformed length in metres"):
         Mechanism.from_dict({"mesh": small.name, **MATERIAL}, base=tmp_path)
     (tmp_path / "text.step").write_text("no CAD", encoding="utf-8")
     with pytest.raises(InputError, match=r"text\.step: gmsh cannot mesh"):

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ecm.errors import InputError
-from ecm.meta import ColumnSource, FileMeta, Instrument, Meta, Scene, read_meta
-from ecm.toml_file import read_toml, write_toml
+from ecm.io.description import ColumnSource, FileMeta, Instrument, Meta, Scene, read_meta
+from ecm.io.toml import read_toml, write_toml
 
 FULL = """
 [file]
@@ -82,22 +82,22 @@ def test_saying_nothing_is_empty() -> None:
          "'force_sd_N'?"),
         ("[scene]\ngravity = 9.81\n", "[scene]: unknown key 'gravity', did you mean "
          "'gravity_m_s2'?"),
-        ("[file]\nheader_rows = 3\n", "[file]: header_rows = 3: expected 0, 1 or 2"),
-        ("[file]\nkind = 'dynamic'\n", "expected one of 'static', 'continuous'"),
+        ("[file]\nheader_rows = 3\n", "[file]: header_rows = 3: expected a number from 0 to 2"),
+        ("[file]\nkind = 'dynamic'\n", "expected one of static, continuous"),
         ("[mechanism]\nlength = 0.1\n", "[mechanism]: unknown key 'length', did you mean "
          "'length_m'?"),
-        ("[mechanism]\nlength_m = 103.4\n", "looks like millimetres"),
+        ("[mechanism]\nlength_m = 103.4\n", "from 0.001 to 10 (undeformed length in metres, not"),
         ("[mechanism]\nradius_m = 0.03\n", "'length_m' is missing"),
-        ("[columns]\nfx = 3\n", "[columns]: 'fx' is no column of the table, did you mean 'fx_N'?"),
+        ("[columns]\nfx = 3\n", "[columns]: 'fx' is no column name, did you mean 'fx_N'?"),
         ("[columns]\nfx_N = { colum = 3 }\n", "[columns] fx_N: unknown key 'colum'"),
         ("[columns]\nfx_N = { scale = 3.0 }\n", "the key 'column' is missing"),
-        ("[columns]\nfx_N = 0\n", "columns are counted from 1"),
+        ("[columns]\nfx_N = 0\n", "column = 0: expected at least 1 (name in the file, or number"),
         ("[columns]\nfx_N = { column = 1, scale = 0.0 }\n", "expected a number other than 0"),
         ("[columns]\ngroup = [1]\n", "group = [1]: expected a list of column names"),
-        ("[instrument]\nfts_range = [1, 2]\n", "fts_range has 2 entries: expected 6"),
+        ("[instrument]\nfts_range = [1, 2]\n", "fts_range has 2 entries: expected a list of 6"),
         ("[instrument]\nforce_sd_N = '0.3'\n", "force_sd_N = '0.3': expected a number"),
         ("[instrument]\nzeroed_with_payload = 1\n", "expected true or false"),
-        ("[scene]\ngravity_m_s2 = [0, 0, -9810]\n", "expected about 9.81 in size"),
+        ("[scene]\ngravity_m_s2 = [0, 0, -9810]\n", "expected a norm of about 9.81"),
         ("[run.one]\n", "[run.one]: expected a whole number"),
         ("[run.1]\nmount_angle = 1.0\n", "[run.1]: unknown key 'mount_angle', did you mean "
          "'mount_angle_rad'?"),

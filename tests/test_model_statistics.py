@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from conftest import Done
 from ecm import _native
-from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table
 from ecm.models import GROUPS, EnergyMap, Model, fit_model, load_model
-from ecm.models.choice import Candidate, choose_model, learning_curve
 from ecm.models.constraints import constrained
 from ecm.models.pcr import press_rank, singular_threshold
+from ecm.models.selection import Candidate, choose_model, learning_curve
 from ecm.rig.elastic import COS2
-from ecm.table import Table
 from stand_in_campaign import campaign, workspace_poses
 from test_rig_stand_in import L, wrench
 

@@ -10,12 +10,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError, MissingExtra
-from ecm.meta import Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.models import Model, fit_model, load_model
 from ecm.models.export import export_files
-from ecm.table import Table
 from stand_in_campaign import workspace_poses
 from test_rig_stand_in import L, wrench
 

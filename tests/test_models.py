@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import ecm.simulate  # noqa: F401  (looked up in sys.modules)
+import ecm.fem.simulate  # noqa: F401  (looked up in sys.modules)
 from ecm import _native
-from ecm.columns import POSE, WRENCH
 from ecm.effects import Rows, get_effect
 from ecm.effects.occlusion import LedOcclusion
 from ecm.errors import InputError
-from ecm.meta import Meta, Scene
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta, Scene
+from ecm.io.table import Table
 from ecm.models import (
     EnergyMap,
     Model,
@@ -26,8 +27,7 @@ from ecm.models import (
     parse_polynomial_name,
     surrogate_of,
 )
-from ecm.refit import FittedEffect
-from ecm.table import Table
+from ecm.models.joint_fit import FittedEffect
 from stand_in_campaign import campaign, model, physics, workspace_poses
 from test_rig_stand_in import L, wrench
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.columns import JOINT_SIGNS, JOINTS, POSE, VELOCITY, WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.effects import Effect, all_effects, get_effect
 from ecm.effects.contact import Debonding
 from ecm.effects.friction import Hysteresis
-from ecm.table import Table
+from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, VELOCITY, WRENCH
+from ecm.io.table import Table
 from full_table import full_table
 from stand_in_campaign import campaign, model
 

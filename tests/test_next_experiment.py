@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from ecm.columns import WRENCH
-from ecm.design import Design, diagnosable_plan, paper_plan
-from ecm.diagnose import diagnose
+from ecm.designs import Design, diagnosable_plan, paper_plan
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows, get_effect
-from ecm.meta import Meta
+from ecm.io.columns import WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.rig import RigSettings, run_campaign
-from ecm.table import Table
 from stand_in_campaign import campaign, model, physics, plan, workspace_poses
 from test_rig_stand_in import L, StandIn
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.models import Model, surrogate_of
 from stand_in_campaign import campaign, model, workspace_poses
 from test_rig_stand_in import L, coordinates, wrench

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from conftest import LENGTH_M, neck_columns
-from ecm.columns import POSE, WRENCH
-from ecm.compare import compare
-from ecm.compare.covariates import ordered_with
-from ecm.diagnose import diagnose
-from ecm.diagnose.judge import Judged, judged
-from ecm.diagnose.scatter import _rest
+from ecm.comparison import compare
+from ecm.comparison.covariates import confounded_with_order
+from ecm.diagnosis import diagnose
+from ecm.diagnosis.decide import Decision, decide
+from ecm.diagnosis.noise_effects import _rest
 from ecm.effects import Rows, all_effects
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta, read_meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta, read_meta
+from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from ecm.models.by_degree import polynomial
-from ecm.table import Table, as_table
 from test_broken_input import block_mesh
 
 ALL = (*POSE, *WRENCH)
@@ -101,7 +101,7 @@ def test_a_force_that_never_varies_does_not_hide_the_order_of_the_load(constant:
     """Over a spread of nothing it would be all of the load, or more than a double holds."""
     x = np.linspace(0.0, 1e-3, 40)
     table = as_table({"x_m": x, "fx_N": 1e4 * x, "fz_N": np.full(40, constant)})
-    assert ordered_with(table, ("x_m",), ("fx_N", "fz_N")) == ("load",)
+    assert confounded_with_order(table, ("x_m",), ("fx_N", "fz_N")) == ("load",)
 
 
 # --- bases of many columns ------------------------------------------------------------------------
@@ -111,10 +111,10 @@ def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there(
     """What the base explains is no degree of freedom of a test, and takes those of the noise."""
     table = neck(90)
     base = fit_model(table, "poly:1").base
-    found: list[Judged] = []
+    found: list[Decision] = []
     for most in (1000, 0):
-        monkeypatch.setattr(import_module("ecm.diagnose.problem"), "_MOST_BASE_IN_GRAM", most)
-        found.append(judged(base, table, list(all_effects()), None, 0))
+        monkeypatch.setattr(import_module("ecm.diagnosis.problem"), "_MOST_BASE_IN_GRAM", most)
+        found.append(decide(base, table, list(all_effects()), None, 0))
     carried, apart = found
     assert carried.problem.n_base == 42
     assert apart.problem.n_base == 0

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.columns import WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows, effect, get_effect, unregister
 from ecm.errors import InputError
+from ecm.io.columns import WRENCH
+from ecm.io.table import Table
 from ecm.models import load_model
-from ecm.table import Table
 from stand_in_campaign import campaign, model, physics
 
 F = NDArray[np.float64]

@@ -18,19 +18,21 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm._native import EnergyModel
-from ecm.columns import POSE, WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.errors import InputError
-from ecm.material import Material
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
-from ecm.models import Model, PhysicsMap, fit_model, load_model, physics, physics_build, physics_map
-from ecm.models.physics_build import BuildSettings, shape_of
-from ecm.models.physics_family import PARAMETERS, compressibility, poisson_ratio
-from ecm.models.physics_fit import LENGTH_M, SHEAR_MODULUS_PA, noise_whiteners
-from ecm.models.physics_poses import rod_like, workspace_poses
-from ecm.models.physics_refit import refit_physics
-from ecm.table import Table
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.material import Material
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
+from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models.physics import build as physics_build
+from ecm.models.physics import map as physics
+from ecm.models.physics.body_fits import LENGTH_M, SHEAR_MODULUS_PA, noise_whiteners
+from ecm.models.physics.build import BuildSettings, shape_of
+from ecm.models.physics.family import PARAMETERS, compressibility, poisson_ratio
+from ecm.models.physics.poses import rod_like, workspace_poses
+from ecm.models.physics.refit import refit_physics
 
 F = NDArray[np.float64]
 NECK = Mechanism()
@@ -283,7 +285,7 @@ def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap)
     for _ in range(20):
         seen = poses + random.standard_normal(poses.shape) * np.repeat([37e-6, 6e-4], 3)
         read = wrenches + random.standard_normal(poses.shape) * np.repeat([0.3, 0.010], 3)
-        found = neck.refit(table_of(seen, read))
+        found = refit_physics(neck, table_of(seen, read))
         assert found.converged
         off.append((found.values - truth) / found.sd)
     assert found.names == ("young_modulus_Pa", "poisson_ratio")

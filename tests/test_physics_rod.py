@@ -7,18 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.columns import POSE, WRENCH
-from ecm.compare.noise import Noise
 from ecm.effects import get_effect
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
-from ecm.models.backbone import RodMap
-from ecm.models.physics_build import BuildSettings, shape_of
-from ecm.models.physics_rod import stated_rod
-from ecm.refit import joint_fit
-from ecm.table import Table
+from ecm.models.joint_fit import joint_fit
+from ecm.models.physics.build import BuildSettings, shape_of
+from ecm.models.physics.rod import stated_rod
+from ecm.models.rod import RodMap
+from ecm.regression.noise import Noise
 
 F = NDArray[np.float64]
 SECTIONS = {

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from conftest import Done
-from ecm.columns import POSE, WRENCH
-from ecm.models.physics import PhysicsMap
-from ecm.table import Table, as_table
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table, as_table
+from ecm.models.physics.map import PhysicsMap
 from stand_in_campaign import physics, workspace_poses
 from test_rig_stand_in import L
 

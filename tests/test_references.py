@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from ecm.compare import compare
-from ecm.compare.references import References
+from ecm.comparison import compare
+from ecm.comparison.reference_models import ReferenceModels
 from stand_in_campaign import campaign, model
 
 
@@ -38,10 +38,10 @@ def test_nothing_hidden_points_nowhere() -> None:
 
 
 def test_shares_are_those_of_the_squares() -> None:
-    found = References(physics=3.0, energy=2.0, ceiling=1.5)
+    found = ReferenceModels(physics=3.0, energy=2.0, ceiling=1.5)
     assert found.shares() == pytest.approx(
         {"symmetric": 5.0 / 8.0, "asymmetric": 1.75 / 8.0, "other": 1.25 / 8.0}
     )
     assert "62% of the excess points to elasticity or geometry" in found.sentence()
     # A ceiling that is no better than the energy has nothing of its own.
-    assert References(physics=3.0, energy=1.0, ceiling=1.2).shares()["asymmetric"] == 0.0
+    assert ReferenceModels(physics=3.0, energy=1.0, ceiling=1.2).shares()["asymmetric"] == 0.0

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from conftest import Done
-from ecm.columns import POSE, WRENCH
-from ecm.compare import compare, declared_noise
+from ecm.comparison import compare, declared_noise
 from ecm.effects import Rows, get_effect
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table
 from ecm.models import load_model
-from ecm.refit import FittedEffect, joint_fit
-from ecm.table import Table
+from ecm.models.joint_fit import FittedEffect, joint_fit
 from stand_in_campaign import campaign, model, physics, workspace_poses
 
 

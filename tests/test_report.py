@@ -9,7 +9,7 @@ import pytest
 
 from browser import open_page
 from ecm.cli.reports import write_comparison
-from ecm.compare import compare
+from ecm.comparison import compare
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number

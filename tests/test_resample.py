@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Candidate, Problem, assemble
-from ecm.diagnose.resample import shares_won
-from ecm.diagnose.search import best_shapes, rank
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.bootstrap import selection_shares
+from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.search import best_shapes, rank
 from ecm.effects import all_effects
 from stand_in_campaign import campaign, model
 
@@ -42,18 +42,18 @@ def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
     for others in ([], [first]):
         present = {other.id for other in others}
         ids = {c.id for c in problem.candidates} - present
-        found = shares_won(problem, others, ids, 3, DRAWS)
+        found = selection_shares(problem, others, ids, 3, DRAWS)
         assert found == pytest.approx(one_by_one(problem, others, 3), rel=1e-9)
     assert len(one_by_one(problem, [], 3)) > 2
 
 
 def test_a_share_is_the_same_to_a_few_hundredths_whatever_the_seed(problem: Problem) -> None:
     ids = {item.candidate.id for item in rank(problem)[:8]}
-    found = [shares_won(problem, [], ids, seed) for seed in range(3)]
+    found = [selection_shares(problem, [], ids, seed) for seed in range(3)]
     assert 0.1 < found[0]["payload"] < 0.95
     for other in found[1:]:
         assert other["payload"] == pytest.approx(found[0]["payload"], abs=0.06)
 
 
 def test_without_contenders_nobody_wins(problem: Problem) -> None:
-    assert shares_won(problem, [], set(), 0) == {}
+    assert selection_shares(problem, [], set(), 0) == {}

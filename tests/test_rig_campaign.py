@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
+from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, RigSettings, campaign_minutes, run_campaign
+from ecm.rig.hidden.calibrate import Whitener
 from ecm.rig.journal import BESIDE
-from ecm.rig.observe import residual, row_covariance
-from ecm.rig.strength import Whitener
-from ecm.table import Table, read_table
+from ecm.rig.measurement import residual, row_covariance
 from test_rig_plan import plan_of
 from test_rig_stand_in import StandIn, some_poses
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.mechanism import Mechanism
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
 from ecm.rig import Campaign, RigSettings, run_campaign
-from ecm.rig.elastic import COS2, PLAIN, SIN2, Elastic
+from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic
 from ecm.rig.fem_source import FemSource
 from ecm.rig.frames import turn_wrench
 from ecm.rig.instruments import displaced
-from ecm.table import read_table
 from test_rig_plan import plan_of
 from test_rig_stand_in import some_poses
 
@@ -43,11 +43,11 @@ def test_between_anchor_and_reached_pose_the_error_is_below_a_hundredth_of_the_n
     source: FemSource,
 ) -> None:
     poses = np.concatenate([REST, some_poses(40)])
-    anchors = source.solve(poses, PLAIN)
+    anchors = source.solve(poses, UNIFORM)
     assert set(anchors.status) == {"solved"}
     size = np.repeat([1.5e-4, 1e-3], 3)  # [rig] pose_error
     near = displaced(poses, size * np.random.default_rng(0).standard_normal(poses.shape))
-    direct = source.solve(near, PLAIN).wrenches
+    direct = source.solve(near, UNIFORM).wrenches
     index = np.arange(len(poses))
     full = Elastic(anchors, source.surrogate(anchors)).wrench(index, near) - direct
     noise = np.repeat([0.3, 0.01], 3)
@@ -61,7 +61,7 @@ def test_between_anchor_and_reached_pose_the_error_is_below_a_hundredth_of_the_n
 
 
 def test_a_graded_modulus_stiffens_one_side_and_softens_the_other(source: FemSource) -> None:
-    plain = source.solve(REST, PLAIN).stiffness[0]
+    plain = source.solve(REST, UNIFORM).stiffness[0]
     cos2 = source.solve(REST, COS2).stiffness[0] - plain
     sin2 = source.solve(REST, SIN2).stiffness[0] - plain
     # phi = 0 is y: fibres there bend in the x-y plane, about z.
@@ -79,7 +79,7 @@ def test_the_grade_turns_with_the_axes(source: FemSource) -> None:
     pose = REST + np.array([[-0.001, 0.006, 0.002, 0.05, -0.1, 0.25]])
     turned = turn_wrench(quarter[None], pose)
     change = [
-        source.solve(p, COS2).wrenches - source.solve(p, PLAIN).wrenches for p in (pose, turned)
+        source.solve(p, COS2).wrenches - source.solve(p, UNIFORM).wrenches for p in (pose, turned)
     ]
     assert np.abs(change[0]).max() > 0.05
     left = turn_wrench(quarter[None], change[0]) + change[1]

@@ -11,14 +11,14 @@ import pytest
 
 from ecm.effects import all_effects
 from ecm.errors import InputError
+from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
-from ecm.rig.draws import DRAWS, MOVING
 from ecm.rig.frames import rotate, rotation
-from ecm.rig.observe import residual, wrench_in_base
+from ecm.rig.hidden.draw import DRAWS, MOVING
+from ecm.rig.hidden.limits import LARGEST
+from ecm.rig.measurement import residual, wrench_in_base
 from ecm.rig.physics.marker_motion import MarkerMotion
 from ecm.rig.physics.platform_slip import PlatformSlip
-from ecm.rig.plausible import LARGEST
-from ecm.table import Table, read_table
 from stand_in_campaign import plan as diagnosable_plan
 from test_rig_campaign import error_of, whitener_of
 from test_rig_plan import plan_of
@@ -128,7 +128,7 @@ def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
 
 def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: DRAWS[name] for name in ("stress_relaxation", "payload", "fts_offset")}
-    monkeypatch.setattr("ecm.rig.hidden.DRAWS", few)
+    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", few)
     drawn = []
     for seed in range(12):
         campaign = Campaign(
@@ -139,7 +139,7 @@ def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPat
         assert [e["id"] for e in again] == [campaign.secrets[0].effect]
     assert set(drawn) == {"payload", "fts_offset"}
     only = {"stress_relaxation": DRAWS["stress_relaxation"]}
-    monkeypatch.setattr("ecm.rig.hidden.DRAWS", only)
+    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", only)
     with pytest.raises(InputError, match=r"random=3: .*none of 1 effects at s = 3.*diagnosable"):
         Campaign(one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"))
 

@@ -10,7 +10,7 @@ import pytest
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.frames import rotation, rotation_vector, top_from_sensor_wrench
 from ecm.rig.instruments import Camera, ForceTorqueSensor
-from ecm.rig.observe import residual
+from ecm.rig.measurement import residual
 from ecm.rig.optics import Optics
 from ecm.rig.settings import Instruments
 from test_rig_plan import plan_of

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from conftest import Done
-from ecm.columns import POSE
 from ecm.errors import InputError
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, reveal, run_campaigns
-from ecm.rig.many import paths_of
-from ecm.table import Table, read_table
+from ecm.rig.many import rig_paths
 from programs import need_program
 
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -68,7 +68,7 @@ def test_what_is_done_is_not_measured_again(
     out = tmp_path / "d.csv"
     run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
     before = files(tmp_path)
-    paths_of(out, RIGS)[1].unlink()
+    rig_paths(out, RIGS)[1].unlink()
     measured: list[int] = []
     run_campaigns(
         plan(), RigSettings(), out, rigs=RIGS, progress=lambda done, n, word: measured.append(done)
@@ -85,7 +85,7 @@ def test_what_is_done_is_not_measured_again(
 
 def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "d.csv"
-    theirs = paths_of(out, RIGS)[1]
+    theirs = rig_paths(out, RIGS)[1]
     theirs.write_text("measured yesterday\n")
     theirs.with_suffix(".truth.json").write_text("sealed yesterday")
     for journal in (False, True):  # a journal is somebody else's, whatever it says

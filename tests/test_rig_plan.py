@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ecm.errors import InputError
+from ecm.io.table import POSE, Table, as_table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.actions import Action
 from ecm.rig.timeline import Visit
-from ecm.table import POSE, Table, as_table
 from test_rig_stand_in import L, StandIn, some_poses
 
 

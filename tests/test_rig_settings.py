@@ -10,8 +10,8 @@ import pytest
 
 import ecm.rig
 from ecm.errors import InputError
+from ecm.io.toml import read_toml
 from ecm.rig import RigSettings
-from ecm.toml_file import read_toml
 
 
 def test_defaults_stand_where_nothing_is_said() -> None:
@@ -24,18 +24,18 @@ def test_defaults_stand_where_nothing_is_said() -> None:
 @pytest.mark.parametrize(
     ("tables", "words"),
     [
-        ({"rgi": {}}, ["rig.toml", "rgi", "Did you mean `rig`"]),
-        ({"rig": {"dwel_s": 1.0}}, ["rig.toml [rig]", "dwel_s", "Did you mean `dwell_s`"]),
+        ({"rgi": {}}, ["rig.toml", "rgi", "did you mean 'rig'"]),
+        ({"rig": {"dwel_s": 1.0}}, ["rig.toml [rig]", "dwel_s", "did you mean 'dwell_s'"]),
         ({"rig": {"dwell_s": "two"}}, ["dwell_s", "'two'", "a number"]),
         ({"rig": {"dwell_s": -1.0}}, ["dwell_s", "-1.0", "from 0"]),
         ({"rig": {"dwell_s": float("nan")}}, ["dwell_s", "nan"]),
-        ({"rig": {"offset_every": 2.5}}, ["offset_every", "integer"]),
+        ({"rig": {"offset_every": 2.5}}, ["offset_every", "a whole number"]),
         ({"rig": {"mode": "by hand"}}, ["mode", "quasi_static, robot"]),
         (
             {"rig": {"mode": "robot", "impedence_N_m": 900.0}},
-            ["impedence_N_m", "Did you mean `impedance_N_m`"],
+            ["impedence_N_m", "did you mean 'impedance_N_m'"],
         ),
-        ({"rig": {"mode": "robot", "dwel_s": 1.0}}, ["Did you mean `dwell_s`"]),
+        ({"rig": {"mode": "robot", "dwel_s": 1.0}}, ["did you mean 'dwell_s'"]),
         ({"rig": {"mode": "robot", "step_s": 1.0}}, ["step_s", "to 0.002"]),
         ({"rig": {"impedance_N_m": 900.0}}, ["impedance_N_m", 'mode = "robot"']),
         ({"rig": {"approach": "sideways"}}, ["approach", "initial, previous"]),
@@ -43,7 +43,7 @@ def test_defaults_stand_where_nothing_is_said() -> None:
         ({"instrument": {"fts_range": [400.0]}}, ["fts_range", "6 numbers"]),
         ({"instrument": {"zeroed_with_payload": 1}}, ["zeroed_with_payload", "true or false"]),
         ({"instrument": {"top_from_sensor": [0, 0, 0, 2, 0, 0, 0]}}, ["quaternion", "norm 2"]),
-        ({"hidden": {"effect": "fts_drfit"}}, ["[hidden]", "Did you mean `fts_drift`"]),
+        ({"hidden": {"effect": "fts_drfit"}}, ["[hidden]", "did you mean 'fts_drift'"]),
         ({"hidden": {"strength": 0.0}}, ["strength", "0.0"]),
     ],
 )
@@ -55,7 +55,7 @@ def test_wrong_entries_are_refused(tables: dict[str, Any], words: list[str]) -> 
 
 
 def test_the_rig_knows_nothing_of_models_and_effects() -> None:
-    forbidden = ("ecm.effects", "ecm.models", "ecm.diagnose", "ecm.compare")
+    forbidden = ("ecm.effects", "ecm.models", "ecm.diagnosis", "ecm.comparison")
     files = list(Path(ecm.rig.__file__).parent.rglob("*.py"))
     assert len(files) > 20
     for file in files:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ecm.rig.elastic import (
     CONTRAST,
     COS2,
-    PLAIN,
     STIFF,
     TAPER,
     THICK,
+    UNIFORM,
     Anchors,
     Elastic,
     Progress,
@@ -45,7 +45,7 @@ def forces(c: F, theta: F, grade: str) -> tuple[F, F]:
     swing = np.sum(weight * c**2, axis=1, keepdims=True)
     q_c = weight * c * softer
     q_t = moment * theta + 4.0 * swing * theta + 3.0 * np.sum(theta**2, 1, keepdims=True) * theta
-    if grade == PLAIN:
+    if grade == UNIFORM:
         return q_c, q_t
     share = CONTRAST / 3.0
     (cy, cz), (ty, tz) = c[:, 1:].T, theta[:, 1:].T
@@ -71,7 +71,7 @@ def forces(c: F, theta: F, grade: str) -> tuple[F, F]:
     return q_c + share * d_c, q_t + share * d_t
 
 
-def wrench(poses: F, grade: str = PLAIN) -> F:
+def wrench(poses: F, grade: str = UNIFORM) -> F:
     """h by inverting Q_c = A' f, Q_theta = J' tau + J(theta/2)' (r x f) / 2."""
     c, theta = coordinates(poses)
     q_c, q_t = forces(c, theta, grade)
@@ -81,7 +81,7 @@ def wrench(poses: F, grade: str = PLAIN) -> F:
     return np.concatenate([f, tau], axis=1)
 
 
-def stiffness(poses: F, grade: str = PLAIN) -> F:
+def stiffness(poses: F, grade: str = UNIFORM) -> F:
     step = 1e-6
     columns = []
     for i in range(6):
@@ -150,7 +150,7 @@ def test_stand_in_is_conservative() -> None:
 
 
 def test_the_increment_from_an_anchor_is_exact_to_second_order() -> None:
-    anchors = StandIn().solve(some_poses(50), PLAIN, None)
+    anchors = StandIn().solve(some_poses(50), UNIFORM, None)
     index = np.arange(50)
     random = np.random.default_rng(1)
     step = np.array([1.5e-4] * 3 + [1e-3] * 3) * random.standard_normal((50, 6))

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.diagnose import Diagnosis, diagnose
+from ecm.diagnosis import Diagnosis, diagnose
 from ecm.errors import ComputationError, InputError
+from ecm.io.table import Table, read_table
 from ecm.rig import Campaign, Hidden, RigSettings, run_campaign
-from ecm.rig.draws import DRAWS
 from ecm.rig.elastic import Anchors, Smooth
 from ecm.rig.frames import rotation, turn_wrench
+from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.hidden.draw import DRAWS
 from ecm.rig.physics.time_skew import TimeSkew
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.strength import Whitener
-from ecm.table import Table, read_table
 from stand_in_campaign import model, workspace_poses
 from test_rig_plan import plan_of
 from test_rig_stand_in import F, L, StandIn, some_poses, wrench
@@ -260,7 +260,7 @@ def test_a_skew_that_is_absurd_is_refused_with_what_would_show_it() -> None:
 
 
 def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ecm.rig.hidden.DRAWS", {"payload": DRAWS["payload"]})
+    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", {"payload": DRAWS["payload"]})
     drawn: dict[bool, set[str]] = {True: set(), False: set()}
     for streamed in (True, False):
         settings = STREAM if streamed else RigSettings()

@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
-from ecm.robot import arm
-from ecm.robot.feed_forward import compiled
-from ecm.robot.impedance import null_direction
-from ecm.robot.inverse import flange, joints_at, solve, swivel
-from ecm.robot.scene import scene
-from ecm.robot.simulation import Simulation
-from ecm.robot.timing import duration_s, progress
+from ecm.rig.arm import kuka as arm
+from ecm.rig.arm.feed_forward import compiled
+from ecm.rig.arm.impedance import null_direction
+from ecm.rig.arm.inverse import flange, joints_at, solve, swivel
+from ecm.rig.arm.scene import scene
+from ecm.rig.arm.simulation import Simulation
+from ecm.rig.arm.timing import duration_s, progress
 from robot_rig import REST, library, machine, mechanism, settings
 from test_rig_stand_in import L, some_poses, wrench
 
@@ -288,7 +288,7 @@ def test_the_loop_evaluates_the_exported_model() -> None:
 def test_impedance_alone_settles_where_both_springs_balance() -> None:
     control = machine()
     goal = REST + np.array([-0.006, 0.003, 0.0, 0.0, 0.0, 0.1])
-    from ecm.robot.procedure import Stop
+    from ecm.rig.arm.procedure import Stop
 
     outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).outcomes[0]
     assert outcome.reason == ""

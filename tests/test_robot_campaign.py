@@ -15,12 +15,12 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
+from ecm.io.table import Table, read_table
 from ecm.rig import Hidden, run_campaign
-from ecm.rig.observe import row_covariance
-from ecm.rig.strength import Whitener
-from ecm.robot.campaign import RobotCampaign
-from ecm.robot.record import Line
-from ecm.table import Table, read_table
+from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.record import Line
+from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.measurement import row_covariance
 from robot_rig import REST, plan, settings
 from test_rig_stand_in import StandIn, some_poses
 
@@ -262,7 +262,7 @@ def test_the_arms_own_limits_cost_poses_and_not_the_campaign(cache: Path, tmp_pa
 
 @pytest.mark.parametrize(
     ("fault", "words"),
-    [("sensor_nan", "NAME@VISIT"), ("sensr_nan@3", "Did you mean `sensor_nan`")],
+    [("sensor_nan", "NAME@VISIT"), ("sensr_nan@3", "did you mean 'sensor_nan'")],
 )
 def test_faults_are_read_with_care(cache: Path, fault: str, words: str) -> None:
     with pytest.raises(InputError, match=words):

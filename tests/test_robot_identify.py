@@ -14,16 +14,16 @@ import pytest
 
 from browser import open_page
 from conftest import ROOT, Done, csv_text, neck_columns
-from ecm.config import Config, read_config, with_rig
-from ecm.design import Design
+from ecm.designs import Design
 from ecm.errors import InputError
-from ecm.identify import DESIGNS, Console, Job, _measure, measure
-from ecm.measured import _identity, need_free
-from ecm.report.arm import arm_section
+from ecm.fem.simulate import simulate
+from ecm.io.table import Table
 from ecm.report.page import write_page
 from ecm.rig import HiddenTable, RigSettings
-from ecm.simulate import simulate
-from ecm.table import Table
+from ecm.workflow.campaign_files import _identity, require_free
+from ecm.workflow.config import Config, read_config, with_rig
+from ecm.workflow.identify import DESIGNS, Console, Job, _measure, measure
+from ecm.workflow.report_arm import arm_section
 from robot_rig import FAST, settings
 
 NAMES = {"d": "D-optimal", "maximin": "maximin"}
@@ -56,7 +56,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     if missing == "mujoco":
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:
-        monkeypatch.setattr("ecm.robot.feed_forward.shutil.which", lambda _name: None)
+        monkeypatch.setattr("ecm.rig.arm.feed_forward.shutil.which", lambda _name: None)
     (tmp_path / "plan.csv").write_text(csv_text(neck_columns(3)))
     job = ROOT / "examples" / "quick.toml" if command == "identify" else tmp_path / "plan.csv"
     (tmp_path / "plan.toml").write_text(
@@ -139,9 +139,9 @@ def test_processes_and_rehearsed_faults_may_change_while_a_campaign_is_interrupt
         folder.mkdir(exist_ok=True)
         digest = _identity(settings(processes=2, fault="sensor_nan@1"), 0)
         (folder / name).write_text(json.dumps({"rig": digest}))
-    need_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(processes=1), 0)
+    require_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(processes=1), 0)
     with pytest.raises(InputError, match="another rig"):
-        need_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(dwell_s=0.2), 0)
+        require_free(tmp_path, tmp_path / "stages", ("measured-d",), settings(dwell_s=0.2), 0)
 
 
 def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ import pytest
 
 from conftest import Done
 from ecm.errors import ComputationError, InputError, MissingExtra
-from ecm.report.arm import arm_section
 from ecm.report.page import FigureBlock
-from ecm.robot.film import Film, centre_line, film
-from ecm.robot.procedure import Stop
-from ecm.robot.scene import mujoco
-from ecm.robot.show import need_robot, pose_on_its_way, show
+from ecm.rig.arm.film import Film, centre_line, film
+from ecm.rig.arm.procedure import Stop
+from ecm.rig.arm.scene import mujoco
+from ecm.rig.arm.show import need_robot, pose_on_its_way, show
+from ecm.workflow.report_arm import arm_section
 from robot_rig import REST, job, library, machine, plan, settings
 from test_rig_stand_in import L, StandIn, some_poses
 
@@ -58,7 +58,7 @@ def test_the_centre_line_meets_both_frames() -> None:
 
 def test_phases_are_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    from ecm.robot.figure import figure_7
+    from ecm.rig.arm.figure import figure_7
 
     stop = Stop(0, GOAL, (), 0.2, 0.2)
     result = machine().sortie([stop])
@@ -83,7 +83,7 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    monkeypatch.setattr("ecm.robot.show._TRIED", 2)
+    monkeypatch.setattr("ecm.rig.arm.show._TRIED", 2)
     common: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
     weak = settings(force_limit_N=1.0)
     (line,) = show(plan(some_poses(7)), weak, phases=tmp_path / "fig7.png", **common)
@@ -112,7 +112,7 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
     library()  # skips where there is no compiler at all
     common: dict[str, Any] = {"phases": tmp_path / "fig7.png", "source": StandIn()}
     show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
-    monkeypatch.setattr("ecm.robot.feed_forward.shutil.which", lambda _name: None)
+    monkeypatch.setattr("ecm.rig.arm.feed_forward.shutil.which", lambda _name: None)
     show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
     with pytest.raises(ComputationError, match="no C compiler"):
         show(plan(some_poses(7)), settings(), folder=tmp_path / "bare", **common)

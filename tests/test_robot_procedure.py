@@ -13,14 +13,14 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ecm.robot.arm import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
-from ecm.robot.feed_forward import compiled
-from ecm.robot.impedance import Impedance
-from ecm.robot.inverse import flange, joints_at, swivel
-from ecm.robot.procedure import Outcome, Sortie, Stop
-from ecm.robot.scene import scene
-from ecm.robot.simulation import Diverged
-from ecm.robot.summary import errors, fractions
+from ecm.rig.arm.feed_forward import compiled
+from ecm.rig.arm.impedance import Impedance
+from ecm.rig.arm.inverse import flange, joints_at, swivel
+from ecm.rig.arm.kuka import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
+from ecm.rig.arm.procedure import Outcome, Sortie, Stop
+from ecm.rig.arm.scene import scene
+from ecm.rig.arm.simulation import Diverged
+from ecm.rig.arm.summary import errors, fractions
 from robot_rig import REST, library, machine, mechanism, settings
 from test_rig_stand_in import L, some_poses
 
@@ -281,8 +281,8 @@ def test_the_same_sortie_gives_the_same_numbers() -> None:
 
 
 def test_the_example_is_valid_and_holds_the_defaults() -> None:
-    from ecm.config import read_rig
     from ecm.rig.arm_table import ArmTable
+    from ecm.workflow.config import read_rig
 
     rig = read_rig(Path(__file__).parent.parent / "examples" / "robot.toml")
     assert rig.rig.mode == "robot"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.columns import WRENCH
-from ecm.diagnose import diagnose
+from ecm.diagnosis import diagnose
 from ecm.effects import Rows, get_effect
-from ecm.effects.scatter import NoiseEffect
-from ecm.table import Table
+from ecm.effects.noise import NoiseEffect
+from ecm.io.columns import WRENCH
+from ecm.io.table import Table
 from stand_in_campaign import campaign, model, physics
 
 GROWTH_PER_NM = 2.0

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.columns import WRENCH
-from ecm.compare.noise import Noise
-from ecm.compare.zero import zero_errors
 from ecm.effects import Rows, get_effect
-from ecm.refit import joint_fit
-from ecm.runs import join_runs
-from ecm.table import Table
+from ecm.io.columns import WRENCH
+from ecm.io.join import join_runs
+from ecm.io.table import Table
+from ecm.models.joint_fit import joint_fit
+from ecm.regression.noise import Noise
+from ecm.regression.shared_error import shared_zero_error
 from stand_in_campaign import campaign, physics
 
 F = NDArray[np.float64]
@@ -67,7 +67,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(id: str, values: list[flo
 def test_the_zero_scatters_as_the_readings_after_it_do() -> None:
     table = measured(1, "fts_offset", np.zeros(6))
     rows = Rows(table, physics())
-    columns = zero_errors(rows, table.wrenches - rows.sensor_load, NOISE)
+    columns = shared_zero_error(rows, table.wrenches - rows.sensor_load, NOISE)
     sd = np.einsum("nji,njk->nik", rows.base_from_top, columns)[0].diagonal()
     expected = SHARE * np.repeat([NOISE.force_sd_N, NOISE.torque_sd_Nm], 3)
     assert sd == pytest.approx(expected, rel=0.4)
@@ -80,7 +80,7 @@ def test_without_readings_that_show_it_the_zero_adds_nothing() -> None:
     silent = table.with_columns({name: np.where(free, 0.0, table.column(name)) for name in WRENCH})
     for other in (table.select(np.flatnonzero(~free)), silent):
         rows = Rows(other, physics())
-        assert zero_errors(rows, other.wrenches - rows.sensor_load, NOISE).shape[2] == 0
+        assert shared_zero_error(rows, other.wrenches - rows.sensor_load, NOISE).shape[2] == 0
 
 
 def test_each_campaign_has_a_zero_of_its_own() -> None:
@@ -89,7 +89,7 @@ def test_each_campaign_has_a_zero_of_its_own() -> None:
     columns, meta, _ = join_runs([(t.columns, t.meta, t.source) for t in (first, second)])
     joined = Table(columns, meta, "both")
     rows = Rows(joined, physics())
-    errors = zero_errors(rows, joined.wrenches - rows.sensor_load, NOISE)
+    errors = shared_zero_error(rows, joined.wrenches - rows.sensor_load, NOISE)
     assert errors.shape[2] == 12
     size = np.abs(errors).sum(axis=1)
     early = rows.campaign == 0

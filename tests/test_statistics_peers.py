@@ -12,20 +12,20 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.compare.floor import floor_from_repeats
-from ecm.compare.gram import Gram
-from ecm.compare.lack_of_fit import lack_of_fit, omnibus
-from ecm.compare.noise import Noise, declared_noise
-from ecm.diagnose.accept import check
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Problem, assemble
-from ecm.diagnose.scatter import _score
-from ecm.diagnose.search import bic, fall, normal_equations, rank
+from ecm.diagnosis.accept import acceptance_check
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.noise_effects import _score
+from ecm.diagnosis.problem import Problem, assemble
+from ecm.diagnosis.search import delta_bic, delta_chi2, normal_equations, rank
 from ecm.effects import Rows, all_effects, get_effect
-from ecm.meta import Meta
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.refit import joint_fit
-from ecm.table import Table
+from ecm.models.joint_fit import joint_fit
+from ecm.regression.f_test import lack_of_fit, omnibus_test
+from ecm.regression.noise import Noise, declared_noise
+from ecm.regression.normal_equations import NormalEquations
+from ecm.regression.reml import reml_noise
 from stand_in_campaign import campaign, model, physics, workspace_poses
 
 sm = pytest.importorskip("statsmodels.api", reason="statsmodels is missing: dependency group dev")
@@ -91,7 +91,7 @@ def test_leave_one_out_is_press() -> None:
     z, y = random.standard_normal((50, 4)), random.standard_normal(50)
     peer = sm.OLS(y, z).fit().get_influence().resid_press
     own = np.arange(50)
-    gram = Gram.of(z[:, None, :], y[:, None], own)
+    gram = NormalEquations.of(z[:, None, :], y[:, None], own)
     found = gram.held_out([0, 1, 2, 3], own, np.ones(50))
     np.testing.assert_allclose(found, peer**2, rtol=1e-6)
     poses = workspace_poses(60, 5)
@@ -125,7 +125,7 @@ def test_the_omnibus_is_the_f_test_of_nested_models() -> None:
     small = sm.OLS(y, fitted).fit()
     large = sm.OLS(y, np.concatenate([fitted, more], axis=1)).fit()
     ratio, p, dof = large.compare_f_test(small)
-    found = omnibus(small.resid[:, None], more[:, None, :], fitted[:, None, :])
+    found = omnibus_test(small.resid[:, None], more[:, None, :], fitted[:, None, :])
     assert (found.F, found.p) == pytest.approx((ratio, p), rel=1e-9)
     assert (found.dof, found.dof_error) == (dof, large.df_resid)
 
@@ -145,11 +145,11 @@ def test_bic_and_its_p_are_those_of_a_regression_of_known_variance(
     own = len(item.candidate.columns)
     ratio = 2.0 * (large.llf_scaled(1.0) - small.llf_scaled(1.0))
     equations = normal_equations(problem)
-    drop = fall(equations, problem, [item.candidate])
+    drop = delta_chi2(equations, problem, [item.candidate])
     assert drop == pytest.approx(ratio, rel=1e-6)
     # BIC is -2 log L + k ln n.
     gain = ratio - own * np.log(small.nobs)
-    assert bic(equations, problem, [item.candidate]) == pytest.approx(gain, rel=1e-6)
+    assert delta_bic(equations, problem, [item.candidate]) == pytest.approx(gain, rel=1e-6)
     # A coefficient of a sign that its parameter may not have explains nothing in the ranking.
     signs = problem.signs[list(item.candidate.columns)]
     if np.any(signs * large.params[len(base) :] < 0.0):
@@ -169,7 +169,7 @@ def test_the_first_of_many_is_corrected_as_holm_does(problem: Problem) -> None:
     p = np.array([item.p for item in ranked])
     corrected = multipletests(p, method="holm")[1]
     for k in (int(p.argmin()), len(p) // 2, len(p) - 1):
-        found = check(problem, [ranked[k].candidate], ranked[k].candidate, [], 0)
+        found = acceptance_check(problem, [ranked[k].candidate], ranked[k].candidate, [], 0)
         if p[k] == p.min():
             assert found.p_holm == pytest.approx(corrected[k], rel=1e-9)
         # An effect that is not the first is never judged more kindly.
@@ -195,7 +195,7 @@ def test_the_floor_is_the_residual_variance_of_a_mixed_model() -> None:
     )
     soft = physics().with_coefficients(np.zeros(len(physics().coefficients)))
     nuisance = time[:, None, None] * np.eye(6)
-    found = floor_from_repeats(Rows(table, soft), residual, cells, nuisance, Noise())
+    found = reml_noise(Rows(table, soft), residual, cells, nuisance, Noise())
     assert found is not None
     for names, value in ((slice(0, 3), found.force_sd_N), (slice(3, 6), found.torque_sd_Nm)):
         y = residual[:, names].T.ravel()

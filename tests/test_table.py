@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from conftest import csv_text, neck_columns
-from ecm.columns import POSE, STANDARD, WRENCH, likely_name
 from ecm.errors import InputError, MissingExtra
-from ecm.meta import Meta, Scene
-from ecm.table import Table, as_table, read_table
+from ecm.io.columns import POSE, STANDARD, WRENCH, likely_name
+from ecm.io.description import Meta, Scene
+from ecm.io.table import Table, as_table, read_table
 
 Edit = Callable[[list[list[str]]], None]
 
@@ -379,13 +379,13 @@ def test_tables_of_different_things_do_not_join(tmp_path: Path) -> None:
     assert "y_m, z_m" in message
 
 
-def test_a_mesh_is_the_same_from_wherever_it_is_told(tmp_path: Path) -> None:
+def test_a_mesh_is_the_same_whatever_folder_names_it(tmp_path: Path) -> None:
     """Catches a second campaign, written to a folder of its own, that is refused for its path."""
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 1.0]}
     (tmp_path / "later").mkdir()
     for name, mesh in (("a", "body.msh"), ("later/b", "../body.msh"), ("later/c", "body.msh")):
-        told = f'[mechanism]\nmesh = "{mesh}"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n'
-        (tmp_path / f"{name}.toml").write_text(told, encoding="utf-8")
+        text = f'[mechanism]\nmesh = "{mesh}"\nlength_m = 0.1\nyoung_modulus_Pa = 1e6\n'
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
         (tmp_path / f"{name}.csv").write_text("y_m,fy_N\n0.0,0.0\n0.1,1.0\n", encoding="utf-8")
     both = read_table([tmp_path / "a.csv", tmp_path / "later" / "b.csv"])
     assert both.column("run").tolist() == [0, 0, 1, 1]
@@ -407,6 +407,55 @@ def test_frames_are_accepted() -> None:
         as_table(3)
     with pytest.raises(InputError, match="different lengths"):
         as_table({"y_m": [0.0], "fy_N": [1.0, 2.0]})
+
+
+def test_a_table_is_read_by_name_and_by_row() -> None:
+    table = as_table({"y_m": [0.0, 0.1], "fy_N": [0.0, 30.0], "approach": ["initial", ""]})
+    assert table["fy_N"].tolist() == [0.0, 30.0]
+    assert table["approach"].tolist() == ["initial", ""]
+    assert list(dict(table)) == ["y_m", "fy_N", "approach"]
+    assert list(table)[1] == {"y_m": 0.1, "fy_N": 30.0, "approach": ""}
+    assert "fy_N" in table
+    assert "fx_N" not in table
+    with pytest.raises(InputError, match="the column 'fyN' is missing, did you mean 'fy_N'"):
+        table["fyN"]
+    with pytest.raises(InputError, match="the column 'kind' is missing"):
+        table["kind"]
+
+
+def test_a_table_becomes_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    pandas = pytest.importorskip("pandas", reason="pandas frames: pandas is not installed")
+    columns = {**neck_columns(6), "approach": np.array(["initial"] * 6, dtype=object)}
+    table = as_table(columns)
+    frame = pandas.DataFrame(columns)
+    pandas.testing.assert_frame_equal(table.to_pandas(), frame)
+    pandas.testing.assert_frame_equal(pandas.DataFrame(table), frame, check_dtype=False)
+    again = as_table(table.to_pandas())
+    assert all((again[name] == table[name]).all() for name in columns)
+
+    def absent(module: str) -> Any:
+        raise ImportError(module)
+
+    monkeypatch.setattr("ecm.io.table.import_module", absent)
+    with pytest.raises(MissingExtra, match=r"pandas.*ecm-stiffness\[data\]"):
+        table.to_pandas()
+
+
+def test_a_table_shows_itself_in_a_few_lines() -> None:
+    columns = neck_columns(4) | {"run": [0, 0, 1, 1], "humidity": [40.0, 41.0, 42.0, 43.0]}
+    table = as_table(columns | {"approach": ["initial"] * 4}, source="a<b.csv")
+    assert repr(table).splitlines() == [
+        "Table 'a<b.csv': 4 rows, 2 runs",
+        f"  pose    {', '.join(POSE)}",
+        f"  wrench  {', '.join(WRENCH)}",
+        "  other   run, approach",
+        "  own     humidity",
+    ]
+    page = table._repr_html_()
+    assert "<caption>Table &#x27;a&lt;b.csv&#x27;: 4 rows, 2 runs</caption>" in page
+    assert "<tr><td>humidity</td><td>40</td><td>43</td></tr>" in page
+    assert "<td>approach</td><td>initial</td><td>initial</td>" in page
+    assert repr(Table({}, Meta(), "nothing")) == "Table 'nothing': 0 rows, 1 run"
 
 
 def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.compare.residuals import factors
-from ecm.diagnose import Diagnosis, diagnose
-from ecm.diagnose.relevance import relevance
-from ecm.diagnose.skeleton import skeleton
+from ecm.comparison.residuals import factors
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.ard import ard_relevance
+from ecm.diagnosis.effect_template import effect_template
 from ecm.effects import effect, get_effect, unregister
-from ecm.effects.rows import Rows
 from ecm.errors import InputError
-from ecm.meta import Meta
+from ecm.io.description import Meta
+from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.table import Table
+from ecm.regression.rows import Rows
 from stand_in_campaign import campaign, model
 
 
@@ -36,11 +36,11 @@ def test_the_process_finds_the_variables_that_matter() -> None:
     random = np.random.default_rng(0)
     variables = random.standard_normal((200, 5))
     target = np.sin(2.0 * variables[:, 1]) * variables[:, 3] + 0.1 * random.standard_normal(200)
-    shares = relevance(variables, target[:, None])
+    shares = ard_relevance(variables, target[:, None])
     assert shares.sum() == pytest.approx(1.0)
     assert set(np.argsort(-shares)[:2]) == {1, 3}
     assert shares[[0, 2, 4]].max() < 0.1
-    noise = relevance(variables, np.zeros((200, 1)))
+    noise = ard_relevance(variables, np.zeros((200, 1)))
     assert noise.tolist() == [0.0] * 5
 
 
@@ -70,18 +70,18 @@ def test_the_skeleton_is_an_effect_that_explains_the_residual(found: Diagnosis) 
 
 
 def test_a_skeleton_for_squares_and_sides() -> None:
-    text = skeleton([(("approach", "x_m"), "fx_N")], ("fx_N", "fy_N"))
+    text = effect_template([(("approach", "x_m"), "fx_N")], ("fx_N", "fy_N"))
     assert "sides(rows.table)" in text
     assert 'u("x_m")' in text
     compile(text, "skeleton", "exec")
-    squared = skeleton([(("y_m", "y_m"), "fy_N")], ("fx_N", "fy_N"))
+    squared = effect_template([(("y_m", "y_m"), "fy_N")], ("fx_N", "fy_N"))
     assert 'u("y_m") * u("y_m")' in squared
     assert "needs=('approach', 'x_m')" in text
-    assert 'kind="time"' in skeleton([(("row",), "fx_N")], ("fx_N",))
+    assert 'kind="time"' in effect_template([(("row",), "fx_N")], ("fx_N",))
     assert '{"size": "N/(m m)"}' in squared
-    assert '{"size": "N m/Pa"}' in skeleton([(("hose_Pa",), "tau_x_Nm")], ("tau_x_Nm",))
+    assert '{"size": "N m/Pa"}' in effect_template([(("hose_Pa",), "tau_x_Nm")], ("tau_x_Nm",))
     assert "columns[:, 1]" in squared
-    constant = skeleton([((), "fy_N")], ("fx_N", "fy_N"))
+    constant = effect_template([((), "fy_N")], ("fx_N", "fy_N"))
     assert "columns[:, 1] = 1.0" in constant
     compile(constant, "skeleton", "exec")
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from conftest import ROOT
-from ecm.compare import compare
-from ecm.diagnose import Diagnosis, diagnose
+from ecm.comparison import compare
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.table import Table, read_table
 from ecm.models import fit_model
-from ecm.table import Table, read_table
 
 META = ROOT / "examples" / "viscoelastic_shear.toml"
 

@@ -9,7 +9,7 @@ import pytest
 
 from ecm._native import Mesh, rotation_matrices
 from ecm.cli import run
-from ecm.table import POSE, read_table
+from ecm.io.table import POSE, read_table
 
 LENGTH, RADIUS = 0.1034, 0.033
 CONFIG = f"""

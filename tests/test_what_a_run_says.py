@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ecm.columns import POSE
 from ecm.effects import Rows, get_effect
 from ecm.effects.load import needs_gravity
 from ecm.errors import InputError
-from ecm.meta import Instrument, Meta, Scene, read_meta
-from ecm.table import Table, read_table
+from ecm.io.columns import POSE
+from ecm.io.description import Instrument, Meta, Scene, read_meta
+from ecm.io.table import Table, read_table
 from stand_in_campaign import physics, workspace_poses
 
 HALF = 6

@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ecm.compare import Where, compare
+from ecm.comparison import ResidualMaps, compare
+from ecm.comparison.residual_figures import (
+    residual_figure,
+    signature_figure,
+    stiffness_figure,
+    workspace_figure,
+)
 from ecm.errors import InputError
 from ecm.models import fit_model
 from stand_in_campaign import campaign, model
 
 
 @pytest.fixture(scope="module")
-def found() -> Where:
+def found() -> ResidualMaps:
     return compare(model(), campaign("payload", 2.0, 0)).where()
 
 
@@ -21,7 +27,7 @@ def drawn(values: np.ndarray) -> list[float]:
     return [float(f"{value:.5g}") for value in values]
 
 
-def test_residuals_over_their_noise_against_a_variable(found: Where) -> None:
+def test_residuals_over_their_noise_against_a_variable(found: ResidualMaps) -> None:
     """A figure of another frame, unit or component than its data would show."""
     data = found.residual_map("time_s", frame="top", over_noise=False)
     assert list(data) == ["row", "time_s", *found.outputs]
@@ -32,7 +38,7 @@ def test_residuals_over_their_noise_against_a_variable(found: Where) -> None:
     assert default["fx_N"] == pytest.approx(
         found.physical["base"][:, 0] / found.spread["base"][:, 0]
     )
-    figure = found.figure("time_s", frame="top", over_noise=False)
+    figure = residual_figure(found, "time_s", frame="top", over_noise=False)
     assert len(figure["data"]) == 6
     for trace, name in zip(figure["data"], found.outputs, strict=True):
         assert trace["x"] == drawn(data["time_s"])
@@ -46,11 +52,11 @@ def test_residuals_over_their_noise_against_a_variable(found: Where) -> None:
 @pytest.mark.parametrize("frame", ["base", "top"])
 @pytest.mark.parametrize("over_noise", [True, False])
 def test_what_an_effect_predicts_stands_on_the_residual(
-    found: Where, frame: str, over_noise: bool
+    found: ResidualMaps, frame: str, over_noise: bool
 ) -> None:
     """What predicts the residual itself lies on it, in either frame and unit."""
-    figure = found.figure(
-        "x_m", frame=frame, over_noise=over_noise, predicted=found.physical["base"]
+    figure = residual_figure(
+        found, "x_m", frame=frame, over_noise=over_noise, predicted=found.physical["base"]
     )
     residual, predicted = figure["data"][:6], figure["data"][6:]
     assert len(predicted) == 6
@@ -63,11 +69,11 @@ def test_what_an_effect_predicts_stands_on_the_residual(
     assert data["predicted fz_N"] == pytest.approx(steps[:, 2] / found.spread["base"][:, 2])
 
 
-def test_workspace_signature_and_stiffness(found: Where) -> None:
+def test_workspace_signature_and_stiffness(found: ResidualMaps) -> None:
     workspace = found.workspace_map()
     assert workspace["over_noise"] == pytest.approx(found.size)
     assert {"row", "x_m", "theta_z_rad"} <= set(workspace)
-    first = found.workspace_figure()["data"][0]
+    first = workspace_figure(found)["data"][0]
     assert first["x"] == drawn(workspace["theta_y_rad"])
     order = np.argsort(workspace["over_noise"])
     assert np.all(np.diff(np.array(first["marker"]["size"])[order]) >= 0.0)
@@ -75,12 +81,12 @@ def test_workspace_signature_and_stiffness(found: Where) -> None:
     shares = found.signature_map()
     assert shares == found.shares
     assert list(shares.values()) == sorted(shares.values(), reverse=True)
-    bar = found.signature_figure()["data"][0]
+    bar = signature_figure(found)["data"][0]
     assert dict(zip(bar["x"], bar["y"], strict=True)) == shares
 
     stiffness = found.stiffness_map()
     assert stiffness is not None
-    figure = found.stiffness_figure()
+    figure = stiffness_figure(found)
     assert figure is not None
     cells = figure["data"][0]["text"]
     for i, j in np.ndindex(6, 6):
@@ -92,13 +98,13 @@ def test_workspace_signature_and_stiffness(found: Where) -> None:
         assert float(sd) == pytest.approx(stiffness["sd"][i, j], rel=0.06)
 
 
-def test_maps_that_the_columns_do_not_allow(found: Where) -> None:
+def test_maps_that_the_columns_do_not_allow(found: ResidualMaps) -> None:
     with pytest.raises(InputError, match="no 'tmie_s'"):
         found.residual_map("tmie_s")
     table = campaign("", 1.0, 1).select(np.arange(40))
     small = table.drop("fx_N", "theta_x_rad")
     partial = compare(fit_model(small, "linear"), small).where()
     assert partial.stiffness_map() is None
-    assert partial.stiffness_figure() is None
+    assert stiffness_figure(partial) is None
     with pytest.raises(InputError, match="no 'top'"):
-        partial.figure(frame="top")
+        residual_figure(partial, frame="top")

@@ -12,18 +12,18 @@ import numpy as np
 from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
-from ecm.compare.folds import distinct_rows, informative_rows
-from ecm.compare.noise import declared_noise
-from ecm.diagnose import diagnose
-from ecm.diagnose.accept import held_out_rms
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Candidate, Problem
-from ecm.diagnose.search import rank
+from ecm.diagnosis import diagnose
+from ecm.diagnosis.accept import held_out_rms
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import rank
 from ecm.effects import all_effects
 from ecm.effects.registry import with_shape
 from ecm.models import Model
-from ecm.refit import joint_fit
-from ecm.sensor_zero import zero_times
+from ecm.models.joint_fit import joint_fit
+from ecm.regression.folds import distinct_rows, rows_without_zero_readings
+from ecm.regression.noise import declared_noise
+from ecm.regression.sensor_zero import zero_times
 
 SEEDS = 20
 _NORMAL_90 = 1.6449
@@ -101,7 +101,7 @@ def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str,
         return []
     effects = [with_shape(item["id"], item["shape"]) for item in right]
     # The same rows: those that the diagnosis leaves out would pull the reference alone.
-    kept = informative_rows(data.table)
+    kept = rows_without_zero_readings(data.table)
     kept = kept[distinct_rows(data.table.select(kept))]
     quiet = replace(data.quiet.select(kept), zeros_s=zero_times(data.table))
     base = choose_base(data.model, quiet)

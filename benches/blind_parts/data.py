@@ -15,15 +15,15 @@ from blind_parts.rod_tables import rod_table
 from blind_parts.sets import Set
 from blind_parts.strange import STRANGE, Law, smooth_misfit
 from blind_parts.strength import Strength
-from ecm.columns import WRENCH
-from ecm.compare.noise import declared_noise
-from ecm.diagnose.base import choose_base
+from ecm.diagnosis.base import choose_base
 from ecm.effects import Rows
+from ecm.io.cache import cache_directory
+from ecm.io.columns import WRENCH
+from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap
 from ecm.models.maps import StiffnessMap
+from ecm.regression.noise import declared_noise
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source
-from ecm.stages import cache_directory
-from ecm.table import Table
 
 F = NDArray[np.float64]
 BASE_ERROR = 0.1
@@ -47,7 +47,7 @@ class Data:
 @lru_cache(maxsize=8)
 def shared_plan(source: str, protocol: str, folder: Path) -> Table:
     """The plan of a source, kept in `folder`."""
-    from ecm.table import read_table
+    from ecm.io.table import read_table
 
     path = folder / f"plan-{source}-{protocol}.csv"
     if path.exists():
@@ -143,7 +143,7 @@ def _rig(
 
 def _arm(asked: Set, plan: Table) -> Table:
     """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
-    from ecm.robot.campaign import RobotCampaign
+    from ecm.rig.arm.campaign import RobotCampaign
 
     settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
     campaign = RobotCampaign(

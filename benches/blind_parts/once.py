@@ -11,20 +11,21 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 from unittest import mock
 
-from ecm.diagnose import judge, procedure
-from ecm.diagnose.problem import Problem
+from ecm.diagnosis import decide as judge
+from ecm.diagnosis import procedure
+from ecm.diagnosis.problem import Problem
 
-SHARED = ("assemble", "search", "scatter_effects")
-"""Of `ecm.diagnose.judge`."""
+SHARED = ("assemble", "search", "noise_findings")
+"""Of `ecm.diagnosis.decide`."""
 UNREAD: dict[str, Callable[..., Any]] = {
     "next_experiments": lambda *a, **k: [],
     "detection_limits": lambda *a, **k: {},
-    "further": lambda *a, **k: [],
-    "confusable": lambda *a, **k: [],
+    "refinements": lambda *a, **k: [],
+    "confusable_pairs": lambda *a, **k: [],
     "ceiling_rms": lambda *a, **k: None,
     "signature_shares": lambda *a, **k: {},
 }
-"""Functions of `ecm.diagnose.procedure` whose value stands in the report alone; `describe` of
+"""Functions of `ecm.diagnosis.procedure` whose value stands in the report alone; `describe` of
 `judge` as well."""
 
 
@@ -82,7 +83,9 @@ class Work:
 def only_the_answer() -> Iterator[None]:
     """`diagnose` without those parts of the report that the verdict does not depend on."""
     with ExitStack() as stack:
-        stack.enter_context(mock.patch.object(judge, "describe", return_value={"words": ""}))
+        stack.enter_context(
+            mock.patch.object(judge, "describe_residual", return_value={"words": ""})
+        )
         for name, nothing in UNREAD.items():
             stack.enter_context(mock.patch.object(procedure, name, nothing))
         yield

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from blind_parts.rod import Section
 from blind_parts.rod_tables import rod_mechanism
 from ecm import _native
-from ecm.columns import POSE
-from ecm.design import choose, diagnosable_plan
-from ecm.design.plans import paper_plan
-from ecm.mechanism import Mechanism
-from ecm.meta import Meta
+from ecm.designs import diagnosable_plan, optimal_design
+from ecm.designs.plans import paper_plan
+from ecm.fem.simulate import fem_poses
+from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models import Model, physics_map
-from ecm.simulate import fem_poses
-from ecm.stages import write_atomically
-from ecm.table import Table
 
 F = NDArray[np.float64]
 POSES, VISITS = 100, 300
@@ -61,7 +61,7 @@ def plan_of(candidates: Table, protocol: str) -> Table:
     """
     count, visits = (ARM_POSES, ARM_VISITS) if protocol == "arm" else (POSES, VISITS)
     count = PAPER_POSES if protocol == "paper" else count
-    chosen = choose(candidates.poses, count, criterion="maximin", seed=0)
+    chosen = optimal_design(candidates.poses, count, criterion="maximin", seed=0)
     if protocol == "paper":
         return paper_plan(candidates, chosen, seed=0)
     plan = diagnosable_plan(candidates, chosen, visits, seed=0)

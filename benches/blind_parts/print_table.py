@@ -10,7 +10,7 @@ from typing import Any
 from blind_parts.score import ON_THESE, OURS, beside, failing, tier_lines
 from blind_parts.sets import ALL_SETS, ARM
 from blind_parts.simple import SIMPLE
-from ecm.stages import write_atomically
+from ecm.io.cache import write_atomically
 
 _MET = {True: "yes", False: "no", None: "–"}
 

@@ -26,9 +26,9 @@ from blind_parts.rod_world import (
     measured,
 )
 from blind_parts.strength import Strength
-from ecm.columns import POSE, WRENCH
-from ecm.meta import FileMeta, Instrument, Meta, Scene
-from ecm.table import Table
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import FileMeta, Instrument, Meta, Scene
+from ecm.io.table import Table
 
 F = NDArray[np.float64]
 EFFECTS = {**BODY, **INSTRUMENTS}

@@ -21,8 +21,8 @@ import numpy as np
 from blind_parts.analysis import our_answer
 from blind_parts.data import Data, data_of
 from blind_parts.sets import Set
-from ecm.design.follow_up import drivable, follow_up_plan, parts
-from ecm.table import Table, read_table
+from ecm.designs.follow_up import can_be_run, experiment_parts, follow_up_plan
+from ecm.io.table import Table, read_table
 
 BY_HAND: dict[str, dict[str, dict[str, float]]] = {
     "calliper": {"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}},
@@ -51,15 +51,17 @@ def second_answer(
     told = [str(entry["action"]) for entry in first["next_experiment"]]
     members = {id for one in first["answer"] for id in one}
     for action in told:
-        read = {id: tool for part in parts(action) for id, tool in _read_by(part).items()}
-        if drivable(action) or set(read) & members:
+        read = {
+            id: tool for part in experiment_parts(action) for id, tool in _read_by(part).items()
+        }
+        if can_be_run(action) or set(read) & members:
             found = _after(asked, data, first, read, (action, folder))
             return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
 
 def _read_by(action: str) -> dict[str, dict[str, float]]:
-    if drivable(action):
+    if can_be_run(action):
         return {}
     return next((read for word, read in BY_HAND.items() if re.search(word, action)), {})
 
@@ -74,11 +76,11 @@ def _after(
     """What the readings by hand show and rule out, and the data with those of the campaign."""
     seen, absent = _readings(asked, data, first, read)
     answer, (action, folder) = first["answer"], campaign
-    if drivable(action):
+    if can_be_run(action):
         plan = follow_up_plan(data.table, action)
         second = data_of(asked, folder, plan, data.truth)
         data = replace(data, table=_joined(data.table, second.table))
-    if drivable(action) or (absent and not seen):
+    if can_be_run(action) or (absent and not seen):
         found = our_answer(asked, data, without=absent)
         # What a reading shows does not explain what the joint data leave.
         if not seen or found["verdict"] == "unknown":

@@ -16,11 +16,11 @@ import numpy as np
 from blind_parts.rod_tables import EFFECTS as ROD_EFFECTS
 from blind_parts.strange import STRANGE
 from ecm.effects import all_effects
-from ecm.rig.draws import DRAWS as RIG_EFFECTS
+from ecm.rig.hidden.draw import DRAWS as RIG_EFFECTS
 
 TIER_SETS = {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
 ARM = 6
-"""Number of the tier with the full robot: an arm that bends, swings and settles (`ecm.robot`)."""
+"""Number of the tier with the full robot: an arm that bends, swings and settles (`ecm.rig.arm`)."""
 ALL_SETS = {**TIER_SETS, ARM: 20}
 _CYCLE = {0: 4, 1: 5, 2: 2, 3: 4, 4: 3, 5: 1, ARM: 4}
 """Pairs of sets after which strengths and kinds of a tier come round again."""

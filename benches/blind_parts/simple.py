@@ -13,13 +13,13 @@ from blind_parts.analysis import library
 from blind_parts.data import Data
 from blind_parts.once import Work, only_the_answer
 from blind_parts.sets import Set
-from ecm.compare.estimate import declared_or_fitted, estimate_noise
-from ecm.compare.noise import Noise
-from ecm.diagnose import Diagnosis, diagnose
-from ecm.diagnose.base import choose_base
-from ecm.diagnose.problem import Problem
-from ecm.diagnose.search import rank
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.search import rank
 from ecm.effects import Rows
+from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
+from ecm.regression.noise import Noise
 
 F = NDArray[np.float64]
 Answer = dict[str, Any]
@@ -149,7 +149,7 @@ def random_folds(asked: Set, data: Data, work: Work) -> Answer:
         parts = np.random.default_rng(5).permutation(count) % 5
         return parts[groups]
 
-    with mock.patch("ecm.diagnose.accept.folds", at_random), work.replayed():
+    with mock.patch("ecm.diagnosis.accept.folds", at_random), work.replayed():
         found = diagnose(data.model, data.table, effects=library(asked.removed))
     return _said(found)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.table import Table
+from ecm.io.table import Table
 
 F = NDArray[np.float64]
 Law = Callable[[Table, np.random.Generator], F]

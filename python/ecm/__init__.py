@@ -9,39 +9,48 @@ tauz) in N and N m, both in base axes at the top frame's origin.
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ecm._native import __version__
-    from ecm.compare import Comparison, compare
-    from ecm.design import Design, diagnosable_plan, paper_plan
-    from ecm.design.choose import choose
-    from ecm.diagnose import Diagnosis, diagnose
+    from ecm.comparison.comparison import Comparison, compare
+    from ecm.designs.optimal import Design, optimal_design
+    from ecm.designs.plans import diagnosable_plan, paper_plan
+    from ecm.diagnosis.procedure import diagnose
+    from ecm.diagnosis.verdict import Diagnosis
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
-    from ecm.identify import identify
-    from ecm.mechanism import Mechanism
-    from ecm.models import Model, fit_model, load_model
-    from ecm.rig import RigSettings, reveal, run_campaign
-    from ecm.simulate import Simulated, Workspace, fem_poses, simulate
-    from ecm.table import Table, as_table, read_table
+    from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
+    from ecm.io.mechanism import Mechanism
+    from ecm.io.table import Table, as_table, read_table
+    from ecm.models.fit import fit_model
+    from ecm.models.model import Model, load_model
+    from ecm.rig.hidden.truth import reveal
+    from ecm.rig.run import run_campaign
+    from ecm.rig.settings import RigSettings
+    from ecm.workflow.identify import identify
 
-_HOME = {
+_NAMES = {
     "_native": ("__version__",),
-    "compare": ("Comparison", "compare"),
-    "design": ("Design", "choose", "diagnosable_plan", "paper_plan"),
-    "diagnose": ("Diagnosis", "diagnose"),
+    "comparison.comparison": ("Comparison", "compare"),
+    "designs.optimal": ("Design", "optimal_design"),
+    "designs.plans": ("diagnosable_plan", "paper_plan"),
+    "diagnosis.procedure": ("diagnose",),
+    "diagnosis.verdict": ("Diagnosis",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
-    "identify": ("identify",),
-    "mechanism": ("Mechanism",),
-    "models": ("Model", "fit_model", "load_model"),
-    "rig": ("RigSettings", "reveal", "run_campaign"),
-    "simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
-    "table": ("Table", "as_table", "read_table"),
+    "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
+    "io.mechanism": ("Mechanism",),
+    "io.table": ("Table", "as_table", "read_table"),
+    "models.fit": ("fit_model",),
+    "models.model": ("Model", "load_model"),
+    "rig.hidden.truth": ("reveal",),
+    "rig.run": ("run_campaign",),
+    "rig.settings": ("RigSettings",),
+    "workflow.identify": ("identify",),
 }
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+"""The public names by their module: a module is imported when a name of it is first used."""
+
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "Comparison",
@@ -59,7 +68,6 @@ __all__ = [
     "Workspace",
     "__version__",
     "as_table",
-    "choose",
     "compare",
     "diagnosable_plan",
     "diagnose",
@@ -67,6 +75,7 @@ __all__ = [
     "fit_model",
     "identify",
     "load_model",
+    "optimal_design",
     "paper_plan",
     "read_table",
     "reveal",
@@ -75,28 +84,13 @@ __all__ = [
 ]
 
 
-class _Package(ModuleType):
-    """Names come with their module when they are first asked for: half a second less per command.
-
-    `compare`, `diagnose`, `identify` and `simulate` are functions here, though modules of the same
-    name are below: loading one of these must not put it in the function's place.
-    """
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _MODULE_OF:
-            raise AttributeError(f"module 'ecm' has no attribute '{name}'")
-        value = getattr(import_module(f"ecm.{_MODULE_OF[name]}"), name)
-        super().__setattr__(name, value)
-        return value
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        # The import system puts a module that it has loaded into its package.
-        if name in _MODULE_OF and value is sys.modules.get(f"ecm.{name}"):
-            return
-        super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*self.__dict__, *__all__})
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'ecm' has no attribute '{name}'")
+    value = getattr(import_module(f"ecm.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -253,6 +253,8 @@ class PolynomialModel:
     def predict(self, inputs: _F) -> _F: ...
     def jacobian(self, inputs: _F) -> _F:
         """(N, m, n); K = dh/dp for the paper's map."""
+    def document(self, inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
+        """The map's part of a model file, with these column names."""
     @property
     def degree(self) -> int: ...
     @property
@@ -312,6 +314,11 @@ class EnergyModel:
         groups: Sequence[str] = ...,
     ) -> _F:
         """(N, 6, k): h = regressor @ coefficients."""
+    def document(self) -> dict[str, Any]:
+        """The map's part of a model file."""
+    @property
+    def name(self) -> str:
+        """`energyD`, then `-revolution` or `-general`, then `+group` for each group."""
     def energy_J(self, poses: _F) -> _F: ...
     def predict(self, poses: _F) -> _F: ...
     def stiffness(self, poses: _F, kind: _StiffnessKind = "partial") -> _F: ...

@@ -1,7 +1,7 @@
-"""Errors of the package: each message says what was found, what was expected, where, what to do.
+"""Errors of the package. Each message says where, what was found, what was expected, what to do.
 
-Everything derives from `EcmError`. An outcome such as a solver that did not converge is a status
-in the result, not an error.
+All derive from `EcmError`. An outcome such as a solver that did not converge is a status in the
+result, not an error.
 """
 
 from __future__ import annotations
@@ -21,15 +21,41 @@ __all__ = [
 
 
 class InputError(EcmError):
-    """The input is wrong; the command line ends with exit code 2."""
+    """Wrong input: a value, a file, an option. The command line ends with exit code 2.
+
+    Examples
+    --------
+    >>> from ecm.io.mechanism import Mechanism
+    >>> try:
+    ...     Mechanism(poisson_ratio=0.6)
+    ... except InputError as error:
+    ...     print(error)
+    poisson_ratio = 0.6: expected a number from 0 to 0.5 (0.49 for rubber)
+    """
 
 
 class ComputationError(EcmError):
-    """The computation failed (no convergence, disk); the command line ends with exit code 1."""
+    """A failed computation (no convergence, full disk). The command line ends with exit code 1."""
 
 
 class MissingExtra(InputError):
-    """An optional dependency is not installed."""
+    """An optional dependency that is not installed.
+
+    Parameters
+    ----------
+    package
+        Name of the missing package.
+    extra
+        Extra of this package that installs it.
+    purpose
+        What needs it.
+
+    Examples
+    --------
+    >>> print(MissingExtra("pyarrow", "data", "Reading a.parquet"))
+    Reading a.parquet needs the package pyarrow, which is not installed. \
+Install it with: pip install 'ecm-stiffness[data]'
+    """
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
         super().__init__(
@@ -39,5 +65,5 @@ class MissingExtra(InputError):
 
 
 def exit_code(error: EcmError) -> int:
-    """1 where the computation failed, 2 where the input was wrong (interfaces.md)."""
+    """Return the exit code of the command line: 1 for a failed computation, 2 for wrong input."""
     return 1 if isinstance(error, ComputationError) else 2

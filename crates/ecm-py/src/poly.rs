@@ -241,6 +241,27 @@ impl PolynomialModel {
         PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), columns])
     }
 
+    /// The map's part of a model file, with these column names.
+    fn document<'py>(
+        &self,
+        py: Python<'py>,
+        inputs: Vec<String>,
+        outputs: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let shape = (self.0.inputs(), self.0.outputs());
+        if (inputs.len(), outputs.len()) != shape {
+            return Err(ModelError::new_err(format!(
+                "{} inputs and {} outputs are named, the model has {} and {}",
+                inputs.len(),
+                outputs.len(),
+                shape.0,
+                shape.1
+            )));
+        }
+        let document = ecm_poly::model_file::map::polynomial_document(&self.0, &inputs, &outputs);
+        parsed(py, &serde_json::Value::Object(document).to_string())
+    }
+
     #[getter]
     fn degree(&self) -> usize {
         self.0.degree()
@@ -431,6 +452,17 @@ impl EnergyModel {
         ])
     }
 
+    /// The map's part of a model file.
+    fn document<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let document = ecm_poly::model_file::map::energy_document(&self.0);
+        parsed(py, &serde_json::Value::Object(document).to_string())
+    }
+    /// `energyD`, then `-revolution` or `-general`, then `+group` for each group.
+    #[getter]
+    fn name(&self) -> String {
+        ecm_poly::model_file::map::energy_name(&self.0)
+    }
+
     #[getter]
     fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.0.coefficients())
@@ -523,7 +555,11 @@ pub fn seal_model(document: &str) -> PyResult<String> {
 #[pyfunction]
 pub fn open_model<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
     ecm_poly::open_model(text).map_err(error)?;
-    // Python's own reader makes its own objects of what has just been checked.
+    parsed(py, text)
+}
+
+/// JSON as Python objects, by Python's own reader.
+fn parsed<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
     let document = py.import("json")?.call_method1("loads", (text,))?;
     Ok(document.cast_into::<PyDict>()?)
 }

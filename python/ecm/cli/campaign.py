@@ -8,17 +8,7 @@ from typing import Annotated
 import typer
 
 from ecm.cli.console import Console
-from ecm.cli.options import (
-    Json,
-    Out,
-    Quiet,
-    Seed,
-    Threads,
-    keep_note,
-    load,
-    output,
-    save_json,
-)
+from ecm.cli.options import Json, Out, Quiet, Seed, Threads, keep_note, load, output, save_json
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,9 +53,9 @@ def campaign(
     quiet: Quiet = False,
 ) -> None:
     """Drive the simulated rig through a plan and write what it measures."""
-    from ecm.config import read_rig
     from ecm.rig import campaign_minutes, run_campaign, run_campaigns
     from ecm.rig.journal import keep_data
+    from ecm.workflow.config import read_rig
 
     with Console(quiet=quiet) as console:
         output(out, json, film, phases)
@@ -73,7 +63,7 @@ def campaign(
             keep_data(out, overwrite=overwrite)  # before the plan is read
         settings = read_rig(rig)
         if film is not None or phases is not None:
-            from ecm.robot.show import need_robot
+            from ecm.rig.arm.show import need_robot
 
             need_robot(settings, ("--film", film), ("--phases", phases))
         table = load([plan], console, need="predict")
@@ -96,9 +86,9 @@ def campaign(
         save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
         console.say(f"{out}: {len(data)} rows")
         if settings.rig.mode == "robot":
-            from ecm.robot.run import robot_path
-            from ecm.robot.show import show
-            from ecm.robot.summary import words
+            from ecm.rig.arm.run import robot_path
+            from ecm.rig.arm.show import show
+            from ecm.rig.arm.summary import words
 
             for line in words(robot_path(out)):
                 console.say(line)

@@ -23,7 +23,7 @@ from ecm.cli.options import (
 from ecm.cli.text import columns
 
 if TYPE_CHECKING:
-    from ecm.check import Check
+    from ecm.diagnosis.check import Check
 
 
 def add_to(app: typer.Typer) -> None:
@@ -42,7 +42,7 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Columns, units, what was never excited, and which effects can be tested."""
-    from ecm.check import check as check_table
+    from ecm.diagnosis.check import check as check_table
 
     with Console(quiet=quiet) as console:
         output(json)

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ecm.columns import POSE, WRENCH
 from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
 
 if TYPE_CHECKING:
     from ecm.cli.console import Console
-    from ecm.table import Table
+    from ecm.io.table import Table
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
@@ -20,7 +20,7 @@ def chosen_model(
     table: Table, pcr: str | None, seed: int, console: Console
 ) -> tuple[str, str | None, dict[str, Any]]:
     """Name, PCR threshold, and what cross-validation says of all candidates (for --json)."""
-    from ecm.models.choice import Candidate, choose_model
+    from ecm.models.selection import Candidate, choose_model
 
     if pcr is not None:
         raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
@@ -62,7 +62,7 @@ def chosen_model(
 
 def how_many_poses(table: Table, name: str, seed: int, console: Console) -> dict[str, Any]:
     """The learning curve of the model, said and for --json."""
-    from ecm.models.choice import learning_curve
+    from ecm.models.selection import learning_curve
 
     curve = learning_curve(table, name, _SIZES, seed=seed)
     for n, error in zip(curve.sizes, curve.error, strict=True):

@@ -24,13 +24,13 @@ from ecm.cli.options import (
     save_json,
 )
 from ecm.cli.text import columns
-from ecm.columns import unit_of
+from ecm.io.columns import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ecm.compare import Comparison
-    from ecm.compare.references import References
+    from ecm.comparison import Comparison
+    from ecm.comparison.reference_models import ReferenceModels
 
 
 def add_to(app: typer.Typer) -> None:
@@ -51,10 +51,10 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """A model against a table: RMSE, bias, noise floor and excess error per component."""
-    from ecm.check import excitation_sentences, never_excited
     from ecm.cli.models import open_model, prepare_physics
     from ecm.cli.reports import write_comparison
-    from ecm.compare import compare as run
+    from ecm.comparison import compare as run
+    from ecm.diagnosis.check import excitation_sentences, never_excited
 
     with Console(quiet=quiet) as console:
         output(json, report)
@@ -110,6 +110,6 @@ def _lack_of_fit(found: Comparison, silent: Sequence[str]) -> str:
     return columns(rows)
 
 
-def _side_by_side(found: References) -> str:
+def _side_by_side(found: ReferenceModels) -> str:
     shown = ", ".join(f"{name} {value:.2f}" for name, value in found.levels().items())
     return f"Held-out error over noise: {shown}. {found.sentence()}"

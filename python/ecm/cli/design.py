@@ -25,11 +25,12 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.compare.noise import Noise
-    from ecm.design import BaseForDesign, Separable, Size
+    from ecm.designs import NominalModel, Size
+    from ecm.diagnosis.identifiability import Identifiability
     from ecm.effects import Effect
+    from ecm.io.table import Table
+    from ecm.regression.noise import Noise
     from ecm.rig import RigSettings
-    from ecm.table import Table
 
 
 class Criterion(str, Enum):
@@ -120,7 +121,7 @@ def design(
     quiet: Annotated[bool, typer.Option("--quiet", hidden=True)] = False,
 ) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md)."""
-    from ecm.design import choose, diagnosable_plan, paper_plan, plain_plan
+    from ecm.designs import diagnosable_plan, optimal_design, paper_plan, plain_plan
 
     with Console(quiet=quiet) as console:
         output_plan(out)
@@ -152,7 +153,7 @@ def design(
             "seed": seed,
             "threads": threads,
         }
-        chosen = choose(
+        chosen = optimal_design(
             poses,
             n,
             **options,
@@ -214,20 +215,20 @@ def design(
 
 
 def _rig(path: Path | None) -> RigSettings | None:
-    from ecm.config import read_rig
+    from ecm.workflow.config import read_rig
 
     return None if path is None else read_rig(path)
 
 
 def _noise(settings: RigSettings | None) -> Noise | None:
-    from ecm.design import rig_noise
+    from ecm.designs import rig_noise
 
     return None if settings is None else rig_noise(settings)
 
 
 def _minutes(plan: Table, settings: RigSettings | None) -> float | None:
     """Robot minutes on this rig, or the default one; None where no length is known."""
-    from ecm.columns import POSE
+    from ecm.io.columns import POSE
     from ecm.rig import RigSettings, campaign_minutes
 
     if plan.meta.length_m is None or plan.pose_columns != POSE:
@@ -260,16 +261,16 @@ def _nominal(
     free: bool,
     threads: int,
     console: Console,
-) -> BaseForDesign | None:
+) -> NominalModel | None:
     """The nominal base where it is asked for; else where it costs nothing."""
     from ecm.cli.models import open_model
-    from ecm.columns import WRENCH
-    from ecm.design import nominal_base
+    from ecm.designs import nominal_model
     from ecm.errors import InputError
+    from ecm.io.columns import WRENCH
 
     physics = model == "physics"
     if base is not None or needed or physics:
-        return nominal_base(
+        return nominal_model(
             table,
             None if base is None else open_model(base, console, table),
             physics=physics,
@@ -281,7 +282,7 @@ def _nominal(
         return None
     try:
         if table.wrench_columns == WRENCH or table.meta.body() is not None:
-            return nominal_base(table, threads=threads)
+            return nominal_model(table, threads=threads)
     except InputError:
         pass
     console.say(
@@ -292,14 +293,14 @@ def _nominal(
 
 
 def _included(text: str | None, table: Table) -> Sequence[int]:
-    from ecm.design.rows import row_list
+    from ecm.designs.rows import row_list
 
     return [] if text is None else [int(row) for row in row_list("--include", text, len(table))]
 
 
 def _excluded(texts: list[str] | None, table: Table) -> list[int]:
     """Rows of lists and regions, and those that are no poses: home checks, unloaded readings."""
-    from ecm.design.rows import list_or_region
+    from ecm.designs.rows import list_or_region
 
     rows = set()
     if table.has("kind"):
@@ -318,30 +319,30 @@ def _measured(path: Path | None, table: Table, console: Console) -> Any:
 
 def _told(
     plan: Table,
-    nominal: BaseForDesign | None,
+    nominal: NominalModel | None,
     effects: Sequence[Effect],
     preset: Preset | None,
     rig: RigSettings | None,
-) -> list[Separable]:
-    from ecm.design import separable
+) -> list[Identifiability]:
+    from ecm.diagnosis.identifiability import identifiability
 
     if preset is not Preset.diagnosable or nominal is None:
         return []
-    return separable(plan, nominal, effects, rig=rig)
+    return identifiability(plan, nominal, effects, rig=rig)
 
 
 def _sizes(
     poses: Any, n: int, options: dict[str, Any], wanted: bool, console: Console
 ) -> list[Size]:
     """n against expected error up to N, printed with its knee."""
-    from ecm.design import how_many
+    from ecm.designs import design_sizes
 
     if not wanted:
         return []
     model_options = dict(options)
     if model_options["criterion"] == "maximin":
         model_options["criterion"] = "d"
-    sizes = how_many(poses, most=n, **model_options, progress=console.bar("how many"))
+    sizes = design_sizes(poses, most=n, **model_options, progress=console.bar("how many"))
     console.say("     n   error of h   of K (in units of one reading's noise)")
     for size in sizes:
         mark = "  <- knee" if size.knee else ""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ecm.design import Design, Separable, Size
-    from ecm.table import Table
+    from ecm.designs import Design, Size
+    from ecm.diagnosis.identifiability import Identifiability
+    from ecm.io.table import Table
 
 
 def write_design(
@@ -18,7 +19,7 @@ def write_design(
     candidates: Table,
     chosen: Design,
     *,
-    told: Sequence[Separable],
+    told: Sequence[Identifiability],
     sizes: Sequence[Size],
     minutes: float | None,
 ) -> None:

@@ -30,7 +30,7 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -57,8 +57,8 @@ def diagnose(
     """Rank the effects that the model may lack, and say which one is missing."""
     from ecm.cli.models import open_model, prepare_physics
     from ecm.cli.reports import write_diagnosis
-    from ecm.compare import compare
-    from ecm.diagnose import diagnose as run
+    from ecm.comparison import compare
+    from ecm.diagnosis import diagnose as run
 
     with Console(quiet=quiet) as console:
         output(json, report)
@@ -95,16 +95,16 @@ def _write_next(
     path: Path, table: Table, proposed: Sequence[Mapping[str, Any]], console: Console
 ) -> None:
     """The first proposed experiment, or of a session what a campaign can drive."""
-    from ecm.design import drivable, follow_up_plan
-    from ecm.design.follow_up import parts
+    from ecm.designs import can_be_run, follow_up_plan
+    from ecm.designs.follow_up import experiment_parts
 
-    chosen = next((item["action"] for item in proposed if drivable(item["action"])), None)
+    chosen = next((item["action"] for item in proposed if can_be_run(item["action"])), None)
     if chosen is None:
         console.say(f"{path}: not written, no campaign is needed or could drive what is proposed")
         return
     plan = follow_up_plan(table, chosen)
     plan.write(path)
     console.say(f"{path}: {len(plan)} visits, to {chosen}")
-    by_hand = [part for part in parts(chosen) if not drivable(part)]
+    by_hand = [part for part in experiment_parts(chosen) if not can_be_run(part)]
     if by_hand:
         console.say(f"  by hand in the same session: {', '.join(by_hand)}")

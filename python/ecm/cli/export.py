@@ -60,8 +60,8 @@ def export(
 ) -> None:
     """A model as source code: no heap, no libm, golden vectors, a 1 kHz loop."""
     from ecm.cli.models import open_model
+    from ecm.io.cache import write_atomically
     from ecm.models.export import export_files
-    from ecm.stages import write_atomically
 
     with Console(quiet=quiet) as console:
         output_directory(out)

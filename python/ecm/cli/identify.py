@@ -23,7 +23,7 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.identify import Console as JobConsole
+    from ecm.workflow.identify import Console as JobConsole
 
 
 def add_to(app: typer.Typer) -> None:
@@ -48,9 +48,9 @@ def identify(
     quiet: Quiet = False,
 ) -> None:
     """Simulate, select, measure, identify; then find the effect that was hidden."""
-    from ecm.config import read_config, with_rig
-    from ecm.identify import identify as run
-    from ecm.stages import write_atomically
+    from ecm.io.cache import write_atomically
+    from ecm.workflow.config import read_config, with_rig
+    from ecm.workflow.identify import identify as run
 
     with Console(quiet=quiet) as console:
         output(json, report)
@@ -68,7 +68,7 @@ def identify(
 
 def _shown(console: Console) -> JobConsole:
     """The command's lines and bars, as the job wants them."""
-    from ecm.identify import Console as Base
+    from ecm.workflow.identify import Console as Base
 
     class Shown(Base):
         """Draws."""

@@ -73,8 +73,8 @@ def _invoke(arguments: Sequence[str] | None) -> int:
     from typer.core import TyperGroup
     from typer.main import get_command
 
-    from ecm.blas import one_blas_thread_later
     from ecm.cli.app import app
+    from ecm.regression.blas import one_blas_thread_later
 
     command = get_command(app)
     if not isinstance(command, TyperGroup):

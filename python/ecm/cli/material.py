@@ -53,7 +53,7 @@ def fit(
 ) -> None:
     """A material from uniaxial, equibiaxial and pure-shear tests, with errors."""
     from ecm.errors import InputError
-    from ecm.material import fit_material, read_test
+    from ecm.fem.material_fit import fit_material, read_test
 
     with Console(quiet=quiet) as console:
         output(out, json)

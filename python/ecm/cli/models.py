@@ -7,19 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE, STIFFNESS, WRENCH, unit_of
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, STIFFNESS, WRENCH, unit_of
 
 if TYPE_CHECKING:
     from ecm.cli.console import Console
-    from ecm.mechanism import Mechanism
+    from ecm.io.mechanism import Mechanism
+    from ecm.io.table import Table
     from ecm.models import Model, PhysicsMap
     from ecm.models.fit import Weights
-    from ecm.table import Table
 
-F = NDArray[np.float64]
 _FOLDS = 10
 _HALVINGS = 25
 _FAR = 0.1
@@ -48,7 +47,7 @@ def open_model(name: str, console: Console, table: Table | None = None) -> Model
         The poses that it is asked for: the physics is built as wide as they reach.
     """
     from ecm.models import Model, load_model, physics_map
-    from ecm.models.physics import reach_of
+    from ecm.models.physics.map import reach_of
 
     path = Path(name)
     if path.suffix.lower() != ".toml":
@@ -61,7 +60,7 @@ def open_model(name: str, console: Console, table: Table | None = None) -> Model
 def prepare_physics(table: Table, console: Console, threads: int = 0) -> PhysicsMap | None:
     """The physics base of the table's `[mechanism]`, built under a progress bar where it is new."""
     from ecm.models import physics_map
-    from ecm.models.physics import reach_of
+    from ecm.models.physics.map import reach_of
 
     body = table.meta.body()
     if body is None or not body.has_body or not table.has(*POSE, *WRENCH):
@@ -73,8 +72,8 @@ def prepare_physics(table: Table, console: Console, threads: int = 0) -> Physics
 
 def _mechanism(path: Path) -> Mechanism:
     """[mechanism] of a TOML; its other tables (of a CONFIG, say) are left alone."""
-    from ecm.mechanism import Mechanism
-    from ecm.toml_file import read_toml
+    from ecm.io.mechanism import Mechanism
+    from ecm.io.toml import read_toml
 
     document = read_toml(path, "description of a mechanism")
     if "mechanism" not in document:
@@ -96,7 +95,7 @@ def fit_named(
 ) -> Model:
     """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
     from ecm.models import fit_model, physics_map
-    from ecm.models.physics import reach_of
+    from ecm.models.physics.map import reach_of
 
     if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
         raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
@@ -164,8 +163,8 @@ def fit_summary(
 
 def _parameters(fitted: Model) -> dict[str, Any] | None:
     """What a refit of the physics found, with standard deviations and covariance."""
-    from ecm.models.physics import PhysicsMap
-    from ecm.models.physics_refit import physics_sentences
+    from ecm.models.physics.map import PhysicsMap
+    from ecm.models.physics.refit import physics_sentences
 
     if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
         return None

@@ -37,17 +37,17 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml."""
-    from ecm import templates
     from ecm.errors import InputError
-    from ecm.stages import write_atomically
+    from ecm.io.cache import write_atomically
+    from ecm.io.templates import NEXT_STEP, template
 
     usual = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
     path = out or Path(usual[what.value])
-    files = {path: templates.TEXTS[what.value]}
+    files = {path: template(usual[what.value])}
     if what is What.data:
         if path.suffix == ".toml":
             raise InputError(f"{path}: expected the name of the table, e.g. {path.stem}.csv")
-        files[path.with_suffix(".toml")] = templates.DATA_TOML
+        files[path.with_suffix(".toml")] = template("data.toml")
     with Console(quiet=quiet) as console:
         output(json, *files)
         for target in files:
@@ -60,4 +60,4 @@ def new(
             write_atomically(target, text)
             console.say(f"wrote {target}")
         save_json(json, {"schema": 1, "files": [str(target) for target in files]})
-        console.say(templates.NEXT[what.value].format(path=path))
+        console.say(NEXT_STEP[what.value].format(path=path))

@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from ecm.cli.console import Console
-    from ecm.table import Need, Table
+    from ecm.io.table import Need, Table
 
 Json = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON.")
@@ -122,7 +122,7 @@ def load(
     need: Need | None = None,
 ) -> Table:
     """The measurement table of a command, its warnings said."""
-    from ecm.table import read_table
+    from ecm.io.table import read_table
 
     table = read_table(list(paths), meta=meta, skip_bad_rows=skip_bad_rows, need=need)
     for warning in table.warnings:
@@ -149,7 +149,7 @@ def load_effects() -> None:
 def save_json(path: Path | None, document: Any) -> None:
     """The file of --json, where it was asked for."""
     if path is not None:
-        from ecm.stages import write_json
+        from ecm.io.cache import write_json
 
         write_json(path, document)
 

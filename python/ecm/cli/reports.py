@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ecm.compare import Comparison
+    from ecm.comparison import Comparison
 
 
 def write_comparison(path: Path, found: Comparison, warnings: Sequence[str] = ()) -> None:
     """Components, references, and the residuals in units of the noise."""
+    from ecm.comparison.residual_figures import residual_section
+    from ecm.comparison.sections import compare_section, references_section
     from ecm.report import write_page
-    from ecm.report.comparison import compare_section, references_section
-    from ecm.report.where import where_section
 
     sections = [
         compare_section(found, warnings),
         references_section(found),
-        where_section(found.where()),
+        residual_section(found.where()),
     ]
     lead = f"{found.rows} rows"
     write_page(path, f"{found.model} against measurements", lead, sections)
@@ -43,21 +43,21 @@ def write_diagnosis(
     predicted
         (N, m) what the effects of the answer add to the wrench of its rows.
     """
+    from ecm.diagnosis import sections as part
+    from ecm.diagnosis.sections import ranking_table
     from ecm.report import FigureBlock, Section, write_page
-    from ecm.report import diagnosis as part
-    from ecm.report.loop import ranking_table
 
     sections = [part.verdict_section(document), part.unknown_section(document)]
     if compared is not None:
-        from ecm.report.where import where_section
+        from ecm.comparison.residual_figures import residual_figure, residual_section
 
         unknown = document["unknown"]
         follows = [] if unknown is None else unknown["variables"]
-        section = where_section(compared.where(), follows)
+        section = residual_section(compared.where(), follows)
         if predicted is not None:
             drawn = FigureBlock(
                 "What the answer predicts (crosses) on the residuals of the model before.",
-                compared.where().figure(predicted=predicted),
+                residual_figure(compared.where(), predicted=predicted),
             )
             section = Section(section.title, [section.blocks[0], drawn, *section.blocks[1:]])
         sections.append(section)

@@ -23,8 +23,8 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.mechanism import Mechanism
-    from ecm.simulate import F
+    from ecm.io.arrays import F
+    from ecm.io.mechanism import Mechanism
 
 _VTU = 10
 """Poses that --vtu draws."""
@@ -55,8 +55,8 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Wrenches of the box to poses by FEM, kept to the admissible workspace."""
-    from ecm.config import read_config
-    from ecm.simulate import simulate as run
+    from ecm.fem.simulate import simulate as run
+    from ecm.workflow.config import read_config
 
     with Console(quiet=quiet) as console:
         output(out, json)

@@ -1,14 +1,6 @@
 """Physical effects that a static, perfectly clamped, hyperelastic model does not hold."""
 
-from ecm.effects.history import sides
-from ecm.effects.protocol import (
-    Effect,
-    EffectBase,
-    LinearEffect,
-    Missing,
-    Parameter,
-    Shape,
-)
+from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
 from ecm.effects.registry import (
     all_effects,
     effect,
@@ -18,7 +10,8 @@ from ecm.effects.registry import (
     unregister,
     with_shape,
 )
-from ecm.effects.rows import BaseMap, Rows
+from ecm.regression.approach import approach_sides
+from ecm.regression.rows import BaseMap, Rows
 
 __all__ = [
     "BaseMap",
@@ -30,11 +23,11 @@ __all__ = [
     "Rows",
     "Shape",
     "all_effects",
+    "approach_sides",
     "effect",
     "get_effect",
     "load_installed",
     "register",
-    "sides",
     "unregister",
     "with_shape",
 ]

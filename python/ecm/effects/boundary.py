@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.effects.moved import moved_in_base, turned
 from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
-from ecm.effects.rows import Rows
+from ecm.effects.se3 import moved_in_base, turned
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _ITERATIONS = 5
 

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import mid_frame, rotation_matrices
 from ecm.effects.boundary import BaseCompliance
-from ecm.effects.history import step_times
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
@@ -23,13 +21,14 @@ from ecm.effects.protocol import (
     needs_time,
 )
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
-from ecm.effects.rows import Rows
 from ecm.effects.slip import base_twist_columns
+from ecm.io.arrays import F
+from ecm.regression.approach import step_times
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _SHARES = (0.5, 0.7, 0.85)
 """Quantiles of the tilt at which a stop is tried."""
@@ -102,7 +101,7 @@ class ContactStop(LinearEffect):
 
 def _tilt(rotation_vectors: F) -> tuple[F, F]:
     """(N,) tilt of the platform's axis against the base's, and (N, 2) the way it leans, y and z."""
-    axis = _native.rotation_matrices(np.ascontiguousarray(rotation_vectors))[:, :, 0]
+    axis = rotation_matrices(np.ascontiguousarray(rotation_vectors))[:, :, 0]
     across = np.hypot(axis[:, 1], axis[:, 2])
     lean = axis[:, 1:] / np.where(across > 1e-12, across, 1.0)[:, None]
     return np.arctan2(across, axis[:, 0]), lean
@@ -199,7 +198,7 @@ class Debonding(LinearEffect):
             pulled = -np.maximum(0.0, strain.axial) * (strain.along < 0.0)
             return strain.wrench(rows, pulled, np.zeros_like(strain.shear))[:, :, None]
         known = rest_stiffness(rows)
-        stretch = _native.mid_frame(rows.poses, known.length_m)[:, 0]
+        stretch = mid_frame(rows.poses, known.length_m)[:, 0]
         force = np.zeros((len(rows), 6))
         force[:, 0] = -known.axial * np.maximum(0.0, stretch)
         wrench = wrench_of(rows.poses, force)

@@ -7,11 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import POSE
-from ecm.effects.history import known_before, order_of_visits, sides
+from ecm._native import mid_frame
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
@@ -23,12 +20,14 @@ from ecm.effects.protocol import (
     needs_time,
 )
 from ecm.effects.rod_strain import rest_stiffness
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.regression.approach import approach_sides, order_of_visits
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _WAYS = (0.02, 0.05, 0.12)
 """Ways to the slip that are tried, over the spread of the poses."""
@@ -81,7 +80,7 @@ class Hysteresis(LinearEffect):
             return found
         if not table.has("approach"):
             return Missing("no column approach", "approach", absent=True)
-        side = sides(table)
+        side = approach_sides(table)
         known = side[side != 0.0]
         if len(known) == 0:
             return Missing("the approach of every row is unknown", "approach")
@@ -128,12 +127,12 @@ class Hysteresis(LinearEffect):
         """Of the yielding elements, by coordinate."""
         length = rows.length_m
         metric = np.array([1.0, 1.0, 1.0, length, length, length])
-        before = known_before(rows)
+        before = rows.known_before
         rest = rows.base.stiffness(rows.rest_pose[None, :])[0]
         if self._stiffness == "each":
             at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
         else:
-            at, came = _native.mid_frame(rows.poses, length), _native.mid_frame(before, length)
+            at, came = mid_frame(rows.poses, length), mid_frame(before, length)
         held = np.zeros_like(at)
         for order in order_of_visits(rows.table):
             state, here = np.zeros(6), np.zeros(6)

@@ -6,20 +6,19 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import mid_frame
+from ecm.effects.body_variation import of_another_body
 from ecm.effects.mid_frame import stretched, wrench_of
-from ecm.effects.moved import moved_in_base, turned
-from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
-from ecm.effects.rows import Rows
+from ecm.effects.se3 import moved_in_base, turned
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _BENDING_POWER = 3.4
 """Of the diameter in the bending stiffness of a bonded cylinder as stubby as the neck."""
@@ -156,7 +155,7 @@ class Pretension(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """Wrench per newton."""
         length = rows.length_m
-        _, slope = mean_strain(_native.mid_frame(rows.poses, length), length)
+        _, slope = mean_strain(mid_frame(rows.poses, length), length)
         wrench = wrench_of(rows.poses, length * slope)
         wrench[rows.unloaded] = 0.0
         return wrench[:, :, None]

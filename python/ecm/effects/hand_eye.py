@@ -16,17 +16,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import JOINTS
-from ecm.effects.arm import Chain, chain
+from ecm._native import rotation_matrices, rotation_vectors
+from ecm.effects.kuka import Chain, chain
 from ecm.effects.protocol import Missing
+from ecm.io.arrays import F
+from ecm.io.columns import JOINTS
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _LEAST_ROWS = 6
 _ROUNDS, _LAST_STEP = 20, 1e-9
@@ -58,7 +57,7 @@ def flange_from_top(table: Table) -> F | Missing:
     poses = table.poses
     if len(poses) < _LEAST_ROWS:
         return Missing(f"{len(poses)} rows do not tell the tool on the flange", "more poses")
-    rotation = _native.rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
+    rotation = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
     position = poses[:, :3]
     starts = (_by_turns(arm, rotation), _by_ways(arm, rotation, position))
     solved = [_solved(_shifted(start, arm, position), arm, rotation, position) for start in starts]
@@ -78,7 +77,7 @@ def flange_from_top(table: Table) -> F | Missing:
             f"({1e3 * sd_m:.2g} mm, {1e3 * sd_rad:.2g} mrad)",
             "poses turned about two axes by 0.1 rad and more",
         )
-    return np.concatenate([found.tool_m, _native.rotation_vectors(found.tool[None])[0]])
+    return np.concatenate([found.tool_m, rotation_vectors(found.tool[None])[0]])
 
 
 def _by_turns(arm: Chain, rotation: F) -> tuple[F, F]:
@@ -133,7 +132,7 @@ def _equations(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tupl
     seen = found.position_m(arm)
     to_flange = found.foot @ arm.foot_from_flange
     beyond = rotation @ np.swapaxes(to_flange @ found.tool, 1, 2)
-    turn = _native.rotation_vectors(np.ascontiguousarray(beyond))
+    turn = rotation_vectors(np.ascontiguousarray(beyond))
     left = np.concatenate([position_m - seen - found.foot_m, turn], axis=1)
     design = np.zeros((len(seen), 6, 12))
     for j, axis in enumerate(np.eye(3)):
@@ -144,7 +143,7 @@ def _equations(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tupl
 
 
 def _moved(found: _Mounting, step: F) -> _Mounting:
-    foot, tool = _native.rotation_matrices(np.stack([step[:3], step[6:9]]))
+    foot, tool = rotation_matrices(np.stack([step[:3], step[6:9]]))
     return _Mounting(
         _nearest_rotation(foot @ found.foot),
         found.foot_m + step[3:6],
@@ -164,7 +163,7 @@ def _weighed(left: F) -> tuple[F, F]:
 def _turned(rotation: F) -> float:
     """Rms angle, by axis, against the mean orientation."""
     middle = _nearest_rotation(rotation.mean(axis=0))
-    return _rms(_native.rotation_vectors(np.ascontiguousarray(middle.T @ rotation)))
+    return _rms(rotation_vectors(np.ascontiguousarray(middle.T @ rotation)))
 
 
 def _rms(values: F) -> float:

@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.effects.history import sides
+from ecm._native import left_jacobians, mid_frame, rotation_matrices
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rod_strain import rest_stiffness
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.regression.approach import approach_sides
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _SIDES = 8
 """Azimuths at which a cable is tried."""
@@ -67,7 +66,7 @@ class Payload(LinearEffect):
         if zeroed.any():
             at_zero = instrument.pose_at_zero
             pose = rows.rest_pose if at_zero is None else np.asarray(at_zero, dtype=np.float64)
-            rotation = _native.rotation_matrices(np.ascontiguousarray(pose[None, 3:6]))[0]
+            rotation = rotation_matrices(np.ascontiguousarray(pose[None, 3:6]))[0]
             there = np.broadcast_to(rotation, rows.rotation.shape)
             zero = zeroed[:, None, None] * _weight(there, rows.gravity_m_s2)
             turn = rows.rotation @ rotation.T
@@ -145,7 +144,7 @@ def _hanging(poses: F, length_m: float, gravity: F) -> F:
         change[j] = step
         up = _potential(poses + change, length_m, gravity)
         slope[:, j] = (up - _potential(poses - change, length_m, gravity)) / (2.0 * step)
-    jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    jacobian = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
     torque = np.linalg.solve(np.swapaxes(jacobian, 1, 2), slope[:, 3:, None])[:, :, 0]
     return np.concatenate([slope[:, :3], torque], axis=1)
 
@@ -153,8 +152,8 @@ def _hanging(poses: F, length_m: float, gravity: F) -> F:
 def _potential(poses: F, length_m: float, gravity: F) -> F:
     """(N,) potential of 1 kg spread along the rod."""
     poses = np.ascontiguousarray(poses)
-    q = _native.mid_frame(poses, length_m)
-    half = _native.rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
+    q = mid_frame(poses, length_m)
+    half = rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
     b = q[:, 1] * q[:, 5] - q[:, 2] * q[:, 4]
     sag = np.stack([b / 20.0, -length_m * q[:, 5] / 12.0, length_m * q[:, 4] / 12.0], axis=1)
     return np.asarray(-(0.5 * poses[:, :3] + np.einsum("nij,nj->ni", half, sag)) @ gravity)
@@ -291,14 +290,14 @@ class TendonFriction(LinearEffect):
             return Missing("no tendon state", "tendon1_N, tendon2_N, ...", absent=True)
         if not table.has("approach"):
             return Missing("no column approach", "approach", absent=True)
-        if len(np.unique(sides(table)[sides(table) != 0.0])) < 2:
+        if len(np.unique(approach_sides(table)[approach_sides(table) != 0.0])) < 2:
             return Missing("one approach direction", "approach from both sides")
         return None
 
     def columns(self, rows: Rows) -> F:
         """Sum over the tendons, per mu and per mu times the radius of the holes."""
         names = _tendons(rows.table)
-        side = sides(rows.table, rows.length_m)
+        side = approach_sides(rows.table, rows.length_m)
         along = rows.rotation[:, :, 0]
         if self._run == "free":
             along = rows.poses[:, :3] / np.linalg.norm(rows.poses[:, :3], axis=1)[:, None]

@@ -6,19 +6,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import mid_frame
+from ecm.effects.body_variation import of_another_body
 from ecm.effects.mid_frame import generalised, stretched
-from ecm.effects.other_body import of_another_body
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _REFERENCE_STRAIN = 0.1
 _LAWS = {
@@ -163,7 +162,7 @@ class StrainStiffening(LinearEffect):
         """h W / W_0, the gradient of W^2 / (2 W_0); W = q Q / 2, W_0 that of an axial strain e0."""
         rest = rest_stiffness(rows)
         reference = 0.5 * rest.axial * (_REFERENCE_STRAIN * rest.length_m) ** 2
-        q = _native.mid_frame(rows.poses, rows.length_m)
+        q = mid_frame(rows.poses, rows.length_m)
         energy = 0.5 * np.abs((q * generalised(rows.poses, rows.wrench)).sum(axis=1))
         return np.asarray((energy / reference)[:, None, None] * rows.wrench[:, :, None])
 

@@ -7,12 +7,10 @@ changed mechanism still has an energy, also at large deflection.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.effects.rows import Rows
-
-F = NDArray[np.float64]
+from ecm._native import left_jacobians, mid_frame, rotation_matrices
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 
 def stretched(rows: Rows, matrix: F, shift: F) -> F:
@@ -21,7 +19,7 @@ def stretched(rows: Rows, matrix: F, shift: F) -> F:
     matrix (6, 6) or one per row (N, 6, 6), shift (6,) or (N, 6).
     """
     length = rows.length_m
-    q = _native.mid_frame(rows.poses, length)
+    q = mid_frame(rows.poses, length)
     matrix = np.broadcast_to(matrix, (len(rows), 6, 6))
     other = np.einsum("nij,nj->ni", matrix, q) + shift
     poses = _poses(other, length)
@@ -30,7 +28,7 @@ def stretched(rows: Rows, matrix: F, shift: F) -> F:
 
 
 def _poses(q: F, length_m: float) -> F:
-    half = _native.rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
+    half = rotation_matrices(np.ascontiguousarray(0.5 * q[:, 3:]))
     lever = q[:, :3] + np.array([length_m, 0.0, 0.0])
     position = np.einsum("nij,nj->ni", half, lever)
     return np.ascontiguousarray(np.concatenate([position, q[:, 3:]], axis=1))
@@ -39,10 +37,10 @@ def _poses(q: F, length_m: float) -> F:
 def generalised(poses: F, wrenches: F) -> F:
     """Q_c = A' f, Q_theta = J(theta)' tau + J(theta/2)' (r x f) / 2."""
     half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
-    half = _native.rotation_matrices(half_angle)
+    half = rotation_matrices(half_angle)
     lever = np.cross(poses[:, :3], wrenches[:, :3])
-    whole_jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
-    half_jacobian = _native.left_jacobians(half_angle)
+    whole_jacobian = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    half_jacobian = left_jacobians(half_angle)
     force = np.einsum("nji,nj->ni", half, wrenches[:, :3])
     moment = np.einsum("nji,nj->ni", whole_jacobian, wrenches[:, 3:])
     moment += 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
@@ -52,11 +50,11 @@ def generalised(poses: F, wrenches: F) -> F:
 def wrench_of(poses: F, generalised: F) -> F:
     """(N, 6) wrench at the poses of generalised forces Q = (Q_c, Q_theta) (conventions.md)."""
     half_angle = np.ascontiguousarray(0.5 * poses[:, 3:])
-    half = _native.rotation_matrices(half_angle)
+    half = rotation_matrices(half_angle)
     force = np.einsum("nij,nj->ni", half, generalised[:, :3])
-    half_jacobian = _native.left_jacobians(half_angle)
+    half_jacobian = left_jacobians(half_angle)
     lever = np.cross(poses[:, :3], force)
     moment = generalised[:, 3:] - 0.5 * np.einsum("nji,nj->ni", half_jacobian, lever)
-    whole_jacobian = _native.left_jacobians(np.ascontiguousarray(poses[:, 3:]))
+    whole_jacobian = left_jacobians(np.ascontiguousarray(poses[:, 3:]))
     torque = np.linalg.solve(np.swapaxes(whole_jacobian, 1, 2), moment[:, :, None])[:, :, 0]
     return np.concatenate([force, torque], axis=1)

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.effects.history import again, largest_so_far, memories, memory_shape
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -18,12 +16,13 @@ from ecm.effects.protocol import (
     needs_full,
     needs_varying,
 )
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.regression.approach import largest_so_far, memory_options, memory_shape, repeat_visits
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _LEAST_AGAIN = 5
 
@@ -125,7 +124,7 @@ class MullinsSoftening(LinearEffect):
         """A straight line, and three widths, for each measure of the largest load."""
         return tuple(
             MullinsSoftening(w, measure, kept)
-            for kept in memories(table)
+            for kept in memory_options(table)
             for measure in ("energy", "bend", "reach")
             for w in (0.0, 0.25, 0.7, 2.0)
         )
@@ -177,7 +176,7 @@ class MullinsSoftening(LinearEffect):
 def _needs_again(table: Table, record: str) -> Missing | None:
     """Missing without time or with every pose visited once."""
     found = needs_varying(table, "time_s", 1.0)
-    if found is None and again(table) < _LEAST_AGAIN:
+    if found is None and repeat_visits(table) < _LEAST_AGAIN:
         return Missing("no pose was measured again", record, imitates=True)
     return found
 

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE, VELOCITY
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, VELOCITY
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
-
-F = NDArray[np.float64]
+    from ecm.io.table import Table
 
 
 def velocity(table: Table) -> F:

@@ -7,7 +7,6 @@ from math import factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.effects.frames import twist
 from ecm.effects.protocol import (
@@ -19,12 +18,12 @@ from ecm.effects.protocol import (
     needs_full,
     needs_varying,
 )
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _FORMS = (("sight", 2), ("sight", 3), ("sight", 4), ("all", 2), ("all", 3))
 _NEEDED = 3

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.effects.history import largest_so_far, memories, memory_shape, order_of_visits
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -18,12 +16,12 @@ from ecm.effects.protocol import (
     needs_full,
     needs_varying,
 )
-from ecm.effects.rows import Rows
+from ecm.io.arrays import F
+from ecm.regression.approach import largest_so_far, memory_options, memory_shape, order_of_visits
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
-
-F = NDArray[np.float64]
+    from ecm.io.table import Table
 
 
 class PermanentSet(LinearEffect):
@@ -60,7 +58,7 @@ class PermanentSet(LinearEffect):
         far = _far(poses - rest, float(rest[0]))
         yields = [0.0, *(round(float(np.quantile(far, s)), 5) for s in (0.3, 0.55, 0.8))]
         forms = (("largest", 0.0), *(("summed", y) for y in yields))
-        return tuple(PermanentSet(*form, kept) for kept in memories(table) for form in forms)
+        return tuple(PermanentSet(*form, kept) for kept in memory_options(table) for form in forms)
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Yield lengths between this one and its neighbours."""

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape
-from ecm.effects.rows import Rows
 from ecm.effects.section_moment import section_moment_slopes
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
 _POWERS = (0.0, 2.0, 6.0)

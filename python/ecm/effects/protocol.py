@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ecm.io.arrays import F
 
 if TYPE_CHECKING:
-    from ecm.effects.rows import Rows
-    from ecm.table import Table
+    from ecm.io.table import Table
+    from ecm.regression.rows import Rows
 
-F = NDArray[np.float64]
 Side = Literal["physics", "measurement"]
 Kind = Literal["pose", "time", "noise"]
 Shape = dict[str, float | str]
@@ -175,7 +175,7 @@ class LinearEffect(EffectBase):
 
 def needs_full(table: Table) -> Missing | None:
     """Missing where the table lacks one of the six pose or six wrench columns."""
-    from ecm.table import POSE, WRENCH
+    from ecm.io.table import POSE, WRENCH
 
     lacking = [name for name in (*POSE, *WRENCH) if not table.has(name)]
     if lacking:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from importlib import metadata
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE, WRENCH
 from ecm.effects import (
     boundary,
     contact,
@@ -27,19 +24,21 @@ from ecm.effects import (
     pre_curvature,
     relaxation,
     robot,
-    scatter,
     sensor,
     sensor_axes,
     slip,
 )
+from ecm.effects import noise as scatter
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
-from ecm.effects.rows import Rows
 from ecm.errors import EcmError, InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.toml import did_you_mean
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _CATALOGUE: tuple[Effect, ...] = (
     *relaxation.EFFECTS,
@@ -74,9 +73,7 @@ def get_effect(id: str) -> Effect:
     known = {effect.id: effect for effect in all_effects()}
     if id in known:
         return known[id]
-    near = difflib.get_close_matches(id, known, n=1)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    raise InputError(f"unknown effect {id!r}{hint} Known: {', '.join(sorted(known))}")
+    raise InputError(f"unknown effect '{id}', {did_you_mean(id, sorted(known))}")
 
 
 def with_shape(id: str, shape: Shape) -> Effect:

@@ -7,24 +7,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.effects.history import known_before, order_of_visits
-from ecm.effects.protocol import (
-    Effect,
-    LinearEffect,
-    Missing,
-    Parameter,
-    Shape,
-    needs_varying,
-)
-from ecm.effects.rows import Rows
+from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_varying
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.regression.approach import order_of_visits
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _TAUS = 12
 """Time constants that are tried for a continuous test; the best is refined afterwards."""
@@ -200,7 +192,7 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     time = table.column("time_s")
     dwell = table.column("dwell_s")
     known = np.nan_to_num(dwell)
-    came = rows.predict(known_before(rows))
+    came = rows.predict(rows.known_before)
     came[rows.unloaded] = 0.0
     goals = np.stack([came, rows.wrench], axis=1)
     found = np.zeros_like(rows.wrench)

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import JOINT_SIGNS, JOINTS, POSE
-from ecm.effects.arm import top_jacobian
 from ecm.effects.hand_eye import flange_from_top
+from ecm.effects.kuka import top_jacobian
 from ecm.effects.protocol import (
     Effect,
     EffectBase,
@@ -20,13 +18,13 @@ from ecm.effects.protocol import (
     Shape,
     needs_full,
 )
-from ecm.effects.rows import Rows
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
-
-F = NDArray[np.float64]
+    from ecm.io.table import Table
 
 
 class _OfJoints(EffectBase):

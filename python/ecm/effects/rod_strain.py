@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import mid_frame
 from ecm.effects.mid_frame import wrench_of
-from ecm.effects.rows import Rows
-
-F = NDArray[np.float64]
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 # Disc of radius 1, exact to degree 5: centre 1/4, hexagon at sqrt(2/3) 1/8 each.
 _ANGLES = np.arange(6) * np.pi / 3.0
@@ -116,7 +114,7 @@ def rod_strain(rows: Rows) -> RodStrain:
     """Strains of the rod in place of the base map."""
     known = rest_stiffness(rows)
     length, share = known.length_m, known.bending_share
-    q = _native.mid_frame(rows.poses, length)
+    q = mid_frame(rows.poses, length)
     mean, mean_slope = mean_strain(q, length, share)
     along = np.repeat(_ALONG, len(_DISC))
     weight = np.repeat(_ALONG_WEIGHT, len(_DISC)) * np.tile(_DISC_WEIGHT, len(_ALONG))
@@ -164,7 +162,7 @@ def thicker_beam(rows: Rows) -> F:
     the change of length of the centre line, b the share of bending in the lateral compliance.
     """
     known = rest_stiffness(rows)
-    q = _native.mid_frame(rows.poses, known.length_m)
+    q = mid_frame(rows.poses, known.length_m)
     mean, slope = mean_strain(q, known.length_m, known.bending_share)
     force = (known.axial * known.length_m**2 * mean)[:, None] * slope
     force[:, 1:3] += (1.0 - known.bending_share) * known.lateral * q[:, 1:3]

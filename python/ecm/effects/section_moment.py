@@ -7,13 +7,11 @@ nothing is assumed of the load: the moment about any place follows from force an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import left_jacobians, mid_frame, rotation_matrices
 from ecm.effects.rod_strain import rest_stiffness
-from ecm.effects.rows import Rows
-
-F = NDArray[np.float64]
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
 
 _STEP = (1e-6,) * 3 + (1e-5,) * 3
 
@@ -37,7 +35,7 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
         down = _moments(rows.poses - change, rows.wrench - load, length, share, along)
         slopes[..., j] = (up - down) / (2.0 * step)
     # From rotation vectors to rotation increments, with which torques work.
-    inverse = np.linalg.inv(_native.left_jacobians(rows.rotation_vectors))
+    inverse = np.linalg.inv(left_jacobians(rows.rotation_vectors))
     slopes[..., 3:] = np.einsum("npki,nij->npkj", slopes[..., 3:], inverse)
     return slopes
 
@@ -45,8 +43,8 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
 def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: F) -> F:
     """(N, P, 3) R_s' (tau + (r - r_s) x f)."""
     poses = np.ascontiguousarray(poses)
-    q = _native.mid_frame(poses, length_m)
-    half = _native.rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
+    q = mid_frame(poses, length_m)
+    half = rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
     force = np.einsum("nji,nj->ni", half, wrench[:, :3])
     torque = np.einsum("nji,nj->ni", half, wrench[:, 3:])
     chord = q[:, :3] + np.array([length_m, 0.0, 0.0])
@@ -54,7 +52,7 @@ def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: 
     for p, s in enumerate(along):
         place, turn = _section(q, length_m, bending_share, float(s))
         moment = torque + np.cross(chord - place, force)
-        section = _native.rotation_matrices(np.ascontiguousarray(turn))
+        section = rotation_matrices(np.ascontiguousarray(turn))
         found[:, p] = np.einsum("nji,nj->ni", section, moment)
     return found
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.effects.protocol import (
     Effect,
@@ -17,14 +16,14 @@ from ecm.effects.protocol import (
     needs_full,
     needs_varying,
 )
-from ecm.effects.rows import Rows
 from ecm.errors import InputError
-from ecm.sensor_zero import zero_times
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
+from ecm.regression.sensor_zero import zero_times
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
 

@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.effects.history import known_before
+from ecm._native import rotation_matrices
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -23,14 +21,14 @@ from ecm.effects.protocol import (
     needs_full,
     needs_time,
 )
-from ecm.effects.rows import Rows
 from ecm.effects.sensor import AXES
-from ecm.sensor_zero import zero_of_rows, zero_times
+from ecm.io.arrays import F
+from ecm.regression.rows import Rows
+from ecm.regression.sensor_zero import zero_of_rows, zero_times
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of an axis' readings at which a knee is tried."""
@@ -215,7 +213,7 @@ class FtsSaturation(LinearEffect):
 def _readings(table: Table) -> F:
     """(N, 6) measured wrenches of the poses, in the sensor's frame."""
     measured = table.measured()
-    turn = _native.rotation_matrices(np.ascontiguousarray(measured.poses[:, 3:]))
+    turn = rotation_matrices(np.ascontiguousarray(measured.poses[:, 3:]))
     force = np.einsum("nji,nj->ni", turn, measured.wrenches[:, :3])
     torque = np.einsum("nji,nj->ni", turn, measured.wrenches[:, 3:])
     inverse = np.linalg.inv(adjoint(table.meta.instrument.top_from_sensor))
@@ -279,7 +277,7 @@ class FtsHysteresis(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""
         base_from_sensor, own = in_sensor(rows)
-        _, own_before = in_sensor(rows, rows.predict(known_before(rows)))
+        _, own_before = in_sensor(rows, rows.predict(rows.known_before))
         width = self._width * own[~rows.unloaded].std(axis=0)
         time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
         lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))

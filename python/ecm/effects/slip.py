@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.effects.history import step_times
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -19,13 +17,14 @@ from ecm.effects.protocol import (
     needs_full,
     needs_varying,
 )
-from ecm.effects.rows import Rows
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.regression.approach import step_times
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 STEPS = 7
 """Places of a jump that are tried at first; the best is refined afterwards."""

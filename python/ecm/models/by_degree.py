@@ -11,7 +11,7 @@ from ecm.models.fit import fit_model
 from ecm.models.maps import StiffnessMap
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
 _ENERGY_DEGREES = (4, 5, 6)
 _POLYNOMIAL_DEGREES = (1, 2, 3)

@@ -15,17 +15,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from ecm.columns import POSE, WRENCH
 from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import StiffnessMap
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
 
-F = NDArray[np.float64]
 
 _SMALLEST = 1e-3
 """Smallest eigenvalue that counts as stable, as a share of the middle one."""

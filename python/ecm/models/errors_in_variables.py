@@ -23,18 +23,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import POSE
-from ecm.compare.noise import Noise, whiteners
+from ecm._native import left_jacobians
 from ecm.effects import Rows
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.regression.noise import Noise, whiteners
 
 if TYPE_CHECKING:
+    from ecm.io.table import Table
     from ecm.models.maps import StiffnessMap
-    from ecm.table import Table
 
-F = NDArray[np.float64]
 
 Solve = Callable[[F, F, F], tuple["StiffnessMap", F, float]]
 """poses, wrenches, covariance (N, m, m) to map, covariance (k, k), whitened residual variance."""
@@ -109,7 +108,7 @@ def _moved(measured: F, away: F, inputs: tuple[str, ...]) -> F:
     """Poses with p~ - p = away; exp([away]x) R(theta) = R(theta~) to first order."""
     poses = measured - away
     if inputs == POSE:
-        jacobian = _native.left_jacobians(np.ascontiguousarray(measured[:, 3:]))
+        jacobian = left_jacobians(np.ascontiguousarray(measured[:, 3:]))
         turn = np.linalg.solve(jacobian, away[:, 3:, None])[:, :, 0]
         poses[:, 3:] = measured[:, 3:] - turn
     return np.ascontiguousarray(poses)

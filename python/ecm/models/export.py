@@ -12,19 +12,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import POSE, WRENCH
+from ecm._native import EnergyModel, export_model, rotation_matrices, seal_model
 from ecm.errors import InputError
-from ecm.models.files import model_document
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap
-from ecm.models.mujoco_file import mujoco_text
+from ecm.models.mujoco import mujoco_text
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
 
-F = NDArray[np.float64]
 Target = Literal["c", "rust", "mujoco"]
 Precision = Literal["double", "single"]
 
@@ -62,8 +60,8 @@ def export_files(
     if target == "mujoco":
         text, lost = _mujoco(inside, name)
         return Exported({f"{name}.xml": text}, (*notes, *lost), left_out)
-    sealed = _native.seal_model(json.dumps(model_document(inside)))
-    files = _native.export_model(sealed, name, target=target, precision=precision)
+    sealed = seal_model(json.dumps(inside.document()))
+    files = export_model(sealed, name, target=target, precision=precision)
     return Exported(dict(files), tuple(notes), left_out)
 
 
@@ -104,7 +102,7 @@ def _folded(model: Model) -> tuple[EnergyMap, F]:
     symmetries: list[Any] = ["alike", "revolution", "general", "general"]
     for degree, symmetry in zip((6, 6, 4, 6), symmetries, strict=True):
         fitted = EnergyMap(
-            _native.EnergyModel.fit(
+            EnergyModel.fit(
                 poses[::2].copy(),
                 wrenches[::2].copy(),
                 length_m=length,
@@ -126,8 +124,8 @@ def _folded(model: Model) -> tuple[EnergyMap, F]:
 def _noise_sd(model: Model) -> F:
     """(m,) root mean square noise of a row of each component over the model's poses."""
     from ecm.effects import Rows
-    from ecm.meta import Meta
-    from ecm.table import Table
+    from ecm.io.description import Meta
+    from ecm.io.table import Table
 
     poses = poses_in_domain(model, 200)
     columns = {name: poses[:, j] for j, name in enumerate(POSE)}
@@ -151,7 +149,7 @@ def poses_in_domain(model: Model, count: int) -> F:
         directions /= np.linalg.norm(directions, axis=2, keepdims=True)
         radii = random.uniform(0.0, 1.0, (2, count, 1)) ** (1.0 / 3.0)
         c, theta = directions * radii * np.minimum(base.model.scale, 3.0)[:, None, None]
-        half = _native.rotation_matrices(np.ascontiguousarray(0.5 * theta))
+        half = rotation_matrices(np.ascontiguousarray(0.5 * theta))
         position = np.einsum("nij,nj->ni", half, c + np.array([base.model.length_m, 0.0, 0.0]))
         return np.hstack([position, theta])
     length = model.known_length_m or 0.1

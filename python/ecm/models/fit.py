@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import POSE
-from ecm.compare.estimate import declared_or_fitted
-from ecm.compare.folds import row_groups
-from ecm.compare.noise import Noise, declared_noise
+from ecm._native import EnergyModel, PolynomialModel, polynomial_regressor
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
 from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.leverage import leverages
 from ecm.models.maps import (
@@ -25,16 +22,18 @@ from ecm.models.maps import (
     parse_polynomial_name,
 )
 from ecm.models.model import Model
+from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.pcr import singular_threshold
-from ecm.models.physics import PhysicsMap, physics_map, reach_of
+from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
 from ecm.models.polynomial_gls import fit_polynomial_gls
 from ecm.models.training import domain_of, training_of
+from ecm.regression.folds import row_groups
+from ecm.regression.noise import Noise, declared_noise
 
 if TYPE_CHECKING:
-    from ecm.mechanism import Mechanism
-    from ecm.table import Table
+    from ecm.io.mechanism import Mechanism
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 BASELINES = ("rod", "constant-curvature", "gp", "mlp")
 """Maps of the literature, for comparison."""
@@ -119,7 +118,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights:
         what = "pose" if not inputs else "wrench"
         raise InputError(f"{table.source}: a fit needs at least one {what} column, found none")
     poses, wrenches = table.matrix(inputs), table.matrix(outputs)
-    model = _native.PolynomialModel.fit(
+    model = PolynomialModel.fit(
         np.ascontiguousarray(poses),
         np.ascontiguousarray(wrenches),
         degree,
@@ -140,7 +139,7 @@ def _fit_polynomial(table: Table, degree: int, pcr: float | str | None, weights:
     k = len(model.coefficients)
     covariance = None
     if pcr is None and len(poses) > k:
-        regressor = _native.polynomial_regressor(
+        regressor = polynomial_regressor(
             np.ascontiguousarray(poses), degree, model.lower, model.upper
         )
         inverse = np.linalg.pinv(regressor.T @ regressor, hermitian=True)
@@ -159,8 +158,8 @@ def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
             "give [mechanism] length_m in the data's TOML"
         )
 
-    def fit(poses: F, wrenches: F, covariance: F | None) -> _native.EnergyModel:
-        return _native.EnergyModel.fit(
+    def fit(poses: F, wrenches: F, covariance: F | None) -> EnergyModel:
+        return EnergyModel.fit(
             np.ascontiguousarray(poses),
             np.ascontiguousarray(wrenches),
             length_m=float(length),
@@ -184,8 +183,8 @@ def _fit_energy(table: Table, name: str, weights: Weights) -> Model:
 
 def _fit_baseline(table: Table, name: str) -> Model:
     """Maps of the literature: no covariance, hence no standard deviations."""
-    from ecm.models.backbone import fit_constant_curvature, fit_rod
     from ecm.models.learned import fit_gp, fit_mlp
+    from ecm.models.rod import fit_constant_curvature, fit_rod
 
     base: StiffnessMap
     if name in ("gp", "mlp"):
@@ -214,7 +213,7 @@ def _fit_baseline(table: Table, name: str) -> Model:
 def _fit_physics(
     table: Table, mechanism: Mechanism | None, physics: PhysicsMap | None, threads: int
 ) -> Model:
-    from ecm.models.physics_refit import refit_physics
+    from ecm.models.physics.refit import refit_physics
 
     base = physics
     if base is None:

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from ecm.models.model import Model
-    from ecm.refit import JointFit
+    from ecm.models.history import FitRecord
+    from ecm.models.joint_fit import FittedEffect, JointFit
+    from ecm.models.maps import StiffnessMap
 
 _TOGETHER = 0.3
 _MOST_PAIRS = 12
 
 
-def fit_report(model: Model) -> str:
+def fit_report(
+    name: str,
+    base: StiffnessMap,
+    effects: Sequence[FittedEffect],
+    correlations: Sequence[tuple[str, str, float]],
+    history: Sequence[FitRecord],
+) -> str:
     """Text: parameters of physics, then of the instruments, correlations, the error ladder."""
-    lines = [f"model {model.name}: {len(model.base.coefficients)} coefficients in the base"]
+    lines = [f"model {name}: {len(base.coefficients)} coefficients in the base"]
     for side, title in (("physics", "physics"), ("measurement", "instruments")):
-        for item in (i for i in model.effects if i.effect.side == side):
+        for item in (i for i in effects if i.effect.side == side):
             shape = "".join(f", {k} = {v}" for k, v in item.effect.shape.items())
             lines.append(f"  {item.id} ({title}{shape}){' frozen' if item.frozen else ''}")
             for parameter, value, sd in zip(
@@ -29,10 +37,10 @@ def fit_report(model: Model) -> str:
                 bound = value - parameter.lower < near or parameter.upper - value < near
                 at = " at its bound" if bound else ""
                 lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
-    if model.correlations:
+    if correlations:
         lines.append("  correlations beyond 0.3:")
-        lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in model.correlations]
-    for rung in model.history:
+        lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in correlations]
+    for rung in history:
         ceiling = "" if rung.ceiling is None else f", ceiling {rung.ceiling:.3f}"
         lines.append(
             f"  {rung.name}: error over noise {rung.train:.3f} fitted, "

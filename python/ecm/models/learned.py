@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError, MissingExtra
+from ecm.io.arrays import F
 from ecm.models.maps import StiffnessMap, partial_to
 
-F = NDArray[np.float64]
 _HIDDEN = (32, 32)
 
 

@@ -10,21 +10,20 @@ hold the misfit of the polynomial too.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.compare.noise import Noise, whiteners
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
 from ecm.models.maps import StiffnessMap
+from ecm.regression.noise import Noise, whiteners
 
-F = NDArray[np.float64]
 _BLOCK = 500
 
 
 def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     """(N,) leverage of poses (N, 6)."""
     from ecm.effects import Rows
-    from ecm.meta import Meta
-    from ecm.table import Table
+    from ecm.io.description import Meta
+    from ecm.io.table import Table
 
     free = base.kind == "polynomial"
     # P = R R', so that only the columns' images are needed, block by block.

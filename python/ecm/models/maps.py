@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.columns import POSE, WRENCH
+from ecm._native import EnergyModel, PolynomialModel, convert_stiffness, polynomial_regressor
 from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 
-F = NDArray[np.float64]
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
 
@@ -72,7 +71,7 @@ class StiffnessMap(Protocol):
 class PolynomialMap:
     """A polynomial from any pose columns to any wrench columns (the paper's equation (4))."""
 
-    model: _native.PolynomialModel
+    model: PolynomialModel
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
@@ -112,7 +111,7 @@ class PolynomialMap:
 
     def columns(self, poses: F) -> F:
         """Block diagonal: the same regressor for each output."""
-        regressor = _native.polynomial_regressor(
+        regressor = polynomial_regressor(
             np.ascontiguousarray(poses), self.model.degree, self.model.lower, self.model.upper
         )
         n, k = regressor.shape
@@ -125,34 +124,20 @@ class PolynomialMap:
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
         """The same terms with other coefficients."""
         shaped = coefficients.reshape(len(self.outputs), -1).T
-        model = _native.PolynomialModel.from_coefficients(
+        model = PolynomialModel.from_coefficients(
             self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
         )
         return PolynomialMap(model, self.inputs, self.outputs)
 
     def document(self) -> dict[str, Any]:
         """Terms, ranges and coefficients."""
-        exponents = _native.polynomial_exponents(len(self.inputs), self.model.degree)
-        return {
-            "kind": "polynomial",
-            "name": self.name,
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "length_m": None,
-            "degree": self.model.degree,
-            "normalisation": {
-                "lower": self.model.lower.tolist(),
-                "upper": self.model.upper.tolist(),
-            },
-            "terms": exponents.tolist(),
-            "coefficients": self.model.coefficients.tolist(),
-        }
+        return self.model.document(self.inputs, self.outputs)
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> PolynomialMap:
         """The map of an opened model file."""
         ranges = document["normalisation"]
-        model = _native.PolynomialModel.from_coefficients(
+        model = PolynomialModel.from_coefficients(
             int(document["degree"]),
             np.asarray(ranges["lower"], dtype=np.float64),
             np.asarray(ranges["upper"], dtype=np.float64),
@@ -165,13 +150,12 @@ class PolynomialMap:
 class EnergyMap:
     """A polynomial energy of mid-frame coordinates: every such map has a potential."""
 
-    model: _native.EnergyModel
+    model: EnergyModel
 
     @property
     def name(self) -> str:
         """`energyD`, `energyD-revolution` or `energyD-general`, then `+group` for each group."""
-        suffix = "" if self.model.symmetry == "alike" else f"-{self.model.symmetry}"
-        return "+".join([f"energy{self.model.degree}{suffix}", *self.model.groups])
+        return self.model.name
 
     @property
     def kind(self) -> Literal["polynomial", "energy", "physics"]:
@@ -213,7 +197,7 @@ class EnergyMap:
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""
-        return _native.EnergyModel.regressor(
+        return EnergyModel.regressor(
             np.ascontiguousarray(poses),
             length_m=self.model.length_m,
             degree=self.model.degree,
@@ -225,7 +209,7 @@ class EnergyMap:
     def with_coefficients(self, coefficients: F) -> EnergyMap:
         """The same terms with other coefficients."""
         return EnergyMap(
-            _native.EnergyModel.from_coefficients(
+            EnergyModel.from_coefficients(
                 length_m=self.model.length_m,
                 degree=self.model.degree,
                 symmetry=cast(Symmetry, self.model.symmetry),
@@ -237,26 +221,13 @@ class EnergyMap:
 
     def document(self) -> dict[str, Any]:
         """Terms, scales and coefficients."""
-        groups = {"groups": self.model.groups} if self.model.groups else {}
-        return {
-            "kind": "energy",
-            "name": self.name,
-            "inputs": list(POSE),
-            "outputs": list(WRENCH),
-            "length_m": self.model.length_m,
-            "degree": self.model.degree,
-            "symmetry": self.model.symmetry,
-            **groups,
-            "normalisation": {"scale": self.model.scale.tolist()},
-            "terms": [*self.model.terms.tolist(), *self.model.group_terms.tolist()],
-            "coefficients": self.model.coefficients.tolist(),
-        }
+        return self.model.document()
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> EnergyMap:
         """The map of an opened model file."""
         return EnergyMap(
-            _native.EnergyModel.from_coefficients(
+            EnergyModel.from_coefficients(
                 length_m=float(document["length_m"]),
                 degree=int(document["degree"]),
                 symmetry=cast(Symmetry, document["symmetry"]),
@@ -276,7 +247,7 @@ def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
             f"stiffness kind {kind} needs a model of all six pose and six wrench columns; "
             f"this one has {len(base.inputs)} and {len(base.outputs)}: ask for partial"
         )
-    return _native.convert_stiffness(
+    return convert_stiffness(
         np.ascontiguousarray(partial),
         np.ascontiguousarray(poses),
         base.predict(poses),

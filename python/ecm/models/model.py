@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.columns import POSE
-from ecm.compare.folds import informative
-from ecm.compare.noise import Noise
+from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
-from ecm.meta import Meta, Scene
+from ecm.io.arrays import B, F
+from ecm.io.columns import POSE
+from ecm.io.description import Meta, Scene
+from ecm.io.table import Table
+from ecm.models import file
+from ecm.models.fit_report import correlations_of, fit_report
+from ecm.models.history import FitRecord, RecordedFit, fit_records
+from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
+from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap
-from ecm.refit import FittedEffect, best_shape, joint_fit
-
-if TYPE_CHECKING:
-    from ecm.models.ladder import Rung
-    from ecm.table import Table
-
-F = NDArray[np.float64]
+from ecm.models.training import domain_of, noise_for, training_of
+from ecm.regression.folds import without_zero_readings
+from ecm.regression.noise import Noise
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +46,7 @@ class Model:
     """Where it was fitted: bare poses are under its gravity; a table says its own."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
-    history: tuple[Rung, ...] = ()
+    history: tuple[FitRecord, ...] = ()
     """The error ladder: one rung per fit (models/ladder.py)."""
     correlations: tuple[tuple[str, str, float], ...] = ()
     """Pairs of fitted parameters that move together, the closest first."""
@@ -143,13 +144,11 @@ class Model:
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
-        from ecm.models.leverage import leverages
-
         if self.covariance is None or self.noise.components is not None or self.inputs != POSE:
             return None
         return leverages(self.base, self.covariance, self.noise, np.ascontiguousarray(poses))
 
-    def extrapolates(self, poses: F) -> NDArray[np.bool_]:
+    def extrapolates(self, poses: F) -> B:
         """(N,) whether the model is asked beyond its training data.
 
         A leverage above the largest of the training rows; where that is not known, a pose column
@@ -192,10 +191,8 @@ class Model:
             partial[:, :, j] = (self._at_poses(poses + step) - self._at_poses(poses - step)) / 2e-6
         if kind == "partial":
             return partial
-        from ecm import _native
-
         target: Any = kind
-        return _native.convert_stiffness(
+        return convert_stiffness(
             partial, poses, self._at_poses(poses), source="partial", target=target
         )
 
@@ -212,8 +209,6 @@ class Model:
 
     def _bare_rows(self, poses: F) -> Rows:
         """Poses without a table: of the model's mechanism in the model's scene."""
-        from ecm.table import Table
-
         columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
         known = {} if self.length_m is None else {"length_m": self.length_m}
         meta = Meta(mechanism=known, scene=self.scene)
@@ -255,9 +250,7 @@ class Model:
 
     def fit_report(self) -> str:
         """Values with errors and correlations, the error ladder and the tests between its rungs."""
-        from ecm.models.fit_report import fit_report
-
-        return fit_report(self)
+        return fit_report(self.name, self.base, self.effects, self.correlations, self.history)
 
     def remove(self, *ids: str) -> Model:
         """Without these effects; what is left keeps its values until `fit`."""
@@ -279,9 +272,25 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write a sealed model file."""
-        from ecm.models.files import save_model
+        file.write_document(self.document(), path)
 
-        save_model(self, path)
+    def document(self) -> dict[str, Any]:
+        """The document of a model file, without its sum."""
+        return {
+            "format": file.FORMAT,
+            "version": file.VERSION,
+            **self.base.document(),
+            "length_m": self.known_length_m,
+            "scene": asdict(self.scene),
+            **file.covariance_document(self.covariance, self.base),
+            "noise": self.noise.to_dict(),
+            "effects": [file.effect_document(item) for item in self.effects],
+            "base_frozen": self.base_frozen,
+            "correlations": [list(pair) for pair in self.correlations],
+            "domain": {name: list(pair) for name, pair in self.domain.items()},
+            "training": dict(self.training),
+            "history": [step.to_dict() for step in self.history],
+        }
 
     def _check(self, ids: Sequence[str]) -> None:
         present = [item.id for item in self.effects]
@@ -300,13 +309,12 @@ class Model:
         noise
             Default that of the table: of its repeats, else declared, else the model's.
         """
-        from ecm.models.fit_report import correlations_of
-        from ecm.models.ladder import rung
-        from ecm.models.training import domain_of, noise_for, training_of
-
-        table, freeze_base = informative(table), self.base_frozen
+        table, freeze_base = without_zero_readings(table), self.base_frozen
         training = training_of(table)
-        used = noise_for(self, table, training) if noise is None else noise
+        same_rows = self.training.get("hash") == training["hash"]
+        used = noise
+        if used is None:
+            used = noise_for(self.base, table, self.noise, same_rows=same_rows)
         chosen = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
@@ -327,7 +335,12 @@ class Model:
             previous=self.previous if self.changed else self,
             changed=False,
         )
-        step = rung(fitted, table, found, already=len(self.history) > 0)
+        step = fit_records(
+            RecordedFit(fitted.name, found, table, used, training["hash"]),
+            fitted.base,
+            self.history,
+            frozen=freeze_base,
+        )
         return replace(fitted, history=(*self.history, *step))
 
     def _best_shape(self, position: int, table: Table, noise: Noise, freeze_base: bool) -> Model:
@@ -350,3 +363,26 @@ class Model:
 def _zeros(table: Table, names: Sequence[str]) -> dict[str, F]:
     """Wrench columns that a pose table lacks, so that what is missing is only what matters."""
     return {name: np.zeros(len(table)) for name in names if not table.has(name)}
+
+
+def load_model(path: str | Path) -> Model:
+    """Read a model file; refused when its sum, version or a range is wrong."""
+    document = file.read_document(path)
+    try:
+        return Model(
+            base=file.base_of(document),
+            noise=Noise.from_dict(dict(document["noise"])),
+            effects=tuple(file.effect_of(item) for item in document["effects"]),
+            covariance=file.covariance_of(document),
+            training=dict(document["training"]),
+            length_m=document["length_m"],
+            scene=file.scene_of(document.get("scene", {})),
+            domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
+            base_frozen=bool(document.get("base_frozen", False)),
+            correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
+            history=tuple(FitRecord(**step) for step in document.get("history", ())),
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(
+            f"{path}: the model file lacks or misstates {error}; fit the model again"
+        ) from None

@@ -11,12 +11,11 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
+from ecm._native import PolynomialModel
 from ecm.errors import InputError
+from ecm.io.arrays import F
 
-F = NDArray[np.float64]
 Threshold: TypeAlias = float | str | None
 
 
@@ -35,7 +34,7 @@ def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> 
         return _positive(_number(text[:-6], pcr), pcr) * float(np.sqrt(len(poses)))
     if text != "press" and not text.startswith("rank:"):
         return _positive(_number(text, pcr), pcr)
-    values, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, degree)
+    values, rmse = PolynomialModel.leave_one_out(poses, wrenches, degree)
     if text == "press":
         rank = press_rank(rmse, len(poses))
     else:

@@ -8,14 +8,12 @@ alone; coefficients and covariance come back by R^-1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-from ecm.compare.noise import whiteners
+from ecm._native import polynomial_regressor
 from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F
 from ecm.models.maps import PolynomialMap
-
-F = NDArray[np.float64]
+from ecm.regression.noise import whiteners
 
 
 def fit_polynomial_gls(
@@ -31,9 +29,7 @@ def fit_polynomial_gls(
         (N, m, m) of each row.
     """
     model, m = frame.model, len(frame.outputs)
-    x = _native.polynomial_regressor(
-        np.ascontiguousarray(poses), model.degree, model.lower, model.upper
-    )
+    x = polynomial_regressor(np.ascontiguousarray(poses), model.degree, model.lower, model.upper)
     n, k = x.shape
     if n < k:
         raise InputError(

@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm import _native
-
-F = NDArray[np.float64]
+from ecm._native import convert_stiffness
+from ecm.io.arrays import F
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class Symmetry:
 def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
     """Parts of K = dh/dp (N, 6, 6) at poses (N, 6) under wrenches (N, 6)."""
     poses, wrenches = np.ascontiguousarray(poses), np.ascontiguousarray(wrenches)
-    screw = _native.convert_stiffness(
+    screw = convert_stiffness(
         np.ascontiguousarray(stiffness), poses, wrenches, source="partial", target="screw"
     )
     x, y, z = wrenches[:, 3:].T

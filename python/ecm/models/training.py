@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ecm.compare.estimate import estimate_noise
-from ecm.compare.noise import Noise
-from ecm.effects.rows import Rows
-from ecm.stages import hash_of
+from ecm.io.cache import hash_of
+from ecm.models.noise_estimate import estimate_noise
+from ecm.regression.noise import Noise
+from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
-    from ecm.models.model import Model
-    from ecm.table import Table
+    from ecm.io.table import Table
+    from ecm.models.maps import StiffnessMap
 
 
 def training_of(table: Table) -> dict[str, Any]:
@@ -29,18 +29,17 @@ def training_of(table: Table) -> dict[str, Any]:
     }
 
 
-def noise_for(model: Model, table: Table, training: Mapping[str, Any]) -> Noise:
-    """The rows' own noise, else the model's.
+def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:
+    """The rows' own noise, else that of the fit before.
 
-    Of rows whose repeats told it to the fit before, that of then: the rungs of a ladder are
-    compared under one noise.
+    Of the same rows, whose repeats told it to the fit before, that of then: the rungs of a ladder
+    are compared under one noise.
     """
-    same_rows = model.training.get("hash") == training["hash"]
-    if same_rows and model.noise.source == "repeats":
-        return model.noise
-    rows = Rows(table, model.base)
+    if same_rows and before.source == "repeats":
+        return before
+    rows = Rows(table, base)
     # Effects may still have to take their shape for these rows; within repeats they are left out.
-    return estimate_noise(rows, rows.sensor_load, fallback=model.noise)
+    return estimate_noise(rows, rows.sensor_load, fallback=before)
 
 
 def domain_of(table: Table, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-F = NDArray[np.float64]
+from ecm.io.arrays import F
 
 INK = "#1c2430"
 # Wong's palette, distinct for colour-blind readers; order by darkness for print.

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from ecm.errors import MissingExtra
-from ecm.stages import write_atomically
+from ecm.io.cache import write_atomically
 
 _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
 """Numbers have one letter at the most (1e-3), and intervals the word `to`."""

@@ -7,11 +7,11 @@ plant has formulas of its own, or finding it would prove nothing.
 from __future__ import annotations
 
 from ecm.rig.campaign import Campaign
-from ecm.rig.hidden import Hidden
+from ecm.rig.hidden.spec import Hidden
+from ecm.rig.hidden.truth import Revealed, reveal, score
 from ecm.rig.many import run_campaigns
 from ecm.rig.run import campaign_minutes, fem_source, run_campaign
 from ecm.rig.settings import HiddenTable, Instruments, PlantTable, Procedure, RigSettings
-from ecm.rig.truth import Revealed, reveal, score
 
 rig_from_dict = RigSettings.from_dict
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from ecm.errors import InputError
-from ecm.rig.fields import nearest
+from ecm.io.toml import did_you_mean
 
 ARGUMENT_UNITS = {
     "measure": "",
@@ -39,8 +39,7 @@ class Action:
         name = name.strip() or "measure"
         if name not in ARGUMENT_UNITS:
             raise InputError(
-                f"{where}: unknown action `{text}`{nearest(name, list(ARGUMENT_UNITS))} "
-                f"Expected one of {', '.join(ARGUMENT_UNITS)}"
+                f"{where}: unknown action `{text}`, {did_you_mean(name, ARGUMENT_UNITS)}"
             )
         unit = ARGUMENT_UNITS[name]
         if not unit:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ecm.rig.fields import setting
+from ecm.io.settings import setting
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
-from ecm.rig import truth
-from ecm.rig.calibration.before import Believed, calibrated
+from ecm.io.arrays import F
+from ecm.rig.calibration.before import Calibration, calibrated
 from ecm.rig.climate import Climate
-from ecm.rig.conceal import Secret, World, conceal
-from ecm.rig.draws import GRADES, MOVING
 from ecm.rig.elastic import (
-    PLAIN,
+    UNIFORM,
     Anchors,
     Elastic,
     Progress,
@@ -29,23 +26,24 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
-from ecm.rig.hidden import NOTHING, Hidden
-from ecm.rig.instruments import Camera, ForceTorqueSensor, Stand, Window, displaced
+from ecm.rig.hidden import truth
+from ecm.rig.hidden.calibrate import CannotHide
+from ecm.rig.hidden.draw import GRADES, MOVING
+from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
+from ecm.rig.hidden.spec import NOTHING, Hidden
+from ecm.rig.instruments import Camera, CameraStand, ForceTorqueSensor, Window, displaced
 from ecm.rig.physics import Physics
-from ecm.rig.plan import outside, requests, rest_pose
-from ecm.rig.plant import Course, Plant, course_of, nominal_physics
+from ecm.rig.plan import requests, rest_pose, split_by_limits
+from ecm.rig.plant import Plant, Visits, nominal_physics, visits_of
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.reach import reachable
-from ecm.rig.record import Reading, table_of
+from ecm.rig.reachability import reachable
+from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
-from ecm.rig.strength import CannotHide
-from ecm.rig.timeline import Timeline, lay_out
+from ecm.rig.timeline import Timeline, timeline_of
 
 if TYPE_CHECKING:
-    from ecm.table import Table
-
-F = NDArray[np.float64]
+    from ecm.io.table import Table
 
 
 class Campaign:
@@ -71,10 +69,12 @@ class Campaign:
         self.settings = settings
         self.seed = seed
         length = source.length_m
-        kept, self.skipped = outside(requests(plan, settings.rig, length), settings.rig, length)
+        kept, self.skipped = split_by_limits(
+            requests(plan, settings.rig, length), settings.rig, length
+        )
         commanded = [r.pose for r in kept if r.action.name == "measure"]
         poses, _ = unique_poses(np.stack([rest_pose(length), *commanded]))
-        anchors = solve_cached(source, poses, PLAIN, folder, progress)
+        anchors = solve_cached(source, poses, UNIFORM, folder, progress)
         if anchors.status[0] != "solved":
             raise InputError(
                 f"[mechanism]: FEM ends `{anchors.status[0]}` at the rest pose; check its figures"
@@ -83,9 +83,9 @@ class Campaign:
         if not any(r.action.name == "measure" for r in kept):
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
-        self.timeline: Timeline = lay_out(kept, settings.rig, length)
+        self.timeline: Timeline = timeline_of(kept, settings.rig, length)
         smooth = source.surrogate(anchors)
-        self._solve = partial(solve_cached, source, grade=PLAIN, folder=folder, progress=progress)
+        self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Plant, RawStream] | None = None
         lottery = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
@@ -109,10 +109,10 @@ class Campaign:
         )
         direction = random.uniform(-1.0, 1.0, 6)
         self.physics = nominal_physics(settings, Physics(), direction)
-        self.secrets: list[Secret] = []
+        self.secrets: list[InjectedEffect] = []
         self._conceal(hide, lottery, plant, base_columns)
-        self._stand = Stand(settings.instrument)
-        self.frames: Believed | None = None
+        self._stand = CameraStand(settings.instrument)
+        self.frames: Calibration | None = None
         """What the calibration found, where the frames are not known."""
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
@@ -231,12 +231,12 @@ class Campaign:
             impossible: tuple[str, ...] = ()
             while self._hide[i].effect != NOTHING:
                 raw = self.raw_stream() if self._hide[i].effect in MOVING else None
-                world = World(
+                world = RigState(
                     self.plant, self.course, self.physics, self._offset, self.settings,
                     base_columns, raw,
                 )  # fmt: skip
                 try:
-                    found = conceal(self._hide[i], world, self.timeline.end_s, self.seed)
+                    found = inject(self._hide[i], world, self.timeline.end_s, self.seed)
                 except CannotHide:
                     if wanted.effect != "random":
                         raise
@@ -254,7 +254,7 @@ class Campaign:
                 self.secrets.append(secret)
                 break
 
-    def _course(self, anchors: Anchors) -> Course:
+    def _course(self, anchors: Anchors) -> Visits:
         visits = tuple(self.timeline.visits)
         index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
         anchor = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)
@@ -266,4 +266,4 @@ class Campaign:
         reached = displaced(np.stack([v.pose for v in visits]), errors)
         heating = self.timeline.heating
         self._air = Climate.build(self.settings, self.seed, self.timeline.end_s, heating)
-        return course_of(visits, reached, anchor, self._air)
+        return visits_of(visits, reached, anchor, self._air)

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream, wander
-
-F = NDArray[np.float64]
 
 GRID_S = 10.0
 """Step of every slow process."""

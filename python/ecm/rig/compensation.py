@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-F = NDArray[np.float64]
+from ecm.io.arrays import F
 
 LAWS = ("linear", "before", "none", "temperature")
 _ENOUGH_FOR_TIME = 4

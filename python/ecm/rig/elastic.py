@@ -16,14 +16,13 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ecm.rig import cache
+from ecm.io.arrays import F, I
+from ecm.io.cache import array_key, read_arrays, write_arrays
 
-F = NDArray[np.float64]
 Progress = Callable[[int, int, str], object] | None
 
-PLAIN, COS2, SIN2 = "plain", "cos2", "sin2"
+UNIFORM, COS2, SIN2 = "plain", "cos2", "sin2"
 TAPER, THICK, STIFF = "taper", "thick", "stiff"
 CONTRAST = 0.05
 """Of the graded modulus whose FEM solution is subtracted from the plain one."""
@@ -80,7 +79,7 @@ class Elastic:
         """The smooth map through the anchors, where they are enough for one."""
         return self._smooth
 
-    def wrench(self, anchor: NDArray[np.int64], poses: F) -> F:
+    def wrench(self, anchor: I, poses: F) -> F:
         """h at (N, 6) poses, each near the anchor of its index (N,)."""
         step = poses - self.anchors.poses[anchor]
         h: F = self.anchors.wrenches[anchor] + np.einsum(
@@ -91,7 +90,7 @@ class Elastic:
             h = h + self._smooth.predict(poses) - line
         return h
 
-    def stiffness(self, anchor: NDArray[np.int64], poses: F) -> F:
+    def stiffness(self, anchor: I, poses: F) -> F:
         """K = dh/dp at the poses: (N, 6, 6)."""
         stiffness: F = self.anchors.stiffness[anchor]
         if self._smooth is not None:
@@ -106,7 +105,7 @@ class Grading:
     wrenches: F
     stiffness: F
 
-    def wrench(self, anchor: NDArray[np.int64], step: F) -> F:
+    def wrench(self, anchor: I, step: F) -> F:
         """At `step` (N, 6) away from the anchors."""
         change: F = self.wrenches[anchor] + np.einsum("nij,nj->ni", self.stiffness[anchor], step)
         return change
@@ -118,15 +117,15 @@ def solve_cached(
     """`source.solve`, kept on disk under a hash of the mechanism and the poses."""
     path = None
     if folder is not None:
-        name = cache.digest(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
+        name = array_key(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
         path = folder / f"anchors-{name[:32]}.npz"
-        found = cache.load(path)
+        found = read_arrays(path)
         if found is not None:
             status = tuple(str(s) for s in found["status"])
             return Anchors(poses, found["wrenches"], found["stiffness"], status)
     anchors = source.solve(poses, grade, progress)
     if path is not None:
-        cache.save(
+        write_arrays(
             path,
             {
                 "wrenches": anchors.wrenches,
@@ -151,7 +150,7 @@ def grading(
     )
 
 
-def unique_poses(poses: F) -> tuple[F, NDArray[np.int64]]:
+def unique_poses(poses: F) -> tuple[F, I]:
     """Distinct rows in the order of first visit, and the index of each row in them."""
     seen: dict[bytes, int] = {}
     index = np.asarray([seen.setdefault(row.tobytes(), len(seen)) for row in poses], dtype=np.int64)

@@ -6,26 +6,24 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
+from ecm.io.arrays import F
 from ecm.rig.elastic import (
     CONTRAST,
     COS2,
-    PLAIN,
     SIN2,
     STIFF,
     TAPER,
     THICK,
+    UNIFORM,
     Anchors,
     Progress,
     Smooth,
 )
 
 if TYPE_CHECKING:
-    from ecm.mechanism import Mechanism
-
-F = NDArray[np.float64]
+    from ecm.io.mechanism import Mechanism
 
 
 class FemSource:
@@ -47,7 +45,7 @@ class FemSource:
         fem = changed(self._mechanism, grade).fem(
             element_modulus_scale=modulus_grade(self._mechanism, grade)
         )
-        word = "plant" if grade == PLAIN else f"plant ({grade})"
+        word = "plant" if grade == UNIFORM else f"plant ({grade})"
 
         def report(done: int, total: int) -> None:
             if progress is not None:
@@ -74,7 +72,7 @@ def changed(mechanism: Mechanism, grade: str) -> Mechanism:
             waist_radius_m=thicker * mechanism.waist_radius_m,
         )
     if grade == STIFF:
-        from ecm.material import Material
+        from ecm.io.material import Material
 
         nu = mechanism.poisson_ratio
         c1 = mechanism.young_modulus_Pa / (4.0 * (1.0 + nu))

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices, rotation_vectors
-
-F = NDArray[np.float64]
+from ecm.io.arrays import F
 
 
 def rotation(vectors: F) -> F:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.frames import compose, left_jacobian_inverse, rotate
-from ecm.rig.optics import LEDS, Optics
+from ecm.rig.optics import Optics
+from ecm.rig.physics.leds import LEDS
 from ecm.rig.settings import Instruments
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ class Camera:
         )
 
 
-class Stand:
+class CameraStand:
     """The camera's stand, which creeps; the base target shows how far, but for its own noise."""
 
     def __init__(self, settings: Instruments) -> None:

@@ -13,21 +13,17 @@ import json
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
+from ecm.io.cache import write_atomically
+from ecm.io.dask import DaskClient
+from ecm.io.table import Table, read_table
 from ecm.rig.elastic import Progress
 from ecm.rig.journal import clear_beside, keep_data
 from ecm.rig.run import run_campaign
 from ecm.rig.settings import RigSettings
-from ecm.stages import write_atomically
-
-if TYPE_CHECKING:
-    from ecm.table import Table
-
-_CONNECT_S = 10.0
 
 
 def ledger_path(out: Path) -> Path:
@@ -35,7 +31,7 @@ def ledger_path(out: Path) -> Path:
     return out.with_name(f"{out.stem}.rigs.json")
 
 
-def paths_of(out: Path, rigs: int) -> list[Path]:
+def rig_paths(out: Path, rigs: int) -> list[Path]:
     """The tables of so many rigs."""
     return [out.with_name(f"{out.stem}-{i:04d}{out.suffix}") for i in range(rigs)]
 
@@ -67,7 +63,7 @@ def run_campaigns(
     InputError
         No scheduler at the address, or tables of other settings at `out`.
     """
-    paths = paths_of(out, rigs)
+    paths = rig_paths(out, rigs)
     ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
     for i, path in enumerate(paths):
         # A journal that stands there is a single campaign's, never this job's.
@@ -97,18 +93,16 @@ def run_campaigns(
     work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
     if scheduler is None:
         for i, arguments in work:
-            finished(i, measured(*arguments))
+            finished(i, measured_files(*arguments))
     else:
         _on_workers(scheduler, work, finished)
     return paths
 
 
-def measured(  # noqa: PLR0917
+def measured_files(  # noqa: PLR0917
     plan: str, meta: str, settings: dict[str, Any], hide: str | None, seed: int, threads: int
 ) -> dict[str, bytes]:
     """The files of one campaign by suffix; everything comes and goes as text, to any machine."""
-    from ecm.table import read_table
-
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "plan.csv"
         source.write_text(plan, encoding="utf-8")
@@ -168,20 +162,7 @@ class _Ledger:
 
 
 def _on_workers(scheduler: str, work: Iterable[tuple[int, Any]], finished: Any) -> None:
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise MissingExtra("distributed", "cluster", "--scheduler") from None
-    try:
-        client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"--scheduler {scheduler}: no answer within {_CONNECT_S:.0f} s ({error}). Start one "
-            "with `dask scheduler` and workers with `dask worker ADDRESS`"
-        ) from None
-    try:
-        futures = {client.submit(measured, *one, pure=False): i for i, one in work}
-        for future in distributed.as_completed(list(futures), loop=client.loop):
+    with DaskClient(scheduler) as client:
+        futures = {client.submit(measured_files, *arguments): i for i, arguments in work}
+        for future in client.completed(futures):
             finished(futures[future], future.result())
-    finally:
-        client.close()

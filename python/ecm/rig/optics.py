@@ -12,15 +12,12 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import B, F
 from ecm.rig.frames import rotation, skew
+from ecm.rig.physics.leds import LEDS
 from ecm.rig.settings import Instruments
 
-F = NDArray[np.float64]
-B = NDArray[np.bool_]
-
-LEDS = 9
 LEDS_NEEDED = 4
 LENSES_NEEDED = 2
 DOME_RAD = 0.5

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F, I
 from ecm.rig.actions import Action
 from ecm.rig.settings import Procedure
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
@@ -99,7 +98,7 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
     return result
 
 
-def outside(
+def split_by_limits(
     wanted: list[Request], procedure: Procedure, length_m: float
 ) -> tuple[list[Request], list[Skipped]]:
     """Split into poses within the rig's limits and the others with the reason."""
@@ -141,7 +140,7 @@ def without_approach(
         kept = [r for r in kept if r.approach in known]
 
 
-def _pose_ids(plan: Table, poses: F) -> NDArray[np.int64]:
+def _pose_ids(plan: Table, poses: F) -> I:
     if plan.has("pose_id"):
         return plan.column("pose_id").astype(np.int64)
     seen: dict[bytes, int] = {}

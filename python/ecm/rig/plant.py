@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
+from ecm.io.arrays import B, F, I
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import COS2, SIN2, Elastic, Grading
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
@@ -27,20 +27,18 @@ from ecm.rig.plan import rest_pose
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import AT_HOME, POSE, Visit, travel_s
 
-F = NDArray[np.float64]
-
 DEAD_WEIGHT_ARM_M = 0.05
 """Where a dead weight hangs on the free sensor, along x of the top frame."""
 
 
 @dataclass(frozen=True)
-class Course:
+class Visits:
     """The visits as arrays, with the poses that the robot really reaches."""
 
     visits: tuple[Visit, ...]
     reached: F
     """True top frame in the world, (N, 6)."""
-    anchor: NDArray[np.int64]
+    anchor: I
     time_s: F
     temperature_degC: F
     """Of the mechanism."""
@@ -51,7 +49,7 @@ class Course:
     """The visits are samples of one way in the order of time, not each a rest after its way."""
 
     @property
-    def loaded(self) -> NDArray[np.bool_]:
+    def loaded(self) -> B:
         """Rows in which the mechanism is connected to the sensor."""
         return np.asarray([v.kind in (POSE, AT_HOME) for v in self.visits])
 
@@ -105,12 +103,12 @@ class Plant:
         """The same plant without the history of a course that it has seen."""
         return Plant(self._settings, self.elastic, self.length_m, self._gradings)
 
-    def load(self, course: Course, physics: Physics) -> F:
+    def load(self, course: Visits, physics: Physics) -> F:
         """What the platform asks of the sensor, base axes, (N, 6); every row is a loaded one."""
         asked = self._sensor_load(course, physics, course.loaded)
         return turn_wrench(rotation(course.reached[:, 3:]), asked)
 
-    def truth(self, course: Course, physics: Physics, offset: F) -> Truth:
+    def truth(self, course: Visits, physics: Physics, offset: F) -> Truth:
         """Readings without noise at every visit; `offset` (6,) is the sensor's constant zero."""
         loaded = course.loaded
         top = np.zeros((len(course.visits), 6))
@@ -141,7 +139,7 @@ class Plant:
             )
         return Truth(self._seen(course, physics), sensor + offset)
 
-    def _own_errors(self, sensor: F, course: Course) -> F:
+    def _own_errors(self, sensor: F, course: Visits) -> F:
         """What every reading of this rig's sensor has: gain, cross-talk, thermal drift."""
         instrument = self._settings.instrument
         matrix = np.asarray(instrument.fts_crosstalk).reshape(6, 6) * (1.0 - np.eye(6))
@@ -150,7 +148,7 @@ class Plant:
         found: F = sensor @ (matrix + np.diag(instrument.fts_gain)).T + drift
         return found
 
-    def _seen(self, course: Course, physics: Physics) -> F:
+    def _seen(self, course: Visits, physics: Physics) -> F:
         """Poses as a camera without noise sees them: target, then camera, then base marker."""
         seen = course.reached
         if physics.leds is not None:
@@ -166,7 +164,7 @@ class Plant:
             seen = physics.marker_motion.measured(seen, course.time_s)
         return seen
 
-    def _sensor_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+    def _sensor_load(self, course: Visits, physics: Physics, rows: B) -> F:
         """Wrench of the sensor on the platform in top axes: mechanism minus weights."""
         poses = course.reached[rows]
         world = self._mechanism(course, physics, rows)
@@ -179,7 +177,7 @@ class Plant:
             world = world - physics.own_weight.weight(poses, self.length_m, self._gravity)
         return turn_wrench(transpose(rotation(poses[:, 3:])), world)
 
-    def _free_load(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+    def _free_load(self, course: Visits, physics: Physics, rows: B) -> F:
         """Wrench on the free sensor, at the rest pose: its axes are the base's."""
         masses = course.of("dead_weight_kg")[rows]
         force = -masses[:, None] * self._gravity
@@ -190,7 +188,7 @@ class Plant:
             return load - self._weight(course, physics, rows, rest)
         return load - self._marker.weight(rest, self._gravity)
 
-    def _weight(self, course: Course, physics: Physics, rows: NDArray[np.bool_], poses: F) -> F:
+    def _weight(self, course: Visits, physics: Physics, rows: B, poses: F) -> F:
         """Of everything that hangs on the platform, (N, 6)."""
         weight = np.zeros((len(poses), 6))
         for load in (physics.known_payload, physics.payload):
@@ -200,7 +198,7 @@ class Plant:
         hanging: F = hangs[:, None] * weight
         return hanging + self._marker.weight(poses, self._gravity)
 
-    def _mechanism(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+    def _mechanism(self, course: Visits, physics: Physics, rows: B) -> F:
         anchor = course.anchor[rows]
         base = self.elastic.anchors.poses[anchor]
         mount = course.of("mount_rad")[rows]
@@ -246,7 +244,7 @@ class Plant:
             return on_plate(reached)
         return physics.base_plate.solve(reached, self.length_m, on_plate)
 
-    def _sets(self, course: Course, physics: Physics) -> F:
+    def _sets(self, course: Visits, physics: Physics) -> F:
         """Permanent set of the mechanism at every visit, (N, 6)."""
         if physics.permanent_set is None:
             return np.zeros((len(course.visits), 6))
@@ -262,7 +260,7 @@ class Plant:
         ends = np.append(np.where(later, ends, dwell[1:]), dwell[-1])
         return physics.permanent_set.sets(poses, np.maximum(ends, dwell), self._rest, dwell)
 
-    def _lag(self, course: Course, play: SensorPlay) -> F:
+    def _lag(self, course: Visits, play: SensorPlay) -> F:
         """Lag of the sensor along the loads of its way, (N, 6) in sensor axes, at size 1."""
         shape = play.resized(1.0)
         if shape not in self._lags:
@@ -299,7 +297,7 @@ class Plant:
         found: F = h
         return found
 
-    def _relaxing(self, course: Course, relaxation: Relaxation) -> F:
+    def _relaxing(self, course: Visits, relaxation: Relaxation) -> F:
         """What relaxes along the way of a moving course, (N, 6); states go on through rests."""
         points, first = _all_points(course)
         parts = np.split(self._elastic_at(points), first)
@@ -325,7 +323,7 @@ class Plant:
         carried = relaxation.carried(np.stack(wrenches), np.asarray(times), np.asarray(anew))
         return carried[own]
 
-    def _factor(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+    def _factor(self, course: Visits, physics: Physics, rows: B) -> F:
         factor = np.ones(int(rows.sum()))
         if physics.temperature is not None:
             factor = factor * physics.temperature.factor(course.temperature_degC[rows])
@@ -342,7 +340,7 @@ class Plant:
             factor = factor * physics.softening.factor(energy)
         return factor
 
-    def _held(self, course: Course, physics: Physics, rows: NDArray[np.bool_]) -> F:
+    def _held(self, course: Visits, physics: Physics, rows: B) -> F:
         friction = physics.hysteresis
         held = np.zeros((int(rows.sum()), 6))
         if course.moving and physics.relaxation is not None:
@@ -367,14 +365,14 @@ REST_ANCHOR = 0
 """The rest pose is the first anchor of every campaign."""
 
 
-def _all_points(course: Course) -> tuple[F, NDArray[np.int64]]:
+def _all_points(course: Visits) -> tuple[F, I]:
     """The way points of all visits (K, 6), and where the second visit's and so on begin."""
     points = np.concatenate([visit.way for visit in course.visits])
     ends = np.cumsum([len(visit.way) for visit in course.visits], dtype=np.int64)
     return points, ends[:-1]
 
 
-def _arrivals(course: Course) -> F:
+def _arrivals(course: Visits) -> F:
     """Last step of each visit's way (N, 3); what has arrived keeps the step that it came by."""
     steps = np.zeros((len(course.visits), 3))
     for i, visit in enumerate(course.visits):
@@ -403,17 +401,17 @@ def nominal_physics(settings: RigSettings, physics: Physics, warm_up_direction: 
     return physics
 
 
-def course_of(
+def visits_of(
     visits: tuple[Visit, ...],
     reached: F,
-    anchor: NDArray[np.int64],
+    anchor: I,
     air: Climate,
     *,
     moving: bool = False,
-) -> Course:
+) -> Visits:
     """The visits with what the slow processes are at their times."""
     time = np.asarray([v.time_s for v in visits])
-    return Course(
+    return Visits(
         visits,
         reached,
         anchor,

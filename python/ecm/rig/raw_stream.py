@@ -18,36 +18,47 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F, I
 from ecm.rig.climate import Climate
 from ecm.rig.compensation import zero_at
 from ecm.rig.elastic import Anchors, Elastic, Grading, unique_poses
 from ecm.rig.frames import rotation, turn_wrench
-from ecm.rig.instruments import ForceTorqueSensor
-from ecm.rig.observe import row_covariance, zero_readings
+from ecm.rig.instruments import ForceTorqueSensor, Window
+from ecm.rig.measurement import row_covariance, zero_readings
 from ecm.rig.optics import Optics
 from ecm.rig.physics import Physics
-from ecm.rig.plant import REST_ANCHOR, Course, Plant, course_of
-from ecm.rig.record import POSE_NAMES, WRENCH_NAMES, Reading, described
+from ecm.rig.plant import REST_ANCHOR, Plant, Visits, visits_of
+from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
 from ecm.rig.settings import Procedure, RigSettings
 from ecm.rig.streams import stream
 from ecm.rig.timeline import POSE, Visit, travel_s
 
 if TYPE_CHECKING:
-    from ecm.rig.campaign import Campaign
-    from ecm.table import Table
+    from ecm.io.table import Table
 
-F = NDArray[np.float64]
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""
 REST_S = 1.0
 """Of rest after each leg that is streamed."""
+
+
+class StreamedCampaign(CampaignState, Protocol):
+    """A campaign whose camera is asked for an image."""
+
+    def image(
+        self,
+        pose: F,
+        time_s: float,
+        window_s: float,
+        random: tuple[np.random.Generator, np.random.Generator],
+    ) -> Window: ...
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,7 @@ class RawStream:
         self,
         settings: RigSettings,
         plant: Plant,
-        course: Course,
+        course: Visits,
         air: Climate,
         *,
         offset: F,
@@ -164,9 +175,9 @@ class RawStream:
         left: F = wrench - plant.elastic.wrench(course.anchor, seen)
         return left
 
-    def table(self, campaign: Campaign, readings: list[Reading]) -> Table:
+    def table(self, campaign: StreamedCampaign, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
-        from ecm.table import Table
+        from ecm.io.table import Table
 
         # Copies: where nothing lies between, what the camera sees is the samples' own pose.
         seen, sensor = (array.copy() for array in self.truth(campaign.physics))
@@ -227,7 +238,7 @@ class RawStream:
         end = np.stack([leg.end for leg in self.legs])[self.leg]
         return start + share[:, None] * (end - start), share
 
-    def _at(self, time_s: F) -> tuple[Plant, Course]:
+    def _at(self, time_s: F) -> tuple[Plant, Visits]:
         """A plant whose anchors are the solved poses and the samples, and the samples' course."""
         poses, share = self._on_the_way(time_s)
         known = self._plant.elastic.anchors
@@ -258,7 +269,7 @@ class RawStream:
         plant.believed = self._plant.believed
         index = len(known.poses) + np.arange(len(poses))
         visits = self._visits(time_s, poses)
-        return plant, course_of(visits, poses, index, self._air, moving=True)
+        return plant, visits_of(visits, poses, index, self._air, moving=True)
 
     def _misses(self, solve: Callable[[F], Anchors]) -> tuple[F, F]:
         """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
@@ -313,7 +324,7 @@ class RawStream:
         return points[1:] if row and not np.array_equal(points[0], self._rest) else points
 
 
-def _legs(plant: Plant, course: Course, procedure: Procedure) -> list[Leg]:
+def _legs(plant: Plant, course: Visits, procedure: Procedure) -> list[Leg]:
     """The last legs to all poses, and the ways home from there."""
     known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.anchors.poses)}
     rest = plant.elastic.anchors.poses[REST_ANCHOR]
@@ -354,7 +365,7 @@ def _times(stiffness: F, steps: F) -> F:
     return change
 
 
-def _between(values: F, ends: NDArray[np.int64], share: F) -> F:
+def _between(values: F, ends: I, share: F) -> F:
     """Values of the anchors at both ends, blended by the share of the way."""
     blended: F = (1.0 - share) * values[ends[:, 0]] + share * values[ends[:, 1]]
     return blended

@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ecm.errors import InputError
-from ecm.parquet import need_arrow, write_parquet
-from ecm.rig import truth
+from ecm.io.cache import cache_directory, write_atomically
+from ecm.io.parquet import require_pyarrow, write_parquet
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
-from ecm.rig.hidden import NOTHING, Hidden
+from ecm.rig.hidden import truth
+from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.journal import Journal, clear_beside, journal_path, keep_data, raw_path
-from ecm.rig.plan import outside, requests
-from ecm.rig.record import HEADER, Reading
+from ecm.rig.plan import requests, split_by_limits
+from ecm.rig.readings import HEADER, Reading
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import lay_out
-from ecm.stages import cache_directory, write_atomically
+from ecm.rig.timeline import timeline_of
 
 if TYPE_CHECKING:
-    from ecm.table import Table
+    from ecm.io.table import Table
 
 
 _NO_STREAM = (
@@ -75,7 +75,7 @@ def run_campaign(
     InputError
         A finished table stands at `out`, or the journal of another campaign.
     """
-    need_possible(rig, out, overwrite=overwrite, resume=resume)
+    require_possible(rig, out, overwrite=overwrite, resume=resume)
     if source is None:
         source = fem_source(plan, threads)
     if hide is None:
@@ -87,7 +87,7 @@ def run_campaign(
     if folder is None:
         folder = cache_directory()
     if rig.rig.mode == "robot":
-        from ecm.robot.run import run_robot, write_record
+        from ecm.rig.arm.run import run_robot, write_record
 
         arm, table, kept = run_robot(
             plan, rig, out, hide=hide, seed=seed, progress=progress, resume=resume,
@@ -111,13 +111,14 @@ def run_campaign(
                 progress(i + 1, len(campaign), "measuring")
         readings = [Reading.parse(line, str(path)) for line in journal.lines]
     if raw is not None:
-        write_parquet(raw.table(campaign, readings), raw_path(out))
+        stream = raw.table(campaign, readings)
+        write_parquet(stream.columns, stream.meta.applied().to_toml(), raw_path(out))
     table = _written(campaign, campaign.table(readings), out)
     journal.remove()
     return table
 
 
-def need_possible(
+def require_possible(
     rig: RigSettings, out: Path | None, *, overwrite: bool, resume: bool = True
 ) -> None:
     """InputError or MissingExtra, before the work, where it could not be written."""
@@ -131,7 +132,7 @@ def need_possible(
             'mode = "quasi_static", or stream_Hz = 0'
         )
     if out is not None:
-        need_arrow(f"[rig] stream_Hz writes {raw_path(out)}, which")
+        require_pyarrow(f"[rig] stream_Hz writes {raw_path(out)}, which")
 
 
 def _written(campaign: Campaign, table: Table, out: Path) -> Table:
@@ -153,11 +154,11 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
     length = plan.meta.length_m
     if length is None:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
-    kept, _ = outside(requests(plan, rig.rig, length), rig.rig, length)
-    planned = lay_out(kept, rig.rig, length)
+    kept, _ = split_by_limits(requests(plan, rig.rig, length), rig.rig, length)
+    planned = timeline_of(kept, rig.rig, length)
     seconds = planned.end_s
     if rig.rig.mode == "robot":
-        from ecm.robot.tour import extra_s
+        from ecm.rig.arm.sorties import extra_s
 
         seconds += sum(extra_s(v, rig.rig) for v in planned.visits)
     return seconds / 60.0

@@ -6,7 +6,6 @@ campaign writes those of the averaged row into the measurement table.
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -15,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import InputError
+from ecm.io.settings import read_settings, setting
+from ecm.io.toml import check_keys, closest
 from ecm.rig.arm_table import ArmTable
-from ecm.rig.fields import from_table, nearest, setting
+from ecm.rig.hidden.spec import Hidden
 
 TABLES = ("rig", "instrument", "plant", "hidden")
 LOWEST_STREAM_HZ = 0.1
@@ -28,7 +29,7 @@ class Procedure:
     """[rig]: how the poses are visited and how long that takes."""
 
     mode: str = setting("quasi_static", choices=("quasi_static", "robot"))
-    """A source of poses that rest in each window, or the arm with its dynamics (`ecm.robot`)."""
+    """A source of poses that rest in each window, or the arm with its dynamics (`ecm.rig.arm`)."""
     approach: str = setting("initial", choices=("initial", "previous"))
     """Where a pose is driven from when the plan has no `approach`: home, or the pose before."""
     dwell_s: float = setting(2.0, low=0.0, high=1e5)
@@ -214,25 +215,17 @@ class RigSettings:
         own, arm = procedure, dict[str, Any]()
         if isinstance(procedure, Mapping):
             own, arm = split_arm(procedure, where)
-        for name in tables:
-            if name not in TABLES:
-                raise InputError(
-                    f"{where}: unknown table [{name}]{nearest(name, list(TABLES))} "
-                    f"Known tables: {', '.join(f'[{t}]' for t in TABLES)}"
-                )
+        check_keys(tables, TABLES, where)
         settings = RigSettings(
-            rig=from_table(Procedure, own, f"{where} [rig]"),
-            arm=from_table(ArmTable, arm, f"{where} [rig]"),
-            instrument=from_table(
+            rig=read_settings(Procedure, own, f"{where} [rig]"),
+            arm=read_settings(ArmTable, arm, f"{where} [rig]"),
+            instrument=read_settings(
                 Instruments, tables.get("instrument", {}), f"{where} [instrument]"
             ),
-            plant=from_table(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
-            hidden=from_table(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
+            plant=read_settings(PlantTable, tables.get("plant", {}), f"{where} [plant]"),
+            hidden=read_settings(HiddenTable, tables.get("hidden", {}), f"{where} [hidden]"),
         )
         if settings.hidden.effect:
-            # Imported late: the physics of the plant is not needed to read a rig file.
-            from ecm.rig.hidden import Hidden
-
             try:
                 Hidden.parse(settings.hidden.effect)
             except InputError as error:
@@ -261,8 +254,7 @@ def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dic
     if table.get("mode") == "robot":
         # A misspelt key goes where the likely name is known, which tells it.
         for key in set(table) - arm_keys - own_keys:
-            close = difflib.get_close_matches(key, [*own_keys, *arm_keys], n=1, cutoff=0.5)
-            arm_keys |= {key} if close and close[0] in arm_keys else set()
+            arm_keys |= {key} if closest(key, [*own_keys, *arm_keys]) in arm_keys else set()
     arm = {key: value for key, value in table.items() if key in arm_keys}
     if arm and table.get("mode") != "robot":
         raise InputError(

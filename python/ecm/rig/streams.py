@@ -5,9 +5,8 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
-F = NDArray[np.float64]
+from ecm.io.arrays import F
 
 
 def stream(seed: int, *names: object) -> np.random.Generator:

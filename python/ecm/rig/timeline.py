@@ -13,12 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.plan import HOME, Request, rest_pose
 from ecm.rig.settings import Procedure
-
-F = NDArray[np.float64]
 
 POSE, AT_HOME, UNLOADED, OFFSET = "pose", "home", "unloaded", "offset"
 """Kinds of reading; `offset` serves the compensation alone and stands in no table."""
@@ -67,7 +65,7 @@ class Timeline:
     end_s: float = 0.0
 
 
-def lay_out(wanted: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
+def timeline_of(wanted: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
     """The timeline of a plan; poses that cannot be visited have been taken out before."""
     return _Rig(procedure, length_m).through(list(wanted))
 

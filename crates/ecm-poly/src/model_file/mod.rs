@@ -21,6 +21,7 @@
 pub mod canonical;
 mod check;
 mod layout;
+pub mod map;
 mod unique;
 
 use std::string::{String, ToString};

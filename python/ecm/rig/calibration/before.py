@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import FrameFit
 from ecm.rig.calibration.sensor_frame import sensor_frame
 from ecm.rig.calibration.target_frame import target_frame
@@ -18,8 +18,6 @@ from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
 from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import Instruments
 from ecm.rig.streams import stream
-
-F = NDArray[np.float64]
 
 BORES = 12
 WEIGHTS = 12
@@ -29,7 +27,7 @@ _REACH_M = 0.05
 
 
 @dataclass(frozen=True)
-class Believed:
+class Calibration:
     """What is off in every reading, and how sure the calibration was of it."""
 
     tip: F
@@ -46,7 +44,7 @@ class Believed:
         return compose(np.tile(self.base, (len(poses), 1)), compose(poses, self.tip))
 
 
-def calibrated(instruments: Instruments, seed: int) -> Believed:
+def calibrated(instruments: Instruments, seed: int) -> Calibration:
     """One calibration with these instruments."""
     random = stream(seed, "calibration")
     true, fits = {}, {}
@@ -63,7 +61,7 @@ def calibrated(instruments: Instruments, seed: int) -> Believed:
     fits["sensor"] = _sensor(instruments, random)
     found = fits["sensor"].frame
     quaternion = _quaternion(found[3:])
-    return Believed(
+    return Calibration(
         tip=seen_from(true["top target"][None], fits["top target"].frame[None])[0],
         base=seen_from(fits["base target"].frame[None], true["base target"][None])[0],
         top_from_sensor=top_from_sensor_wrench((*found[:3].tolist(), *quaternion)),

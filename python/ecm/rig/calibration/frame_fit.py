@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.frames import rotation, rotation_vector, transpose
-
-F = NDArray[np.float64]
 
 
 def quantile_F(share: float, numerator: int, denominator: int) -> float:

@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import FrameFit, solve_scaled
 from ecm.rig.frames import compose, rotation, rotation_vector, skew, transpose
-
-F = NDArray[np.float64]
 
 LEAST_POSES = 5
 _ROUNDS = 20

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import quantile_F, solve_scaled
 from ecm.rig.frames import skew
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

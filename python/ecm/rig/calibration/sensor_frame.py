@@ -8,13 +8,11 @@ tau_s = R' (tau - t x f), the inverse of the adjoint that moves readings to the 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import FrameFit, solve_scaled
 from ecm.rig.frames import rotation, rotation_vector, skew
-
-F = NDArray[np.float64]
 
 _ROUNDS = 30
 

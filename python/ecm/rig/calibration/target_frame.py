@@ -8,13 +8,11 @@ normal matrix.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import InputError
+from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import FrameFit, solve_scaled
 from ecm.rig.frames import rotation_vector, skew
-
-F = NDArray[np.float64]
 
 
 def target_frame(points_in_frame: F, points_in_target: F) -> FrameFit:

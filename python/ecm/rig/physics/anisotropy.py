@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F, I
 from ecm.rig.elastic import Grading
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,9 +27,7 @@ class Anisotropy(Sized):
 
     unit: ClassVar[str] = "1"
 
-    def wrench(
-        self, cos2: Grading, sin2: Grading, anchor: NDArray[np.int64], step: F, mount_rad: F
-    ) -> F:
+    def wrench(self, cos2: Grading, sin2: Grading, anchor: I, step: F, mount_rad: F) -> F:
         """Added wrench (N, 6) at `step` from the anchors, mechanism mounted at (N,) angles."""
         twice = 2.0 * (self.angle_rad + mount_rad)[:, None]
         return self.size * (

@@ -9,13 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ecm.io.arrays import F, I
 from ecm.rig.elastic import Grading
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -26,6 +22,6 @@ class Graded(Sized):
 
     unit: ClassVar[str] = "1"
 
-    def wrench(self, grading: Grading, anchor: NDArray[np.int64], step: F) -> F:
+    def wrench(self, grading: Grading, anchor: I, step: F) -> F:
         """Added wrench (N, 6) at `step` from the anchors."""
         return self.size * grading.wrench(anchor, step)

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import B, F
 from ecm.rig.frames import compose, skew
 from ecm.rig.physics.shape import Sized
 
-F = NDArray[np.float64]
+LEDS = 9
+"""On a target."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Leds(Sized):
 
     unit: ClassVar[str] = "m"
 
-    def measured(self, poses: F, visible: NDArray[np.bool_], places_m: F) -> F:
+    def measured(self, poses: F, visible: B, places_m: F) -> F:
         """(N, 6) poses that the camera makes of the LEDs (N, 9) it sees."""
         count = len(places_m)
         errors = np.asarray(self.errors) if self.errors else np.zeros((count, 3))

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
+from ecm.io.arrays import F
 from ecm.rig.frames import rotation, seen_from, turn_wrench
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 _ITERATIONS = 200
 _TOLERANCE = 1e-11

@@ -10,12 +10,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.frames import seen_from
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 _ARM_M = 0.1
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.frames import left_jacobian_inverse, rotation
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 _STEP = 1e-6
 

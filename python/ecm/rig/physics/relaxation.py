@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import B, F
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Relaxation(Sized):
             factor = factor + self.size * share * loaded * np.exp(-dwell_s / tau)
         return factor
 
-    def carried(self, wrenches: F, time_s: F, anew: NDArray[np.bool_]) -> F:
+    def carried(self, wrenches: F, time_s: F, anew: B) -> F:
         """(N, 6) beside the elastic wrenches (N, 6) of the moments (N,) of one way.
 
         Nothing is held at the first moment, nor where the history begins `anew`.

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ecm.io.arrays import F
 from ecm.rig.physics.sensor_strain import LEVER_M
 from ecm.rig.physics.shape import Sized
-
-F = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

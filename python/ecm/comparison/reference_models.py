@@ -1,0 +1,149 @@
+"""Four references side by side, and the family of the missing effect that they point to.
+
+Each is the held-out error in units of the noise: of the physics base, of the symmetric energy
+model, of the ceiling (base and a free cubic of the pose), and of the noise itself, 1. What the
+energy can fit and the physics cannot is symmetric: elasticity or geometry. What the ceiling can fit
+and the energy cannot is asymmetric or not conservative. What the ceiling cannot fit is no function
+of the pose: history, time or noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ecm.errors import ModelError
+from ecm.io.columns import POSE, WRENCH
+from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, without_zero_readings
+from ecm.regression.noise import Noise
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.joint_fit import JointFit
+    from ecm.models.maps import StiffnessMap
+    from ecm.models.model import Model
+
+_FAMILIES = {
+    "symmetric": "elasticity or geometry that keeps the symmetry",
+    "asymmetric": "something asymmetric or not conservative",
+    "other": "history, time or noise",
+}
+_NOTHING = 0.03
+"""Excess in squares below which nothing is said about a family."""
+
+
+@dataclass(frozen=True)
+class ReferenceModels:
+    """Held-out whitened rms of each reference; None where the data do not allow it."""
+
+    physics: float | None
+    energy: float | None
+    ceiling: float | None
+    floor: float = 1.0
+
+    def levels(self) -> dict[str, float]:
+        """Those that are known, by name."""
+        named = {
+            "physics base": self.physics,
+            "symmetric energy": self.energy,
+            "ceiling": self.ceiling,
+            "noise floor": self.floor,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+    def shares(self) -> dict[str, float]:
+        """Share of the excess, in squares, of each family that can be told."""
+        levels = [self.physics, self.energy, self.ceiling, self.floor]
+        names = ["symmetric", "asymmetric", "other"]
+        falls: dict[str, float] = {}
+        above: float | None = None
+        for level, name in zip(levels, [None, *names], strict=True):
+            if level is None:
+                continue
+            if above is not None and name is not None:
+                falls[name] = max(above**2 - level**2, 0.0)
+            above = level if above is None else min(above, level)
+        total = sum(falls.values())
+        return {name: fall / total for name, fall in falls.items()} if total > _NOTHING else {}
+
+    def sentence(self) -> str:
+        """One plain sentence."""
+        shares = self.shares()
+        if not shares:
+            return "What is left is noise: no family of effects stands out."
+        best = max(shares, key=shares.__getitem__)
+        said = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
+        rest = [f"{v:.0%} to {_FAMILIES[k]}" for k, v in shares.items() if k != best and v > 0.15]
+        return said + (f", {' and '.join(rest)}." if rest else ".")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "physics": self.physics,
+            "energy": self.energy,
+            "ceiling": self.ceiling,
+            "floor": self.floor,
+            "shares": self.shares(),
+            "sentence": self.sentence(),
+        }
+
+
+def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceModels | None:
+    """References of a table with all six pose and wrench columns and repeats or many rows.
+
+    The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
+    its FEM runs here where it is not in the cache yet.
+    """
+    # Late: models stand on the comparison.
+    from ecm.models.history import ceiling_rms
+    from ecm.models.joint_fit import joint_fit
+    from ecm.models.physics.map import FREE, PhysicsMap, physics_map, reach_of
+
+    if not table.has(*POSE, *WRENCH) or noise.components is not None:
+        return None
+    kept = without_zero_readings(table)
+    physics: StiffnessMap | None = model.base
+    body = kept.meta.body()
+    if not isinstance(physics, PhysicsMap) and body is not None and body.has_body:
+        physics = physics_map(body, reach_rad=reach_of(table))
+    if not isinstance(physics, PhysicsMap):
+        physics = None
+    elif physics.family is not None:
+        physics = physics.with_free(*FREE)
+    fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, _energy(kept))]
+    found = [fit for fit in fits if fit is not None]
+    if not found:
+        return None
+    ceilings = [ceiling_rms(fit, kept, noise) for fit in found]
+    known = [item.whitened for item in ceilings if item is not None]
+    return ReferenceModels(
+        physics=_held_out(fits[0], kept),
+        energy=_held_out(fits[1], kept),
+        ceiling=min(known) if known else None,
+    )
+
+
+def _energy(table: Table) -> StiffnessMap | None:
+    """The symmetric energy, where the length is known and the rows are enough for it."""
+    from ecm.models.by_degree import symmetric_energy
+
+    if table.meta.length_m is None:
+        return None
+    try:
+        return symmetric_energy(table)
+    except ModelError:
+        return None
+
+
+def _held_out(fit: JointFit | None, table: Table) -> float | None:
+    from ecm.models.history import held_out_rms
+
+    if fit is None:
+        return None
+    groups = row_groups(table)
+    parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
+    if len(np.unique(parts)) < 2:
+        return None
+    return held_out_rms(fit.design, fit.whitened, groups, parts, is_pose_row(table))

@@ -1,0 +1,244 @@
+"""Residual maps: every component against one variable, rows linked between figures and table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ecm.comparison.residual_maps import ResidualMaps
+from ecm.io.arrays import F
+from ecm.report import figures as draw
+from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
+
+LINK = "measured rows"
+"""Points of all figures with this mark and the same row are marked together."""
+_DRAWN = 2
+"""Variables that the residual is drawn against; the menus give the others."""
+_FRAMES = {"base": "base axes", "top": "top axes"}
+
+
+def residual_figure(
+    found: ResidualMaps,
+    variable: str | None = None,
+    *,
+    frame: str = "base",
+    over_noise: bool = True,
+    predicted: F | None = None,
+) -> dict[str, Any]:
+    """One panel per component against a variable; a menu changes variable, frame and unit."""
+    variable = found.strongest()[0] if variable is None else variable
+    columns = found.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
+    curves = [] if predicted is None else _predicted(found, columns, variable)
+    data = [*_panels(found, columns, variable), *curves]
+    layout = draw.component_layout(found.outputs, "" if curves else None)
+    layout["annotations"].append(_x_title(variable))
+    last = len(layout["annotations"]) - 1
+    names = list(found.variables)
+    menus = [
+        _menu(0.0, [
+            {
+                "label": draw.plain(name),
+                "method": "update",
+                "args": [
+                    {"x": [_plain(found.variables[name])]},
+                    {f"annotations[{last}].text": _x_title(name)["text"]},
+                ],
+            }
+            for name in names
+        ], names.index(variable))
+    ]  # fmt: skip
+    if not curves:
+        kinds = [
+            (key, unit) for key in found.physical for unit in ("over its noise", "in its unit")
+        ]
+        buttons = []
+        for key, unit in kinds:
+            values = (found.over_noise if unit == "over its noise" else found.physical)[key]
+            arrays = [_plain(values[:, j]) for j in range(values.shape[1])]
+            label = f"{_FRAMES[key]}, {unit}"
+            buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
+        active = kinds.index((frame, "over its noise" if over_noise else "in its unit"))
+        menus.append(_menu(0.45, buttons, active))
+    layout["updatemenus"] = menus
+    return {"data": data, "layout": layout}
+
+
+def residual_section(found: ResidualMaps, variables: Sequence[str] = ()) -> Section:
+    """Maps, signature, residual stiffness and the worst rows.
+
+    Parameters
+    ----------
+    variables
+        What to draw the residual against; default what it follows most, each alone.
+    """
+    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
+    linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
+    given = [name for name in variables if name in found.variables]
+    first, *second = (given or found.strongest())[:_DRAWN]
+    blocks.append(
+        FigureBlock(
+            "Residual, measured minus predicted, of each component. The menus choose the variable, "
+            f"the axes and the unit. {linked}",
+            residual_figure(found, first),
+        )
+    )
+    blocks += [
+        FigureBlock("The same against another variable.", residual_figure(found, name))
+        for name in second
+    ]
+    if "theta_z_rad" in found.variables and "theta_y_rad" in found.variables:
+        blocks.append(
+            FigureBlock(
+                "Where in the workspace: the larger the marker, the larger the row's residual "
+                "over its noise.",
+                workspace_figure(found),
+            )
+        )
+    if found.shares:
+        blocks.append(
+            FigureBlock(
+                "Share of the residual, beyond chance, that each signature explains alone; shares "
+                "overlap.",
+                signature_figure(found),
+            )
+        )
+    if (lacking := stiffness_figure(found)) is not None:
+        blocks.append(
+            FigureBlock(
+                "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
+                "N m per m and rad; bold and coloured where it is more than three of them.",
+                lacking,
+            )
+        )
+    worst = found.worst()
+    header = ["row", "residual / noise", "component", "residual"]
+    header += ["leverage"] if found.leverage is not None else []
+    blocks.append(
+        TableBlock(
+            "The ten worst rows of the table.",
+            header,
+            [
+                [
+                    str(item["row"]),
+                    number(item["whitened"]),
+                    item["component"],
+                    number(item["residual"]),
+                    *([number(item["leverage"])] if "leverage" in item else []),
+                ]
+                for item in worst
+            ],
+            link=LINK,
+        )
+    )
+    return Section("Where", blocks)
+
+
+def _panels(found: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": _plain(columns[variable]),
+            "y": _plain(columns[name]),
+            "name": "measured − predicted",
+            "showlegend": False,
+            "marker": {"size": 5, "symbol": "circle-open", "color": draw.COLOURS[0]},
+            "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
+            "unselected": {"marker": {"opacity": 0.35}},
+            "meta": LINK,
+            "customdata": found.row.tolist(),
+            "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
+            **draw.component_axes(j),
+        }
+        for j, name in enumerate(found.outputs)
+    ]
+
+
+def _predicted(
+    found: ResidualMaps, columns: Mapping[str, F], variable: str
+) -> list[dict[str, Any]]:
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": _plain(columns[variable]),
+            "y": _plain(columns[f"predicted {name}"]),
+            "name": "what the effect predicts",
+            "legendgroup": "predicted",
+            "showlegend": j == 0,
+            "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
+            "customdata": found.row.tolist(),
+            "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
+            **draw.component_axes(j),
+        }
+        for j, name in enumerate(found.outputs)
+    ]
+
+
+def workspace_figure(found: ResidualMaps) -> dict[str, Any]:
+    """The rows in views of the workspace, markers as large as their residuals over the noise."""
+    columns = found.workspace_map()
+    size = columns["over_noise"]
+    views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
+    return draw.linked_views(
+        [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
+         if a in columns and b in columns],
+        size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
+        rows=found.row.tolist(),
+        text=[f"{value:.2f} times its noise" for value in size],
+        link=LINK,
+    )  # fmt: skip
+
+
+def signature_figure(found: ResidualMaps) -> dict[str, Any]:
+    """One bar per signature, the largest first."""
+    shares = found.signature_map()
+    return draw.bars({"share": list(shares.values())}, list(shares), y_title="share")
+
+
+def stiffness_figure(found: ResidualMaps) -> dict[str, Any] | None:
+    """Residual stiffness in numbers, bold and coloured beyond three standard deviations."""
+    known = found.stiffness_map()
+    if known is None:
+        return None
+    rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]
+    ratio = known["value"] / known["sd"]
+    seen = np.abs(ratio) > 3.0
+    text = [[""] * 6 for _ in rows]
+    for i, j in np.ndindex(6, 6):
+        cell = f"{number(known['value'][i, j], 2)} ± {number(known['sd'][i, j], 2)}"
+        text[i][j] = f"<b>{cell}</b>" if seen[i, j] else cell
+    shown = np.where(seen, np.clip(ratio, -20.0, 20.0), 0.0)
+    return draw.text_map(shown, text, names, rows, limit=20.0)
+
+
+def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any]:
+    return {
+        "buttons": buttons,
+        "active": active,
+        "x": x,
+        "xanchor": "left",
+        "y": 1.16,
+        "yanchor": "bottom",
+        "bgcolor": "white",
+        "direction": "down",
+        "showactive": True,
+    }
+
+
+def _x_title(name: str) -> dict[str, Any]:
+    return {
+        "text": f"against {draw.plain(name)}",
+        "showarrow": False,
+        "xref": "paper",
+        "yref": "paper",
+        "x": 0.5,
+        "y": -0.12,
+        "yanchor": "top",
+    }
+
+
+def _plain(values: F) -> list[float]:
+    return [float(f"{value:.5g}") for value in values]

@@ -1,0 +1,105 @@
+"""Residuals in physical units and whitened, and features that a missing effect may follow."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm.comparison.covariates import candidate_covariates
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.regression.approach import approach_sides
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.rows import Rows
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Measured minus predicted."""
+
+    physical: F
+    """(N, m)."""
+    whitened: F
+    """(N, m)."""
+    covariance: F
+    """(N, m, m) of the noise of each row."""
+    whitener: F
+    """(N, m, m)."""
+
+
+def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
+    """Residuals of a prediction (N, m) under the noise of the rows."""
+    measured = np.stack([rows.table.column(name) for name in rows.base.outputs], axis=1)
+    covariance = noise.covariance(rows, base_error)
+    whitener = whiteners(covariance)
+    physical = measured - predicted
+    return Residuals(physical, np.einsum("nij,nj->ni", whitener, physical), covariance, whitener)
+
+
+def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
+    """(N, q) smooth functions of pose, time, order, temperature, side and dwell; their names.
+
+    Pose and its squares and products, then each covariate, t squared, and the products of each
+    covariate with the pose; at most `most` of them, the products of the pose going first.
+    """
+    loaded = (~rows.unloaded).astype(np.float64)
+    scaled = _standard(rows.poses) * loaded[:, None]
+    names = rows.base.inputs
+    linear = [(scaled[:, j], name) for j, name in enumerate(names)]
+    squares = [(scaled[:, j] ** 2, f"{name}^2") for j, name in enumerate(names)]
+    mixed = [
+        (scaled[:, i] * scaled[:, j], f"{names[i]}*{names[j]}")
+        for i in range(len(names))
+        for j in range(i)
+    ]
+    beside = covariates(rows)
+    own = [(values, name) for name, values in beside.items()]
+    bent = [(v**2, f"{name}^2") for name, v in beside.items() if name == "time_s"]
+    products = [
+        (scaled[:, j] * values, f"{name}*{names[j]}")
+        for name, values in beside.items()
+        for j in range(len(names))
+    ]
+    one = [(np.ones(len(rows)), "constant")]
+    chosen = [*one, *linear, *own, *bent, *products, *squares, *mixed][:most]
+    return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
+
+
+def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
+    """The names whose product a name of `features` stands for; none of the constant.
+
+    Parameters
+    ----------
+    known
+        Names of pose and covariates: a column of one's own may hold a star itself.
+    """
+    if feature in known:
+        return (feature,)
+    if feature.endswith("^2") and feature[:-2] in known:
+        return (feature[:-2],) * 2
+    pairs = ((feature[:i], feature[i + 1 :]) for i, c in enumerate(feature) if c == "*")
+    return next((pair for pair in pairs if set(pair) <= set(known)), ())
+
+
+def covariates(rows: Rows) -> dict[str, F]:
+    """Standardised variables (N,) beside the pose that a residual may follow."""
+    table = rows.table
+    found: dict[str, F] = {}
+    for name in candidate_covariates(table, rows.base.inputs, rows.base.outputs):
+        values = np.nan_to_num(table.column(name))
+        if float(np.ptp(values)) > 0.0:
+            found[name] = _standard(values[:, None])[:, 0]
+    if "time_s" not in found and len(table) > 1:
+        found["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
+    if table.has("approach") and rows.base.inputs == POSE:
+        side = approach_sides(table, rows.length_m if rows.has_length else None)
+        if float(np.ptp(side)) > 0.0:
+            found["approach"] = side
+    return found
+
+
+def _standard(values: F) -> F:
+    spread = values.std(axis=0)
+    return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))

@@ -1,0 +1,100 @@
+"""Sections of a comparison: error of each component, and four references side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ecm.comparison.comparison import Comparison
+from ecm.regression.f_test import FTest
+from ecm.report import figures as draw
+from ecm.report.page import (
+    Block,
+    FigureBlock,
+    Section,
+    TableBlock,
+    TextBlock,
+    number,
+    warnings_table,
+)
+
+_MEANING = {
+    "physics base": "FEM of the body with E and ν free: what it leaves, no elasticity explains",
+    "symmetric energy": "any elasticity or geometry that keeps the symmetry",
+    "ceiling": "the better of the two with a free cubic of the pose: any function of the pose",
+    "noise floor": "what no model can take",
+}
+
+
+def compare_section(found: Comparison, warnings: Sequence[str]) -> Section:
+    """One sentence, the error of each component against its noise, and warnings."""
+    names = [item.name for item in found.components]
+    rows = [
+        [
+            item.name,
+            *(number(value) for value in (item.rmse, item.bias, item.floor, item.excess)),
+            f"{number(item.excess_low, 2)} to {number(item.excess_high, 2)}",
+            *_lack_of_fit(found, item.lack_of_fit),
+        ]
+        for item in found.components
+    ]
+    header = ["component", "RMSE", "bias", "noise floor", "excess", "90 % interval"]
+    if found.lack_of_fit is not None:
+        header += ["lack of fit F", "p"]
+    floor = np.array([item.floor for item in found.components])
+    shares: dict[str, Sequence[float]] = {
+        "noise floor": [1.0] * len(names),
+        "RMSE": [item.rmse / f for item, f in zip(found.components, floor, strict=True)],
+        "excess": [item.excess / f for item, f in zip(found.components, floor, strict=True)],
+    }
+    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
+    blocks += [
+        TableBlock("Residuals in the unit of each column.", header, rows),
+        FigureBlock(
+            "Error of each component over its noise floor.",
+            draw.bars(shares, names, y_title="over the noise floor"),
+        ),
+        FigureBlock(
+            "Residuals over their noise; noise alone would have a standard deviation of 1.",
+            draw.histograms(
+                {"rows": found.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
+            ),
+        ),
+        *warnings_table(warnings),
+    ]
+    return Section("Compare", blocks)
+
+
+def _lack_of_fit(found: Comparison, test: FTest | None) -> list[str]:
+    if found.lack_of_fit is None:
+        return []
+    return ["–", "–"] if test is None else [number(test.F), number(test.p, 2)]
+
+
+def references_section(found: Comparison) -> Section:
+    """Physics base, symmetric energy, ceiling and noise floor, and the family they point to."""
+    known = found.references
+    if known is None:
+        text = "No references: they need all six pose and wrench columns and the length."
+        return Section("References", [TextBlock(text)])
+    levels = known.levels()
+    rows = [[name, number(value), _MEANING[name]] for name, value in levels.items()]
+    return Section(
+        "References",
+        [
+            TextBlock(known.sentence(), strong=True),
+            TableBlock(
+                "Error on held-out rows over the noise: what each reference leaves.",
+                ("reference", "error / noise", "what it can fit"),
+                rows,
+            ),
+            FigureBlock(
+                "The same side by side. A fall from one to the next is the family of what is "
+                "missing: symmetric, asymmetric, or no function of the pose.",
+                draw.bars(
+                    {"held-out rows": list(levels.values())}, list(levels), y_title="error / noise"
+                ),
+            ),
+        ],
+    )

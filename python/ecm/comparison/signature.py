@@ -1,0 +1,71 @@
+"""Shares of the residual by signature: what a missing effect looks like before it has a name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ecm.comparison.residuals import features
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.regression.f_test import orthonormal
+from ecm.regression.rows import Rows
+
+_COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "approach")
+
+
+def signature_shares(
+    rows: Rows, whitened: F, whitener: F, weights: F | None = None, scale: float = 1.0
+) -> dict[str, float]:
+    """Share of the whitened residual's squares, beyond chance, that each family explains alone.
+
+    Parameters
+    ----------
+    whitened, whitener
+        (N, 6) residuals over their noise, and (N, 6, 6) what made them so.
+    weights
+        (N,) robust weights of the rows.
+    scale
+        Mean square that noise alone gives.
+    """
+    if rows.base.inputs != POSE or rows.base.outputs != WRENCH or not rows.has_length:
+        return {}
+    n, m = whitened.shape
+    root = np.ones(n) if weights is None else np.sqrt(weights)
+    y = (whitened * root[:, None]).ravel()
+    total = float(y @ y)
+    deflection = rows.poses - rows.rest_pose
+    loaded = (~rows.unloaded).astype(np.float64)
+    scaled = deflection / np.maximum(deflection.std(axis=0), 1e-12) * loaded[:, None]
+    identity = np.broadcast_to(np.eye(6), (n, 6, 6))
+    even = np.stack([scaled[:, i] * scaled[:, j] for i in range(6) for j in range(i + 1)], axis=1)
+    named: dict[str, F] = {
+        "proportional": rows.wrench[:, :, None],
+        "constant_in_base": identity,
+        "constant_in_body": rows.base_from_top,
+        "odd": _spread(scaled),
+        "even": _spread(even),
+    }
+    values, names = features(rows, 90)
+    for covariate in _COVARIATES:
+        own = [j for j, name in enumerate(names) if covariate in name.split("*")]
+        if own:
+            named[covariate] = _spread(values[:, own])
+    shares = {}
+    for name, columns in named.items():
+        z = np.einsum("nij,njk->nik", whitener, columns)
+        z = (z * root[:, None, None]).reshape(n * m, -1)
+        if z.shape[1] >= n * m // 2:
+            continue
+        basis = orthonormal(z)
+        beyond = float(((basis.T @ y) ** 2).sum()) - scale * basis.shape[1]
+        shares[name] = float(np.clip(beyond / total, 0.0, 1.0))
+    return shares
+
+
+def _spread(values: F) -> F:
+    """(N, 6, 6 q): each function in each component."""
+    n, q = values.shape
+    columns = np.zeros((n, 6, 6 * q))
+    for j in range(6):
+        columns[:, j, j * q : (j + 1) * q] = values
+    return columns

@@ -1,0 +1,30 @@
+"""Step 2 of the paper: the poses worth measuring, and the plan in which a rig visits them.
+
+`optimal_design` finds rows of a candidate table by the same Rust code as the binary `ecm-design`.
+`plain_plan`, `paper_plan` and `diagnosable_plan` make a campaign of them. `separable` says which
+effects a plan can name and from what size, `design_sizes` what further poses would bring.
+"""
+
+from ecm.designs.follow_up import can_be_run, follow_up_plan
+from ecm.designs.nominal import NominalModel, nominal_model, rig_noise
+from ecm.designs.optimal import Design, optimal_design
+from ecm.designs.plans import DWELLS_S, diagnosable_plan, paper_plan, plain_plan
+from ecm.designs.regressors import polynomial_degree
+from ecm.designs.size import Size, design_sizes
+
+__all__ = [
+    "DWELLS_S",
+    "Design",
+    "NominalModel",
+    "Size",
+    "can_be_run",
+    "design_sizes",
+    "diagnosable_plan",
+    "follow_up_plan",
+    "nominal_model",
+    "optimal_design",
+    "paper_plan",
+    "plain_plan",
+    "polynomial_degree",
+    "rig_noise",
+]

@@ -1,0 +1,298 @@
+"""The campaign of a proposed experiment: what `diagnose` wants measured next, as a plan.
+
+The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
+so that both tables together are one campaign; a sweep also stops on the straight ways to them.
+A session joins several experiments, "a + b": one plan, each part in a run of its own, what changes
+the set-up last.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
+
+HOLDS_S = (2.0, 8.0, 60.0)
+AND = " + "
+"""Between the parts of a session."""
+_DWELL_S = 2.0
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """One row of a plan; a pose is its position in the list of distinct poses, -1 is home."""
+
+    action: str
+    pose: int = -1
+    share: float = 1.0
+    """Of the straight way from home to the pose."""
+    approach: str = "initial"
+    dwell_s: float = _DWELL_S
+    run: int = 0
+    """Of the plan, from 0."""
+
+
+def follow_up_plan(data: Table, experiment: str) -> Table:
+    """The plan of an experiment that a diagnosis of these data proposes.
+
+    Parameters
+    ----------
+    data
+        The measurement table that was diagnosed; needs all six pose columns.
+    experiment
+        The `action` of an entry of `next_experiment`; of a session what a campaign can drive.
+
+    Raises
+    ------
+    InputError
+        For an experiment that is done by hand and not by driving to poses (a calliper, a gauge).
+    """
+    lacking = [name for name in POSE if not data.has(name)]
+    if lacking:
+        raise InputError(f"{data.source}: a plan needs the pose column {lacking[0]}")
+    driven = {
+        recipe for part in experiment_parts(experiment) if (recipe := _recipe(part)) is not None
+    }
+    if not driven:
+        raise InputError(
+            f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
+            "it into the data's TOML, and run diagnose again."
+        )
+    poses, ids = _distinct(data)
+    visits: list[_Visit] = []
+    in_order = sorted(driven, key=lambda recipe: (recipe.disturbs, _RECIPES.index(recipe)))
+    for run, recipe in enumerate(in_order):
+        own = [_Visit("unload"), _Visit("home"), *recipe.make(poses, ids), _Visit("home")]
+        visits += [replace(visit, run=run) for visit in own]
+    visits.append(replace(visits[-1], action="unload"))
+    return _plan(data, poses, ids, _turned_on(visits))
+
+
+def experiment_parts(experiment: str) -> list[str]:
+    """The experiments of a session; of a single one itself."""
+    return experiment.split(AND)
+
+
+def can_be_run(experiment: str) -> bool:
+    """Whether a campaign can carry the experiment out, or some part of a session."""
+    return any(_recipe(part) is not None for part in experiment_parts(experiment))
+
+
+def same_campaign(experiment: str) -> str:
+    """Alike for two texts of one campaign; by hand the text itself."""
+    recipe = _recipe(experiment)
+    return experiment if recipe is None else recipe.pattern
+
+
+def _recipe(experiment: str) -> _Recipe | None:
+    """None for what is done by hand."""
+    return next((one for one in _RECIPES if re.search(one.pattern, experiment)), None)
+
+
+def _distinct(data: Table) -> tuple[F, I]:
+    """Mean measured pose of each pose_id, in order of the first visit, and the ids."""
+    measured = data.measured()
+    own = (
+        measured.column("pose_id").astype(np.int64)
+        if measured.has("pose_id")
+        else np.arange(len(measured))
+    )
+    ids, first = np.unique(own, return_index=True)
+    ids = ids[np.argsort(first)]
+    return np.stack([measured.poses[own == i].mean(axis=0) for i in ids]), ids
+
+
+def _spread_out(poses: F, count: int) -> list[int]:
+    """Poses far from each other: each next one is the farthest from those before."""
+    size = np.maximum(poses.std(axis=0), 1e-12)
+    scaled = (poses - poses.mean(axis=0)) / size
+    chosen = [int((scaled**2).sum(axis=1).argmax())]
+    nearest = ((scaled - scaled[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(poses)):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, ((scaled - scaled[chosen[-1]]) ** 2).sum(axis=1))
+    return chosen
+
+
+def _measure(
+    poses: Iterable[int], *, approach: str = "initial", dwell_s: float = _DWELL_S
+) -> list[_Visit]:
+    return [_Visit("measure", i, approach=approach, dwell_s=dwell_s) for i in poses]
+
+
+def _between(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
+    found: list[_Visit] = []
+    for i, visit in enumerate(visits):
+        if i and i % every == 0:
+            found.append(_Visit(check))
+        found.append(visit)
+    return found
+
+
+def _holds(poses: F, ids: I) -> list[_Visit]:
+    return [v for i in _spread_out(poses, 8) for d in HOLDS_S for v in _measure([i], dwell_s=d)]
+
+
+def _both_sides(poses: F, ids: I) -> list[_Visit]:
+    """From home, from a pose beyond, and from there again after 60 s."""
+    from ecm.designs.plans import outer_poses
+
+    farther = outer_poses(poses)
+    pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
+    found: list[_Visit] = []
+    for i in pairs:
+        side = str(int(ids[farther[i]]))
+        found += _measure([farther[i], i])
+        found += _measure([i], approach=side)
+        found += _measure([i], approach=side, dwell_s=60.0)
+    return found
+
+
+def _first_ten(poses: F, ids: I) -> list[_Visit]:
+    return _measure(range(min(10, len(poses))))
+
+
+def _conditioning(poses: F, ids: I) -> list[_Visit]:
+    """Five times to the three largest poses, then the first ten again."""
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = np.argsort(-(away**2).sum(axis=1))
+    return [*(v for _ in range(5) for v in _measure(largest[:3])), *_first_ten(poses, ids)]
+
+
+def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
+    ten = _measure(_spread_out(poses, 10))
+    return [*ten, _Visit("warm_up:60"), _Visit("unload"), _Visit("home"), *ten]
+
+
+def _zeros(poses: F, ids: I) -> list[_Visit]:
+    return _between(_measure(_spread_out(poses, 40)), "unload", 10)
+
+
+def _homes(poses: F, ids: I) -> list[_Visit]:
+    """Large poses on one side only, again and again, home after each.
+
+    A set grows that way, and faster than before; a slip stays, a marker goes on with time.
+    """
+    away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
+    largest = away[int((away**2).sum(axis=1).argmax())]
+    one_side = np.argsort(-(away @ largest))[:8].tolist()
+    return _between(_measure(one_side * 8), "home", 1)
+
+
+def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
+    return lambda poses, ids: [
+        _Visit(f"remount:{degrees}"), _Visit("unload"), _Visit("home"),
+        *_measure(_spread_out(poses, 20)),
+    ]  # fmt: skip
+
+
+def _turned_on(visits: Iterable[_Visit]) -> list[_Visit]:
+    """Remounts from the mounting that the plan has reached: for the rig the turns add up."""
+    reached = 0
+    found = []
+    for visit in visits:
+        name, _, degrees = visit.action.partition(":")
+        if name != "remount":
+            found.append(visit)
+            continue
+        found.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
+        reached = int(degrees)
+    return found
+
+
+def _without_payload(poses: F, ids: I) -> list[_Visit]:
+    after = _measure(_spread_out(poses, 15))
+    return [_Visit("remove_payload"), _Visit("unload"), _Visit("home"), *after]
+
+
+def _dead_weights(poses: F, ids: I) -> list[_Visit]:
+    loads = (0.5, 1.0, 2.0, 4.0, 2.0, 1.0, 0.5)
+    weights = [_Visit(f"dead_weight:{mass:g}") for mass in loads]
+    return [*weights, *_measure(_spread_out(poses, 10))]
+
+
+def _repeated(poses: F, ids: I) -> list[_Visit]:
+    some = _spread_out(poses, 10)
+    return _measure([i for _ in range(4) for i in some])
+
+
+def _push_and_pull(poses: F, ids: I) -> list[_Visit]:
+    """The poses of the most stretched and the most compressed bodies, as arcs, three times."""
+    half = 0.5 * np.linalg.norm(poses[:, 3:], axis=1)
+    arc = np.linalg.norm(poses[:, :3], axis=1) / np.sinc(half / np.pi)
+    order = np.argsort(arc)
+    return _measure([*order[:6].tolist(), *order[-6:].tolist()] * 3)
+
+
+def _sweep(poses: F, ids: I) -> list[_Visit]:
+    """Nine stops each on the straight ways to six poses that lie far apart."""
+    shares = np.linspace(0.2, 1.0, 9)
+    return [_Visit("measure", i, share=float(s)) for i in _spread_out(poses, 6) for s in shares]
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    pattern: str
+    make: Callable[[F, I], list[_Visit]]
+    disturbs: int = 0
+    """How much of what was there before is changed by it: in a session the least comes first."""
+
+
+_RECIPES = (
+    _Recipe(r"remount.*\b90\b", _turned(90), 4),
+    _Recipe(r"remount.*\b180\b", _turned(180), 4),
+    _Recipe(r"warm(?!-up log)", _warm_and_cold, 2),
+    _Recipe(r"conditioning", _conditioning, 1),
+    _Recipe(r"both sides", _both_sides),
+    _Recipe(r"\bhold\b|dwell", _holds),
+    _Recipe(r"payload", _without_payload, 3),
+    _Recipe(r"dead weight", _dead_weights, 5),
+    _Recipe(r"push and pull", _push_and_pull),
+    _Recipe(r"sweep", _sweep),
+    _Recipe(r"home", _homes),
+    _Recipe(r"unloaded|\bzero\b", _zeros),
+    _Recipe(r"repeat the first", _first_ten),
+    _Recipe(r"repeat", _repeated),
+)
+"""First match wins."""
+
+
+def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
+    """-1 at home; a stop on the way to a pose is a pose of its own."""
+    on_the_way: dict[tuple[int, float], int] = {}
+    found = []
+    for v in visits:
+        if v.pose < 0 or v.share == 1.0:
+            found.append(-1 if v.pose < 0 else int(ids[v.pose]))
+        else:
+            new = int(ids.max()) + 1 + len(on_the_way)
+            found.append(on_the_way.setdefault((v.pose, v.share), new))
+    return found
+
+
+def _plan(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
+    length = data.meta.mechanism.get("length_m", float(np.median(poses[:, 0])))
+    home = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
+    at = np.stack([home if v.pose < 0 else home + v.share * (poses[v.pose] - home) for v in visits])
+    kinds = {"measure": "pose", "unload": "unloaded"}
+    run = float(data.column("run").max()) + 1.0 if data.has("run") else 1.0
+    columns: dict[str, F | NDArray[np.object_]] = {name: at[:, j] for j, name in enumerate(POSE)}
+    columns |= {
+        "pose_id": np.array(_pose_ids(visits, ids), dtype=np.float64),
+        "kind": np.array([kinds.get(v.action, "home") for v in visits], dtype=object),
+        "approach": np.array(["" if v.pose < 0 else v.approach for v in visits], dtype=object),
+        "dwell_s": np.array([v.dwell_s for v in visits]),
+        "run": np.array([run + v.run for v in visits]),
+        "action": np.array([v.action for v in visits], dtype=object),
+    }
+    meta = Meta(mechanism=data.meta.mechanism, scene=data.meta.scene, source=data.meta.source)
+    return Table(columns=columns, meta=meta, source="plan", warnings=())

@@ -1,0 +1,187 @@
+"""The nominal mechanism of a design: what the noise of a row and the effects at a pose depend on.
+
+A design comes before the measurement, so its stiffness is nominal: of a given model, of the
+simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm._native import EnergyModel
+from ecm.effects import Effect, Rows
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
+from ecm.regression.noise import Noise, declared_noise, whiteners
+from ecm.rig.frames import top_from_sensor_wrench
+from ecm.rig.instruments import Camera, ForceTorqueSensor
+
+if TYPE_CHECKING:
+    from ecm.io.mechanism import Mechanism
+    from ecm.rig.settings import RigSettings
+
+_ENOUGH = 100
+"""Simulated poses from which a physics map can be made and tried."""
+
+
+@dataclass(frozen=True)
+class NominalModel:
+    """A nominal map, the instruments' noise, and the description of the candidates."""
+
+    base: StiffnessMap
+    noise: Noise
+    meta: Meta
+
+    def rows(self, poses: F) -> Rows:
+        """Rows at (N, 6) poses, their wrenches predicted."""
+        return Rows(self.table(poses), self.base)
+
+    def table(self, poses: F) -> Table:
+        """A table of (N, 6) poses with the nominal wrenches."""
+        columns = dict(zip(POSE, np.asarray(poses, dtype=np.float64).T.copy(), strict=True))
+        wrenches = self.base.predict(np.ascontiguousarray(poses))
+        columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+        return Table(columns, self.meta, "nominal")
+
+    def whiteners(self, poses: F) -> F:
+        """(N, 6, 6) W with W' W = Sigma^-1, Sigma = Sigma_w + K_s Sigma_p K_s'."""
+        return whiteners(self.noise.covariance(self.rows(poses)))
+
+    def effect_columns(self, poses: F, effects: Sequence[Effect]) -> tuple[F, F]:
+        """(N, 6, q) wrench per parameter of the effects that act at a pose, and (q,) sizes.
+
+        Effects of time, order or approach are a matter of the plan, not of the poses.
+        """
+        rows = self.rows(poses)
+        blocks, scales = [np.zeros((len(poses), 6, 0))], []
+        for effect in effects:
+            if effect.missing(rows.table) is not None:
+                continue
+            variant = effect.variants(rows.table)[0]
+            blocks.append(variant.jacobian(rows, np.zeros(len(variant.parameters))))
+            scales += [parameter.scale for parameter in variant.parameters]
+        return np.concatenate(blocks, axis=2), np.asarray(scales)
+
+
+def nominal_model(
+    candidates: Table,
+    model: Model | None = None,
+    *,
+    physics: bool = False,
+    noise: Noise | None = None,
+    threads: int = 0,
+    progress: Callable[[int, int, str], object] | None = None,
+) -> NominalModel:
+    """The nominal base: of `model`, else of the candidates' wrenches, else FEM of [mechanism].
+
+    Parameters
+    ----------
+    physics
+        Only the physics base will do: of `model`, or the FEM of `[mechanism]` with its
+        sensitivities to E and Poisson's ratio (built once per shape, minutes).
+    noise
+        One row's, by default that of the candidates' `[instrument]`.
+
+    Errors
+    ------
+    InputError
+        Nothing of this is there, or a pose column is missing.
+    """
+    where = candidates.source
+    if candidates.pose_columns != POSE:
+        found = ", ".join(candidates.pose_columns)
+        raise InputError(
+            f"{where}: the noise and the effects of a pose need the six pose columns, "
+            f"found {found}; give all of {', '.join(POSE)}"
+        )
+    noise = declared_noise(candidates) if noise is None else noise
+    meta = Meta(
+        mechanism=candidates.meta.mechanism,
+        scene=candidates.meta.scene,
+        instrument=candidates.meta.instrument,
+    )
+    body = candidates.meta.body()
+    known = body is not None and body.has_body
+    if physics:
+        own = _physics(where, body if known else None, model, threads, progress)
+        return NominalModel(own, noise, meta.with_length(own.length_m))
+    if model is not None:
+        return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
+    length = candidates.meta.length_m
+    if candidates.wrench_columns == WRENCH and length is not None:
+        return NominalModel(_of_wrenches(candidates, length, known=known), noise, meta)
+    if body is not None and known:
+        return NominalModel(physics_map(body, threads=threads, progress=progress), noise, meta)
+    raise InputError(
+        f"{where}: the nominal stiffness is not known; give --base MODEL, simulated wrenches "
+        "beside the poses with [mechanism] length_m, or a [mechanism] that FEM can solve"
+    )
+
+
+def _physics(
+    where: str,
+    body: Mechanism | None,
+    model: Model | None,
+    threads: int,
+    progress: Callable[[int, int, str], object] | None,
+) -> StiffnessMap:
+    """The physics base itself: E and, where it is tabulated, Poisson's ratio are unknown."""
+    if model is not None:
+        if model.base.kind == "physics":
+            return model.base
+        raise InputError(
+            f"--base: a {model.base.kind} model, but --model physics needs the physics base; leave "
+            "--base out where the candidates have a [mechanism], or give a physics model"
+        )
+    if body is None:
+        raise InputError(
+            f"{where}: --model physics needs a [mechanism] that FEM can solve; add builtin, its "
+            "dimensions and young_modulus_Pa to the TOML beside the candidates"
+        )
+    return physics_map(body, threads=threads, progress=progress)
+
+
+def rig_noise(settings: RigSettings) -> Noise:
+    """One averaged row's noise of a rig file, as its campaigns declare it."""
+    instrument, window = settings.instrument, settings.rig.window_s
+    adjoint = top_from_sensor_wrench(instrument.top_from_sensor)
+    variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
+    position, angle = Camera(instrument).row_sd(window)
+    sd = np.array([position, angle, *np.sqrt(variance.reshape(2, 3).mean(axis=1))])
+    if not (sd > 0.0).all():
+        raise InputError(
+            f"--rig: its noise of position, rotation, force and torque is {sd.tolist()}; a design "
+            "needs positive figures in [instrument]"
+        )
+    return Noise().with_parameters(sd, "declared")
+
+
+def _of_wrenches(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
+    """A map of simulated wrenches: the physics where the body is known, else a free energy."""
+    poses, wrenches = candidates.poses, candidates.wrenches
+    if known and len(poses) >= _ENOUGH:
+        held = np.arange(len(poses)) % 5 == 4
+        return surrogate_of(
+            poses[~held],
+            wrenches[~held],
+            length_m,
+            test_poses=poses[held],
+            test_wrenches=wrenches[held],
+            mechanism=dict(candidates.meta.mechanism),
+        )
+    fitted = EnergyModel.fit(
+        np.ascontiguousarray(poses),
+        np.ascontiguousarray(wrenches),
+        length_m=length_m,
+        degree=4,
+        symmetry="alike",
+    )
+    return EnergyMap(fitted)

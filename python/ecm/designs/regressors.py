@@ -1,0 +1,154 @@
+"""Rows of information that a pose gives: of polynomials one, of energies and physics six.
+
+Every row is whitened. Without a nominal base the components have one default noise each, as in
+the binary `ecm-design`; with one a row's covariance Sigma = Sigma_w + K_s Sigma_p K_s' depends on
+the pose, so that poses where the mechanism is stiff tell less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm._native import EnergyModel, polynomial_regressor
+from ecm.designs.nominal import NominalModel
+from ecm.effects import Effect
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.models import parse_energy_name
+
+COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])
+"""One row's default noise: N and N m; fx carries the pose noise of the stiff axis."""
+_FAR = 10.0
+"""An effect may be so many times its ordinary size before the design hears of it."""
+
+
+@dataclass(frozen=True)
+class Regressor:
+    """Information rows of candidates and of poses measured before."""
+
+    rows: F
+    """(N * rows_per_pose, k)."""
+    rows_per_pose: int
+    measured: F | None
+    prior: F | None = None
+    """(k, k) information known beforehand."""
+
+
+def polynomial_degree(model: str) -> int:
+    """Degree of `poly:D` or its aliases."""
+    names = {"linear": 1, "quadratic": 2, "cubic": 3}
+    if model in names:
+        return names[model]
+    if model.startswith("poly:") and model[5:].isdigit() and int(model[5:]) >= 1:
+        return int(model[5:])
+    raise InputError(
+        f"model {model!r}: expected linear, quadratic, cubic, poly:D with D >= 1, energyD "
+        "with D from 4 to 6, or physics"
+    )
+
+
+def regressor(
+    poses: F,
+    model: str,
+    *,
+    length_m: float | None = None,
+    measured: F | None = None,
+    base: NominalModel | None = None,
+    effects: Sequence[Effect] = (),
+    ridge: float = 0.0,
+) -> Regressor:
+    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose.
+
+    `ridge` is known beforehand of every coefficient but a polynomial's constant, in units of the
+    rows' information.
+    """
+    if not (ridge >= 0.0 and np.isfinite(ridge)):
+        raise InputError(f"--ridge: {ridge}, expected a positive number, 0 for none")
+    everything = poses if measured is None else np.concatenate([poses, measured])
+    prior: F | None = None
+    if model == "physics" or model.startswith("energy"):
+        blocks = model_columns(everything, model, length_m, base)
+        if effects:
+            blocks, prior = _with_effects(blocks, everything, _needed(base, "effects"), effects)
+        if base is None:
+            blocks = blocks / COMPONENT_SD[None, :, None]
+        else:
+            blocks = base.whiteners(everything) @ blocks
+        per_pose = 6
+    else:
+        if effects:
+            raise InputError(
+                f"model {model!r}: a free polynomial absorbs most effects; "
+                "give --model energyD or physics with --effects"
+            )
+        blocks = _polynomial(poses, everything, polynomial_degree(model))[:, None, :]
+        if base is not None:
+            # One row for six outputs: weighted by the geometric mean of their precisions.
+            _, log_det = np.linalg.slogdet(base.whiteners(everything))
+            blocks = blocks * np.exp(log_det / 6.0)[:, None, None]
+        per_pose = 1
+    rows = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]))
+    split = len(poses) * per_pose
+    if ridge > 0.0:
+        known = np.full(rows.shape[1], ridge)
+        known[: 1 if per_pose == 1 else 0] = 0.0
+        prior = np.diag(known) if prior is None else prior + np.diag(known)
+    return Regressor(
+        rows[:split].copy(), per_pose, None if measured is None else rows[split:].copy(), prior
+    )
+
+
+def model_columns(poses: F, model: str, length_m: float | None, base: NominalModel | None) -> F:
+    """(N, 6, k) wrench per coefficient of an energy model or of physics.
+
+    Physics: the sensitivities to the modulus and, where the base has it tabulated, to Poisson's
+    ratio.
+    """
+    if model == "physics":
+        return np.asarray(
+            _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
+        )
+    if length_m is None and base is not None:
+        length_m = base.base.length_m
+    if length_m is None:
+        raise InputError(
+            f"a design for {model} needs the mechanism's length: give [mechanism] length_m "
+            "in the candidates' TOML"
+        )
+    degree, symmetry = parse_energy_name(model)
+    return EnergyModel.regressor(
+        np.ascontiguousarray(poses),
+        length_m=length_m,
+        degree=degree,
+        symmetry=symmetry,
+        scale=np.array([length_m, 1.0]),
+    )
+
+
+def _needed(base: NominalModel | None, what: str) -> NominalModel:
+    if base is None:
+        raise InputError(f"a design for {what} needs a nominal base: see nominal_base")
+    return base
+
+
+def _with_effects(
+    blocks: F, poses: F, base: NominalModel, effects: Sequence[Effect]
+) -> tuple[F, F]:
+    columns, scales = base.effect_columns(poses, effects)
+    k = blocks.shape[2]
+    joined = np.concatenate([blocks, columns], axis=2)
+    prior = np.zeros((k + len(scales), k + len(scales)))
+    # What the base absorbs stays determined by the prior alone.
+    prior[np.arange(k, k + len(scales)), np.arange(k, k + len(scales))] = (_FAR * scales) ** -2.0
+    return joined, prior
+
+
+def _polynomial(candidates: F, poses: F, degree: int) -> F:
+    low, high = candidates.min(axis=0), candidates.max(axis=0)
+    moving = high > low
+    return polynomial_regressor(
+        np.ascontiguousarray(poses[:, moving]), degree, low[moving], high[moving]
+    )

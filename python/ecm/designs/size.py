@@ -1,0 +1,125 @@
+"""n against the expected error of wrench and stiffness, with the knee.
+
+The error is that of the noise alone: what the model cannot represent does not fall with n.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ecm.designs.nominal import NominalModel
+from ecm.designs.optimal import Progress, optimal_design
+from ecm.designs.prediction import predicted_columns
+from ecm.designs.regressors import regressor
+from ecm.errors import DesignError, InputError
+from ecm.io.arrays import F
+
+_SAMPLE = 300
+"""Unseen poses on which the error is averaged."""
+_HOPELESS = 100.0
+"""Times the noise of a reading: the fewest poses may not determine the model well."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """A design size and what it brings."""
+
+    n: int
+    efficiency: float
+    wrench_error: float
+    """Standard deviation of a predicted component over that of one reading, rms."""
+    stiffness_error: float
+    """The same of K times half the range of the pose: the error that K makes over the workspace."""
+    knee: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return dict(vars(self))
+
+
+def design_sizes(
+    poses: F,
+    sizes: Sequence[int] = (),
+    *,
+    most: int | None = None,
+    criterion: str = "d",
+    model: str = "cubic",
+    length_m: float | None = None,
+    base: NominalModel | None = None,
+    iterations: int = 60,
+    seed: int = 0,
+    threads: int = 0,
+    progress: Progress = None,
+) -> list[Size]:
+    """The expected errors of the best designs of some sizes, and where further poses pay least.
+
+    `sizes` empty: from the fewest poses that determine the model to `most`, eight times as many by
+    default.
+    """
+    poses = np.ascontiguousarray(poses, dtype=np.float64)
+    rows = regressor(poses, model, length_m=length_m, base=base)
+    terms = rows.rows.shape[1]
+    least = -(-terms // rows.rows_per_pose)
+    given = len(sizes) > 0
+    if not given:
+        top = 8 * least if most is None else most
+        most = max(least + 1, min(len(poses), top))
+        sizes = np.unique(np.geomspace(least + 1, most, 12).round().astype(int)).tolist()
+    if min(sizes) < least or max(sizes) > len(poses):
+        raise InputError(
+            f"--how-many: sizes from {min(sizes)} to {max(sizes)}, expected {least} (fewer poses "
+            f"do not determine {model}) to {len(poses)} (the candidates)"
+        )
+    seen = np.random.default_rng([seed, 5]).permutation(len(poses))[:_SAMPLE]
+    values, slopes = predicted_columns(poses, seen, model, length_m, base)
+    # Columns of one length: the errors do not depend on it, their rounding does.
+    norms = np.linalg.norm(rows.rows, axis=0)
+    values, slopes = values / norms, slopes / norms
+    blocks = (rows.rows / norms).reshape(len(poses), rows.rows_per_pose, terms)
+    found: list[Size] = []
+    for done, n in enumerate(sizes):
+        try:
+            design = optimal_design(
+                poses, n, criterion=criterion, model=model, length_m=length_m, base=base,
+                seed=seed, threads=threads, iterations=iterations,
+            )  # fmt: skip
+        except DesignError:
+            # An energy model needs more poses than its terms over six.
+            if given or n == sizes[-1]:
+                raise
+            continue
+        chosen = blocks[design.indices].reshape(-1, terms)
+        errors = [_error(chosen, part.reshape(-1, terms)) for part in (values, slopes)]
+        if given or errors[0] < _HOPELESS:
+            found.append(Size(n, design.efficiency, errors[0], errors[1]))
+        if progress is not None:
+            progress(done + 1, len(sizes))
+    return _with_knee(found)
+
+
+def _error(chosen: F, rows: F) -> float:
+    """Root mean variance of the predicted rows; infinite where the design is singular."""
+    values, vectors = np.linalg.eigh(chosen.T @ chosen)
+    if values[0] <= 1e-14 * values[-1]:
+        return float("inf")
+    variance = ((rows @ vectors) ** 2 / values).sum(axis=1)
+    return float(np.sqrt(variance.mean()))
+
+
+def knee(n: ArrayLike, error: ArrayLike) -> int:
+    """Position of the point farthest below the chord of a falling curve, both axes scaled to 1."""
+    x, y = np.asarray(n, dtype=np.float64), np.asarray(error, dtype=np.float64)
+    if len(x) < 3 or x[-1] <= x[0] or y[0] <= y[-1]:
+        return len(x) - 1
+    u, v = (x - x[0]) / (x[-1] - x[0]), (y - y[-1]) / (y[0] - y[-1])
+    return int((1.0 - u - v).argmax())
+
+
+def _with_knee(found: list[Size]) -> list[Size]:
+    at = knee([size.n for size in found], [size.wrench_error for size in found])
+    return [Size(**{**vars(size), "knee": i == at}) for i, size in enumerate(found)]

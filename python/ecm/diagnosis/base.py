@@ -1,0 +1,34 @@
+"""The base against which effects are named: one that cannot swallow them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.by_degree import polynomial, symmetric_energy
+from ecm.models.fit import fit_model
+from ecm.models.maps import StiffnessMap
+from ecm.models.physics.map import FREE, PhysicsMap
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.model import Model
+
+
+def choose_base(model: Model, table: Table) -> StiffnessMap:
+    """Physics where there is a body, else a symmetric energy, else a polynomial.
+
+    Of the physics E and nu are free; L and D enter only as effects. Degrees are taken by
+    generalised cross-validation: rows over fitted coefficients decide. A rod that was fitted states
+    no body: held in their ratios its sections, which took their share of what is missing, would ask
+    for an effect of their own (a payload came with a compliance that was not there).
+    """
+    if isinstance(model.base, PhysicsMap):
+        return model.base if model.base.family is None else model.base.with_free(*FREE)
+    body = table.meta.body()
+    full = table.has(*POSE, *WRENCH)
+    if full and body is not None and body.has_body:
+        return fit_model(table, "physics").base
+    if full and table.meta.length_m is not None:
+        return symmetric_energy(table)
+    return polynomial(table)

@@ -1,0 +1,153 @@
+"""Which effects a plan can name, and from what size, before anything is measured.
+
+The plan is laid out in time as the rig would run it, its wrenches are predicted by the nominal
+base, and the Fisher information of base and effects gives the smallest size that the diagnosis
+would name with chance 0.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ecm.designs.nominal import NominalModel
+from ecm.diagnosis.confusion import confusable_pairs
+from ecm.diagnosis.detection_limits import detection_limits
+from ecm.diagnosis.problem import assemble
+from ecm.effects import Effect, Rows
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.regression.noise import Noise
+from ecm.rig.climate import Climate
+from ecm.rig.plan import requests
+from ecm.rig.settings import RigSettings
+from ecm.rig.timeline import OFFSET, UNLOADED, timeline_of
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a plan can tell about one effect."""
+
+    id: str
+    parameter: str = ""
+    size: float = np.inf
+    """Of the effect's best visible parameter, named with chance 0.9."""
+    unit: str = ""
+    rivals: tuple[str, ...] = ()
+    """Effects of the list that this plan cannot tell from it."""
+    reason: str = ""
+    """Why it cannot be seen at all."""
+    record: str = ""
+
+    @property
+    def named(self) -> bool:
+        """It can be seen, and told from every other of the list."""
+        return not self.reason and not self.rivals
+
+    def sentence(self) -> str:
+        """One line for people."""
+        if self.reason:
+            return f"{self.id}: not visible, {self.reason} (record: {self.record})"
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        size = f"from {self.size:.2g}{unit} of {self.parameter}"
+        if self.rivals:
+            return f"{self.id}: seen {size}, but not told from {', '.join(self.rivals)}"
+        return f"{self.id}: named {size}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """For --json."""
+        if self.reason:
+            return {"id": self.id, "reason": self.reason, "record": self.record}
+        return {
+            "id": self.id,
+            "parameter": self.parameter,
+            "size": self.size,
+            "unit": self.unit,
+            "rivals": list(self.rivals),
+        }
+
+
+def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
+    """What the rig would record of a plan, without noise and without any effect."""
+    settings = RigSettings() if rig is None else rig
+    length = base.meta.length_m
+    if length is None:
+        raise InputError(f"{plan.source}: [mechanism] length_m is not known; add it to the TOML")
+    timeline = timeline_of(requests(plan, settings.rig, length), settings.rig, length)
+    visits = [visit for visit in timeline.visits if visit.kind != OFFSET]
+    poses = np.stack([visit.pose for visit in visits])
+    free = np.array([visit.kind == UNLOADED for visit in visits])
+    wrenches = np.where(free[:, None], 0.0, base.base.predict(poses))
+    hung_kg = np.array([visit.dead_weight_kg for visit in visits])
+    wrenches[:, :3] -= hung_kg[:, None] * np.asarray(base.meta.scene.gravity_m_s2)
+    time = np.array([visit.time_s for visit in visits])
+    climate = Climate.build(settings, 0, timeline.end_s, timeline.heating)
+    columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+    columns |= dict(zip(WRENCH, wrenches.T.copy(), strict=True))
+    columns |= {
+        "pose_id": np.array([visit.pose_id for visit in visits], dtype=np.float64),
+        "run": np.array([visit.run for visit in visits], dtype=np.float64),
+        "repeat": np.array([visit.repeat for visit in visits], dtype=np.float64),
+        "time_s": time,
+        "dwell_s": np.array([visit.dwell_s for visit in visits]),
+        "approach": np.array([visit.approach for visit in visits], dtype=object),
+        "kind": np.array([visit.kind for visit in visits], dtype=object),
+        "temperature_degC": np.interp(time, climate.time_s, climate.probe_degC),
+        "sensor_temperature_degC": np.interp(time, climate.time_s, climate.sensor_degC),
+    }
+    meta = replace(base.meta, runs=timeline.runs)
+    return Table(columns, meta, plan.source)
+
+
+def _a_little_noisy(table: Table, base: NominalModel, noise: Noise) -> Table:
+    """A hundredth of the noise, so that no row seems better than all others."""
+    covariance = noise.covariance(Rows(table, base.base))
+    random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
+    added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
+    return table.with_columns(dict(zip(WRENCH, (table.wrenches + added).T, strict=True)))
+
+
+def identifiability(
+    plan: Table,
+    base: NominalModel,
+    effects: Sequence[Effect],
+    *,
+    noise: Noise | None = None,
+    rig: RigSettings | None = None,
+) -> list[Identifiability]:
+    """What the plan can tell about each of `effects`, those that are named from least first."""
+    table = predicted_table(plan, base, rig)
+    declared = base.noise if noise is None else noise
+    problem = assemble(base.base, _a_little_noisy(table, base, declared), effects, declared)
+    # The residual says nothing here; the noise is the declared one.
+    problem = replace(problem, scale=1.0)
+    limits = detection_limits(problem)
+    rivals: dict[str, list[str]] = {}
+    for first, second in confusable_pairs(problem):
+        rivals.setdefault(first, []).append(second)
+        rivals.setdefault(second, []).append(first)
+    found = []
+    for effect in effects:
+        if effect.id in limits:
+            limit = limits[effect.id]
+            found.append(
+                Identifiability(
+                    effect.id,
+                    limit["parameter"],
+                    limit["size"],
+                    limit["unit"],
+                    tuple(rivals.get(effect.id, ())),
+                )
+            )
+        else:
+            missing = problem.untestable.get(effect.id)
+            reason = "the base absorbs it" if missing is None else missing.reason
+            record = "[mechanism]" if missing is None else missing.record
+            if missing is None and effect.kind == "noise":
+                reason, record = "it changes the scatter, not the mean", "repeats"
+            found.append(Identifiability(effect.id, reason=reason, record=record))
+    return sorted(found, key=lambda item: (bool(item.reason), bool(item.rivals)))

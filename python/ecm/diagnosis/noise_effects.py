@@ -1,0 +1,118 @@
+"""Effects of the noise: whether the scatter of the rows follows the load, the pose or the steps.
+
+With e the residual that no column explains and A = W V W' an effect's variance V in whitened axes,
+U = sum e' A e - sum tr(A M) has mean 0 and variance 2 sum tr((A M)^2) where the noise is right, M
+what the fit leaves of a row's unit covariance. Such effects change weights, they are no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ecm.diagnosis.problem import Problem, omnibus_columns
+from ecm.effects import Effect
+from ecm.effects.noise import NoiseEffect
+from ecm.io.arrays import B, F
+from ecm.regression.f_test import orthonormal
+from ecm.regression.noise import Noise
+
+_SEEN = 4.0
+"""Standard deviations of U beyond which the noise is not as it was taken."""
+
+
+@dataclass(frozen=True)
+class NoiseFinding:
+    """One effect of the noise that the rows show."""
+
+    id: str
+    parameter: str
+    value: float
+    unit: str
+    z: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the report."""
+        return {
+            "id": self.id,
+            "parameter": self.parameter,
+            "value": self.value,
+            "unit": self.unit,
+            "z": self.z,
+        }
+
+
+def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
+    """Noise effects whose data are there; robust weights stand for those without parameters."""
+    noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
+    return [effect for effect in noise if effect.id not in problem.untestable]
+
+
+def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFinding]:
+    """Noise effects that stand out, the clearest parameter of each."""
+    rows = problem.rows
+    tested = [effect for effect in tested_noise(problem, effects) if effect.parameters]
+    if not tested:
+        return []
+    use = problem.scored & (problem.weights > 0.9)
+    residual, kept = _rest(problem, use)
+    found = []
+    for effect in tested:
+        best: NoiseFinding | None = None
+        for j, parameter in enumerate(effect.parameters):
+            unit = np.zeros(len(effect.parameters))
+            unit[j] = parameter.scale
+            variance = effect.variance(rows, unit)[use]
+            whitener = problem.whitener[use]
+            acting = whitener @ variance @ np.swapaxes(whitener, 1, 2)
+            z, square = _score(residual, kept, acting)
+            if z > _SEEN and (best is None or z > best.z):
+                value = parameter.scale * float(np.sqrt(square))
+                best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
+        if best is not None:
+            found.append(best)
+    return sorted(found, key=lambda item: -item.z)
+
+
+def with_load_growth(noise: Noise, found: Sequence[NoiseFinding]) -> Noise:
+    """The noise with scatter that grows with the load, where that stands out most."""
+    if noise.components is not None or not found or found[0].id != "heteroscedastic_noise":
+        return noise
+    first = found[0]
+    if first.parameter == "force_growth":
+        return replace(noise, growth_per_N=first.value)
+    return replace(noise, growth_per_Nm=first.value)
+
+
+def _rest(problem: Problem, use: B) -> tuple[F, F]:
+    """(n, m) residual that nothing explains, and (n, m, m) what the fit leaves of a row."""
+    n, m = problem.response.shape
+    smooth = omnibus_columns(problem, max(1, n // 6))
+    known = [problem.base_block, problem.design[:, :, problem.leading]]
+    columns = np.concatenate([*known, smooth], axis=2)[use]
+    everything = columns.reshape(-1, columns.shape[2])
+    basis = orthonormal(everything)
+    y = problem.response[use].ravel()
+    residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
+    own = basis.reshape(-1, m, basis.shape[1])
+    return residual, np.eye(m) - own @ np.swapaxes(own, 1, 2)
+
+
+def _score(residual: F, kept: F, acting: F) -> tuple[float, float]:
+    """z of U with the common scale estimated, and the square of the parameter over its unit."""
+    scale = float((residual**2).sum() / np.einsum("nii->", kept))
+    products = acting @ kept
+    traces = np.einsum("nii->n", products)
+    plain = np.einsum("nii->n", kept)
+    # Without its part along a common scale.
+    share = traces.sum() / plain.sum()
+    centred = acting - share * np.eye(acting.shape[1])
+    moved = centred @ kept
+    score = float(np.einsum("ni,nij,nj->", residual, centred, residual)) / scale
+    information = float(np.einsum("nij,nji->", moved, moved))
+    if information <= 0.0:
+        return 0.0, 0.0
+    return score / float(np.sqrt(2.0 * information)), max(score / information, 0.0)

@@ -1,0 +1,161 @@
+"""Sections of a diagnosis: verdict and what it rests on, what is unknown, what cannot be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ecm.report.page import Block, CodeBlock, Section, TableBlock, TextBlock, number, warnings_table
+
+_SHOWN = 12
+_STEPS = ("before", "after", "floor", "ceiling")
+
+
+def verdict_section(document: Mapping[str, Any]) -> Section:
+    """Headline, base, noise and gate, errors, sizes of what is named, what looks alike."""
+    blocks: list[Block] = [TextBlock(document["sentence"], strong=True), _rests_on(document)]
+    blocks += _errors(document)
+    rows = [
+        [item["id"], name, number(p["value"]), number(p["sd"], 2), p["unit"]]
+        for item in document["effects"]
+        for name, p in item["parameters"].items()
+    ]
+    if rows:
+        header = ("effect", "parameter", "value", "± sd", "unit")
+        blocks.append(TableBlock("What the accepted effects measure.", header, rows))
+    alike: dict[str, list[str]] = {}
+    for first, second in document["confusable"]:
+        alike.setdefault(first, []).append(second)
+    if alike:
+        rows = [[first, ", ".join(others)] for first, others in alike.items()]
+        caption = "What these data cannot tell apart."
+        blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
+    blocks += warnings_table(document["warnings"])
+    return Section("Verdict", blocks)
+
+
+def _rests_on(document: Mapping[str, Any]) -> TableBlock:
+    """What the names were found against."""
+    base, gate = document["base"], document["gate"]
+    rows = [
+        ["base", base["kind"]],
+        ["the base's own error over the noise", f"{base['error_over_noise']:.2f}"],
+        ["source of the noise", document["noise"]["source"]],
+        ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
+    ]
+    if document["verdict"] == "none":
+        bound = f"below {document['upper_bound']:.2f} times the noise, with 95 % confidence"
+        rows.append(["what smooth functions could still hide", bound])
+    return TableBlock("What the verdict rests on.", ("", ""), rows)
+
+
+def _errors(document: Mapping[str, Any]) -> list[Block]:
+    """Error of each component, and of held-out rows over the noise, at each step."""
+    errors, held_out = document["rmse"], document["held_out"]
+    steps = [step for step in _STEPS if errors[step]]
+    rows = [
+        [name, *(number(errors[step].get(name, float("nan"))) for step in steps)]
+        for name in errors["before"]
+    ]
+    caption = (
+        "Root mean square error in the unit of each column. Before: the model as given. The floor "
+        "is the noise"
+    )
+    more = "; the ceiling is the base with a free cubic of the pose, on held-out rows."
+    caption += more if errors["ceiling"] else "."
+    over_noise = {"before": held_out["before"], "after": held_out["after"], "floor": 1.0}
+    if "ceiling" in held_out:
+        over_noise["ceiling"] = held_out["ceiling"]
+    return [
+        TableBlock(caption, ("component", *steps), rows),
+        TableBlock(
+            "Held-out error over the noise. Before: the base alone.",
+            ("", *over_noise),
+            [["held-out rows", *(number(value) for value in over_noise.values())]],
+        ),
+    ]
+
+
+def unknown_section(document: Mapping[str, Any]) -> Section | None:
+    """Variables that matter, words, the nearest effect and a draft of a new one."""
+    unknown = document["unknown"]
+    if unknown is None:
+        return None
+    blocks: list[Block] = [TextBlock(f"What stays: {unknown['words']}.")]
+    shares = unknown["relevance"]
+    rows = [
+        [name, number(shares[name], 2) if name in shares else "–"] for name in unknown["variables"]
+    ]
+    if rows:
+        caption = (
+            "Variables that the residual follows, and the share of each by a Gaussian process with "
+            "one length scale per variable; without a share: by the words alone."
+        )
+        blocks.append(TableBlock(caption, ("variable", "share"), rows))
+    if (nearest := unknown["nearest"]) is not None:
+        blocks.append(
+            TextBlock(f"The nearest effect is {nearest['id']}: {nearest['share']:.0%} of it.")
+        )
+    if unknown["skeleton"]:
+        blocks.append(
+            CodeBlock("A first draft of an effect of your own, in Python.", unknown["skeleton"])
+        )
+    return Section("Unknown", blocks)
+
+
+def limits_section(document: Mapping[str, Any]) -> Section | None:
+    """From which size each testable effect would have been named."""
+    limits = document["detection_limits"]
+    if not limits:
+        return None
+    rows = [
+        [id, item["parameter"], number(item["size"]), item["unit"]] for id, item in limits.items()
+    ]
+    caption = "The smallest size that these data would have named with chance 0.9."
+    header = ("effect", "parameter", "size", "unit")
+    return Section("Would have been seen from", [TableBlock(caption, header, rows)])
+
+
+def untestable_section(document: Mapping[str, Any]) -> Section | None:
+    """Effects that these data cannot test, and what to record so that they can."""
+    if not document["not_testable"]:
+        return None
+    rows = [[item["id"], item["reason"], item["record"]] for item in document["not_testable"]]
+    header = ("effect", "why not", "what to record")
+    block = TableBlock("Effects that these data cannot test.", header, rows)
+    return Section("Not testable", [block])
+
+
+def next_section(document: Mapping[str, Any]) -> Section | None:
+    """Experiments that would tell more, with their minutes."""
+    if not document["next_experiment"]:
+        return None
+    rows = [_proposal(item) for item in document["next_experiment"]]
+    header = ("action", "minutes", "tells apart", "chance of the right name")
+    return Section("Next experiment", [TableBlock("What would tell more.", header, rows)])
+
+
+def _proposal(item: Mapping[str, Any]) -> list[str]:
+    known = item.get("p_correct") is not None
+    chance = f"{item['p_correct_before']:.2f} to {item['p_correct']:.2f}" if known else "not known"
+    return [item["action"], str(item["minutes"]), "; ".join(item.get("separates", ())), chance]
+
+
+def ranking_table(diagnosis: Mapping[str, Any]) -> TableBlock:
+    """The first rows of the ranking."""
+    return TableBlock(
+        "The effects in order of what each would explain alone.",
+        ("effect", "p", "ΔBIC", "size", "± sd", "unit", "expected fall of error / noise"),
+        [
+            [
+                row["id"],
+                number(row["p"], 2),
+                number(row["delta_bic"], 3),
+                number(row["size"], 3),
+                number(row["sd"], 2),
+                row["unit"],
+                number(row["expected_fall"], 2),
+            ]
+            for row in diagnosis["ranking"][:_SHOWN]
+        ],
+    )

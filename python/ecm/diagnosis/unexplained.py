@@ -1,0 +1,117 @@
+"""What can be said of structure that no known effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ecm.comparison.residuals import covariates, factors, features
+from ecm.diagnosis.ard import ard_relevance
+from ecm.diagnosis.effect_template import effect_template
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import rank
+from ecm.io.arrays import F
+from ecm.regression.f_test import FTest
+
+_MOST_TERMS = 3
+_LEAST_GAIN = 0.05
+_LEAST_RELEVANCE = 0.05
+_DIRECTIONS = 2
+
+
+def describe_residual(
+    problem: Problem, left: F, chosen: Sequence[Candidate], total: float
+) -> dict[str, Any]:
+    """Variables that the remaining residual (N, m) follows, words, nearest effect, a skeleton.
+
+    Parameters
+    ----------
+    total
+        Sum of squares that smooth functions explain, over the noise scale.
+    """
+    n = len(left)
+    values, names = features(problem.rows, max(1, min(90, n // 3)))
+    terms = _terms(problem, left, values)
+    listed = [(names[j], problem.base.outputs[c], size) for j, c, size in terms]
+    shares = _relevance(problem, left, values)
+    variables = [name for name, share in shares.items() if share >= _LEAST_RELEVANCE]
+    known = (*problem.rows.base.inputs, *covariates(problem.rows))
+    products = [(factors(feature, known), component) for feature, component, _ in listed]
+    for parts, _ in products:
+        variables += [part for part in dict.fromkeys(parts) if part not in variables]
+    ranked = rank(problem, chosen)
+    nearest: dict[str, Any] | None = None
+    if ranked:
+        best = max(ranked, key=lambda item: item.drop)
+        share = best.drop / total if total > 0.0 else 0.0
+        nearest = {"id": best.candidate.id, "share": float(np.clip(share, 0.0, 1.0))}
+    return {
+        "variables": variables,
+        "relevance": shares,
+        "words": _words(listed),
+        "nearest": nearest,
+        "skeleton": effect_template(products, problem.base.outputs),
+    }
+
+
+def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
+    """(feature, component, size in the component's unit) that explain most, one after another."""
+    n, m = left.shape
+    root = np.sqrt(problem.weights)
+    y = (left * root[:, None]).ravel()
+    weighted = problem.whitener * root[:, None, None]
+    columns = np.einsum("nmc,nq->nmqc", weighted, values).reshape(n * m, -1)
+    whole = float(y @ y)
+    sizes = np.sqrt((columns**2).sum(axis=0))
+    usable = sizes > 1e-9 * sizes.max(initial=0.0)
+    chosen: list[int] = []
+    rest = y
+    for _ in range(_MOST_TERMS):
+        gains = np.where(usable, (columns.T @ rest) ** 2 / np.maximum(sizes, 1e-300) ** 2, 0.0)
+        best = int(np.argmax(gains))
+        if chosen and gains[best] < _LEAST_GAIN * max(whole - float(rest @ rest), 1e-300):
+            break
+        chosen.append(best)
+        usable[best] = False
+        theta = np.linalg.lstsq(columns[:, chosen], y, rcond=1e-10)[0]
+        rest = y - columns[:, chosen] @ theta
+    return [(k // m, k % m, float(size)) for k, size in zip(chosen, theta, strict=True)]
+
+
+def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
+    """Share of each variable, by a Gaussian process on what smooth functions see."""
+    rows = problem.rows
+    measured = np.flatnonzero(problem.scored & (problem.weights > 0.5))
+    if len(measured) < 20:
+        return {}
+    known = covariates(rows)
+    names = (*rows.base.inputs, *known)
+    variables = np.column_stack([rows.poses, *known.values()])[measured]
+    spread = variables.std(axis=0)
+    varied = spread > 0.0
+    variables = (variables - variables.mean(axis=0))[:, varied] / spread[varied]
+    # Directions of the residual in which smooth functions see most.
+    basis, _ = np.linalg.qr(values[measured])
+    seen = basis @ (basis.T @ left[measured])
+    _, _, axes = np.linalg.svd(seen, full_matrices=False)
+    targets = left[measured] @ axes[:_DIRECTIONS].T
+    shares = ard_relevance(variables, targets)
+    found = dict(zip(np.array(names)[varied].tolist(), shares.tolist(), strict=True))
+    ordered = sorted(found.items(), key=lambda item: -item[1])
+    return {name: round(share, 3) for name, share in ordered if share > 0.0}
+
+
+def _words(listed: Sequence[tuple[str, str, float]]) -> str:
+    """A sparse description: which component follows what, and by how much."""
+    parts = []
+    for feature, component, size in listed:
+        name, unit = component.rsplit("_", 1)
+        parts.append(f"{name} follows {feature} ({size:+.2g} {unit.replace('Nm', 'N m')})")
+    return "; ".join(parts)
+
+
+def squares_beyond_chance(problem: Problem, test: FTest) -> float:
+    """Sum of squares beyond chance that a test explains, over the noise scale."""
+    return max(0.0, test.explained / problem.scale - test.dof)

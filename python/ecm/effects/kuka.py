@@ -1,0 +1,75 @@
+"""Kinematics of the arm that holds the platform: a KUKA LWR 4+ by its published lengths.
+
+    foot_from_flange = Tz(d1) Rz(q1) Ry(-q2) Rz(q3) Tz(d3) Ry(q4)
+                       Rz(q5) Tz(d5) Ry(-q6) Rz(q7) Tz(d7)
+
+Where its foot stands and what it carries is no part of it: `hand_eye.py` finds that in the data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm._native import rotation_matrices
+from ecm.io.arrays import F
+
+_LINKS_M = (0.3105, 0.400, 0.390, 0.078)
+"""Foot to shoulder, shoulder to elbow, elbow to wrist, wrist to flange."""
+_BEFORE_M = (_LINKS_M[0], 0.0, _LINKS_M[1], 0.0, _LINKS_M[2], 0.0, 0.0)
+"""Way along the link to each joint from the one before."""
+_AXES: F = np.array(
+    [[0, 0, 1], [0, -1, 0], [0, 0, 1], [0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, 1]],
+    dtype=np.float64,
+)
+"""Of each joint in the stretched arm."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Joints and flange in the axes of the foot."""
+
+    axes: F
+    """(N, 7, 3) of the joints."""
+    places_m: F
+    """(N, 7, 3) of a point on each axis."""
+    flange_m: F
+    """(N, 3)."""
+    foot_from_flange: F
+    """(N, 3, 3) rotation."""
+
+
+def chain(joints_rad: F) -> Chain:
+    """Where joints (N, 7) put the arm."""
+    n = len(joints_rad)
+    turn: F = np.broadcast_to(np.eye(3), (n, 3, 3))
+    place: F = np.zeros((n, 3))
+    axes, places = [], []
+    for j, (axis, way) in enumerate(zip(_AXES, _BEFORE_M, strict=True)):
+        place = place + way * turn[:, :, 2]
+        axes.append(turn @ axis)
+        places.append(place)
+        turn = turn @ rotation_matrices(joints_rad[:, j : j + 1] * axis)
+    flange = place + _LINKS_M[-1] * turn[:, :, 2]
+    return Chain(np.stack(axes, axis=1), np.stack(places, axis=1), flange, turn)
+
+
+def top_jacobian(joints_rad: F, flange_from_top: F) -> F:
+    """(N, 6, 7) twist of the top frame per joint rate: of its origin, then its turn, in its axes.
+
+    Parameters
+    ----------
+    joints_rad
+        (N, 7).
+    flange_from_top
+        (6,) pose of the top frame on the flange: position in m, rotation vector in rad.
+    """
+    arm = chain(joints_rad)
+    origin = arm.flange_m + arm.foot_from_flange @ flange_from_top[:3]
+    tool = rotation_matrices(np.ascontiguousarray(flange_from_top[None, 3:]))[0]
+    moved = np.cross(arm.axes, origin[:, None, :] - arm.places_m)
+    twist = np.stack([moved, arm.axes], axis=1)
+    # Rows are vectors in the axes of the foot: times foot_from_top they stand in those of the top.
+    in_top = twist @ (arm.foot_from_flange @ tool)[:, None]
+    return np.asarray(in_top.transpose(0, 1, 3, 2).reshape(len(joints_rad), 6, 7))

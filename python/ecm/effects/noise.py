@@ -1,0 +1,166 @@
+"""Effects that change the scatter of the rows and not their mean: they act on the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
+from ecm.effects.sensor_axes import adjoint
+from ecm.io.arrays import F
+from ecm.regression.approach import repeat_visits
+from ecm.regression.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
+
+_LEAST_REPEATS = 10
+
+
+class NoiseEffect(EffectBase):
+    """An effect that adds `variance` to the rows' covariance and nothing to their mean."""
+
+    side = "measurement"
+    kind = "noise"
+
+    def correction(self, rows: Rows, values: F) -> F:
+        """Zero."""
+        return np.zeros((len(rows), len(rows.base.outputs)))
+
+    def jacobian(self, rows: Rows, values: F) -> F:
+        """Zero."""
+        return np.zeros((len(rows), len(rows.base.outputs), len(self.parameters)))
+
+    def variance(self, rows: Rows, values: F) -> F:
+        """(N, m, m) what it adds to the covariance of each row."""
+        raise NotImplementedError(f"effect {self.id} has no variance")
+
+
+def needs_repeats(table: Table) -> Missing | None:
+    """Missing where poses are not visited again."""
+    found = needs_full(table)
+    if found is not None:
+        return found
+    repeats = repeat_visits(table)
+    if repeats < _LEAST_REPEATS:
+        return Missing(f"{repeats} repeats", "repeats at small and large poses")
+    return None
+
+
+class Outliers(NoiseEffect):
+    """A few rows that no Gaussian gives: their weight falls, and the report lists them."""
+
+    id = "outliers"
+    physics = "Single readings went wrong: a marker mistaken, a knock against the table."
+    signature = "few rows, no covariate"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"led_occlusion": "repeat those poses"}
+
+    def variance(self, rows: Rows, values: F) -> F:
+        """Nothing that is the same in all rows."""
+        m = len(rows.base.outputs)
+        return np.zeros((len(rows), m, m))
+
+
+class HeteroscedasticNoise(NoiseEffect):
+    """sigma^2 (1 + (g h)^2) on each axis, sigma that of the sensor."""
+
+    id = "heteroscedastic_noise"
+    physics = "The sensor scatters more under load."
+    parameters = (
+        Parameter("force_growth", "1/N", 0.02, 0.0, 10.0),
+        Parameter("torque_growth", "1/(N m)", 0.5, 0.0, 1e3),
+    )
+    signature = "variance grows with the load, the mean stays"
+    needs = "repeats of small and large poses"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"pose_noise": "repeats at small and large poses"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs repeats."""
+        return needs_repeats(table)
+
+    def variance(self, rows: Rows, values: F) -> F:
+        """Diagonal (sigma g h)^2."""
+        from ecm.regression.noise import declared_noise
+
+        noise = declared_noise(rows.table)
+        sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
+        growth = np.repeat(np.asarray(values, dtype=np.float64), 3)
+        own = (sd * growth * rows.wrench) ** 2
+        return np.asarray(own[:, :, None] * np.eye(6))
+
+
+class PoseNoise(NoiseEffect):
+    """K_s Sigma_p K_s': scatter of the pose beyond what is declared, through the stiffness."""
+
+    id = "pose_noise"
+    physics = "The pose scatters, and the stiff axes turn it into force."
+    parameters = (
+        Parameter("position", "m", 2e-5, 0.0, 1e-2),
+        Parameter("rotation", "rad", 2e-4, 0.0, 0.1),
+    )
+    signature = "variance of stiff axes first: fx dominates"
+    needs = "repeats of small and large poses"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"heteroscedastic_noise": "a static stream of 60 s"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs repeats."""
+        return needs_repeats(table)
+
+    def variance(self, rows: Rows, values: F) -> F:
+        """K_s diag(position^2, rotation^2) K_s'."""
+        from ecm.regression.noise import covariance_parts
+
+        parts = covariance_parts(rows)
+        return np.asarray(values[0] ** 2 * parts[0] + values[1] ** 2 * parts[1])
+
+
+class FtsQuantisation(NoiseEffect):
+    """B A diag(step^2 / 12) A' B': rounding to the sensor's steps."""
+
+    id = "fts_quantisation"
+    physics = "The sensor's converter has steps, and readings are rounded to them."
+    parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
+    signature = "stepped histogram of the residual"
+    needs = "the sensor's resolution ([instrument] fts_resolution)"
+
+    @property
+    def rivals(self) -> dict[str, str]:
+        """Effects that look like it, and what separates them."""
+        return {"heteroscedastic_noise": "a longer average"}
+
+    def missing(self, table: Table) -> Missing | None:
+        """Needs the resolution."""
+        if table.meta.instrument.fts_resolution is None:
+            return Missing("the sensor's steps are not known", "[instrument] fts_resolution")
+        return needs_full(table)
+
+    def variance(self, rows: Rows, values: F) -> F:
+        """Per axis steps^2 resolution^2 / 12, in sensor axes turned to base axes."""
+        instrument = rows.table.meta.instrument
+        resolution = np.asarray(instrument.fts_resolution, dtype=np.float64)
+        turn = rows.base_from_top @ adjoint(instrument.top_from_sensor)
+        spread = turn * (values[0] * resolution / np.sqrt(12.0))
+        return np.asarray(spread @ np.swapaxes(spread, 1, 2))
+
+
+EFFECTS: Sequence[Effect] = (
+    Outliers(),
+    HeteroscedasticNoise(),
+    PoseNoise(),
+    FtsQuantisation(),
+)

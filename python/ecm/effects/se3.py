@@ -1,0 +1,44 @@
+"""Poses moved by small rigid motions, exactly on SE(3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ecm._native import rotation_matrices, rotation_vectors
+from ecm.io.arrays import F
+
+
+def moved_in_top(poses: F, translation: F, rotation: F) -> F:
+    """Poses (N, 6) of the frame shifted by `translation` and turned by `rotation` in top axes.
+
+    R' = R exp(w), r' = r + R d, with d, w of shape (3,) or (N, 3).
+    """
+    turn = rotation_matrices(_rows(rotation, len(poses)))
+    base_from_top = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
+    shift = np.einsum("nij,nj->ni", base_from_top, _rows(translation, len(poses)))
+    return _pose(poses[:, :3] + shift, base_from_top @ turn)
+
+
+def moved_in_base(poses: F, translation: F, rotation: F) -> F:
+    """Poses (N, 6) after the rigid motion r' = exp(w) r + d, R' = exp(w) R in base axes."""
+    turn = rotation_matrices(_rows(rotation, len(poses)))
+    base_from_top = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
+    position = np.einsum("nij,nj->ni", turn, poses[:, :3])
+    return _pose(position + _rows(translation, len(poses)), turn @ base_from_top)
+
+
+def turned(wrenches: F, rotation: F) -> F:
+    """Wrenches (N, 6), force and moment both turned by exp(w), w of shape (3,) or (N, 3)."""
+    turn = rotation_matrices(_rows(rotation, len(wrenches)))
+    force = np.einsum("nij,nj->ni", turn, wrenches[:, :3])
+    torque = np.einsum("nij,nj->ni", turn, wrenches[:, 3:])
+    return np.concatenate([force, torque], axis=1)
+
+
+def _rows(vector: F, n: int) -> F:
+    return np.ascontiguousarray(np.broadcast_to(vector, (n, 3)))
+
+
+def _pose(position: F, rotation: F) -> F:
+    vectors = rotation_vectors(np.ascontiguousarray(rotation))
+    return np.ascontiguousarray(np.concatenate([position, vectors], axis=1))

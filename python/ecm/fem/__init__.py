@@ -1,0 +1,1 @@
+"""Finite element batches: simulated pairs, Dask workers, sensitivities, material tests."""

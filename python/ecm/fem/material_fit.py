@@ -1,0 +1,310 @@
+"""Materials from tests: read stretches and stresses, fit a model, estimate its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import F
+from ecm.io.material import MODELS, MODES, Material
+from ecm.io.toml import did_you_mean, read_text
+
+_STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
+_ORDERS = ("stretch-stress", "stress-stretch")
+_LARGEST_STRETCH = 20.0
+_START_SHIFTS = (0.0, -1.0, 1.0)
+"""Changes of the last free variable, one for each start of the fit."""
+
+
+@dataclass(frozen=True)
+class MaterialTest:
+    """One quasi-static test: stretches (N,), 1 where undeformed, and nominal stresses (N,)."""
+
+    mode: str
+    stretch: F
+    stress_Pa: F
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        place = self.source or self.mode
+        if self.mode not in MODES:
+            raise InputError(f"{place}: mode = '{self.mode}': {did_you_mean(self.mode, MODES)}")
+        if self.stretch.shape != self.stress_Pa.shape or self.stretch.ndim != 1:
+            raise InputError(
+                f"{place}: found {self.stretch.shape} stretches and {self.stress_Pa.shape} "
+                "stresses, expected as many of both"
+            )
+        if not (np.isfinite(self.stretch).all() and np.isfinite(self.stress_Pa).all()):
+            raise InputError(f"{place}: a number is not finite")
+        if np.any(self.stretch <= 0.0) or np.any(self.stretch > _LARGEST_STRETCH):
+            raise InputError(
+                f"{place}: stretches from {self.stretch.min():g} to {self.stretch.max():g}, "
+                f"expected between 0 and {_LARGEST_STRETCH:g} (1 is undeformed): are the columns "
+                "swapped, or are these strains?"
+            )
+        wrong = (self.stretch - 1.0) * self.stress_Pa < 0.0
+        if wrong.sum() > max(1, len(wrong) // 10):
+            raise InputError(
+                f"{place}: {wrong.sum()} of {len(wrong)} stresses have the wrong sign for their "
+                "stretch: are the columns swapped, or are these strains?"
+            )
+
+
+def read_test(path: Path, mode: str, *, unit: str = "", order: str = "") -> MaterialTest:
+    """Read two columns of text, separated by commas or spaces; `#` begins a comment.
+
+    The header `stretch,stress_MPa` (or Pa, kPa; in any order) states units and order; without it
+    `unit` and `order` (stretch-stress or stress-stretch) do. InputError names file and line.
+    """
+    lines = read_text(path, "material test").splitlines()
+    cells = [(i, line.replace(",", " ").split()) for i, line in enumerate(lines, start=1)]
+    cells = [(i, row) for i, row in cells if row and not row[0].startswith("#")]
+    if cells and _numbers(cells[0][1][:1]) is None:
+        header = cells.pop(0)[1]
+        stress = [name for name in header if name.startswith("stress_")]
+        if len(header) != 2 or "stretch" not in header or not stress:
+            raise InputError(
+                f"{path}: header {' '.join(header)}, expected stretch and stress_Pa, stress_kPa "
+                "or stress_MPa"
+            )
+        unit = stress[0].removeprefix("stress_")
+        order = _ORDERS[header.index("stretch")]
+    advice = "or a header stretch,stress_MPa"
+    if unit not in _STRESS_UNITS:
+        raise InputError(f"{path}: unit = '{unit}', expected Pa, kPa or MPa: give --unit {advice}")
+    if order not in _ORDERS:
+        raise InputError(
+            f"{path}: order = '{order}', expected {' or '.join(_ORDERS)}: give --order {advice}"
+        )
+    rows = []
+    for number, row in cells:
+        values = _numbers(row)
+        if values is None or len(values) != 2:
+            raise InputError(
+                f"{path}, line {number}: found '{' '.join(row)}', expected two numbers"
+            )
+        rows.append(values)
+    if len(rows) < 3:
+        raise InputError(f"{path}: {len(rows)} rows, expected at least 3")
+    table = np.array(rows)[:, :: 1 if order == _ORDERS[0] else -1]
+    return MaterialTest(mode, table[:, 0].copy(), table[:, 1] * _STRESS_UNITS[unit], str(path))
+
+
+def _numbers(cells: Sequence[str]) -> list[float] | None:
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True)
+class MaterialFit:
+    """A material identified from tests, and what is known about its errors."""
+
+    material: Material
+    names: tuple[str, ...]
+    """Names of the values, e.g. `c1_Pa` or `mu_Pa[0]`."""
+    values: F
+    sd: F
+    """Standard deviation of each value, from the scatter around the fit."""
+    rms: dict[str, float]
+    """Relative root mean square misfit per kind of test."""
+    aicc: float
+    """Akaike's information criterion with correction for few rows."""
+    covered: tuple[float, float]
+    """Uniaxial stretches that the tests cover; an equibiaxial one at l counts as l^-2."""
+    warnings: tuple[str, ...]
+
+
+def fit_material(
+    tests: Sequence[MaterialTest],
+    model: str = "auto",
+    *,
+    terms: int = 2,
+    use: tuple[float, float] = (0.5, 1.6),
+    poisson_ratio: float = 0.49,
+) -> MaterialFit:
+    """Fit a material model to tests by least squares; every test has the same weight.
+
+    Parameters
+    ----------
+    tests
+        Uniaxial, equibiaxial and pure shear tests, at least one.
+    model
+        neo_hookean, mooney_rivlin, yeoh, ogden, gent, or auto: the one of smallest AICc.
+    terms
+        Number of terms of Ogden's model.
+    use
+        Uniaxial stretches that the mechanism reaches; a warning says where the tests do not.
+    poisson_ratio
+        Poisson's ratio, which these tests cannot show.
+
+    Returns
+    -------
+    MaterialFit
+        The material, its parameters with standard deviations, and warnings.
+
+    Raises
+    ------
+    InputError
+        For no tests or an unknown model.
+    ComputationError
+        Where the model has too many parameters for the rows, or no fit converges.
+
+    Examples
+    --------
+    >>> stretch = np.linspace(0.8, 1.6, 9)
+    >>> rubber = Material("neo_hookean", {"young_modulus_Pa": 6e5})
+    >>> test = MaterialTest("uniaxial", stretch, rubber.nominal_stress("uniaxial", stretch))
+    >>> fit = fit_material([test], "neo_hookean", use=(0.9, 1.5))
+    >>> round(fit.material.young_modulus_Pa), fit.names
+    (600000, ('young_modulus_Pa',))
+    >>> fit.warnings[0][:19]
+    'only uniaxial tests'
+    """
+    if not tests:
+        raise InputError(f"no test: give at least one of {', '.join(MODES)}")
+    if model in MODELS:
+        return _fit(tests, model, terms, use, poisson_ratio)
+    if model != "auto":
+        raise InputError(f"model = '{model}': {did_you_mean(model, (*MODELS, 'auto'))}")
+    fits = []
+    for name in MODELS:
+        try:
+            fits.append(_fit(tests, name, terms, use, poisson_ratio))
+        except ComputationError:
+            continue
+    if not fits:
+        raise ComputationError("no model fits these tests: check units and columns")
+    return min(fits, key=lambda fit: fit.aicc)
+
+
+def _fit(
+    tests: Sequence[MaterialTest],
+    model: str,
+    terms: int,
+    use: tuple[float, float],
+    poisson_ratio: float,
+) -> MaterialFit:
+    """Fit one model, from several starts."""
+    law = MODELS[model]
+    scales = [float(np.sqrt(np.mean(t.stress_Pa**2) * len(t.stretch))) for t in tests]
+    start = np.array(law.start(_guess_shear_modulus(tests), terms))
+    rows, size = sum(len(t.stretch) for t in tests), len(start)
+    if rows <= size:
+        raise ComputationError(f"{rows} rows cannot give the {size} parameters of {model}")
+
+    def misfit(x: F) -> F:
+        values = law.decode(x)
+        parts = [
+            (law.stress(values, t.mode, t.stretch) - t.stress_Pa) / scale
+            for t, scale in zip(tests, scales, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    best = _minimise(misfit, start)
+    if best is None or not np.isfinite(best.cost):
+        raise ComputationError(f"the fit of {model} does not converge: check units and columns")
+    values = law.decode(best.x)
+    variance = 2.0 * best.cost / (rows - size)
+    jacobian = np.asarray(best.jac, dtype=np.float64)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+    steps = np.diag(1e-6 * np.maximum(1.0, np.abs(best.x)))
+    slopes = np.column_stack(
+        [(law.decode(best.x + h) - law.decode(best.x - h)) / (2.0 * h.sum()) for h in steps]
+    )
+    sd = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    if model == "neo_hookean":  # its parameter is Young's modulus
+        values, sd = values * 2.0 * (1.0 + poisson_ratio), sd * 2.0 * (1.0 + poisson_ratio)
+    parts = np.split(misfit(best.x), np.cumsum([len(t.stretch) for t in tests])[:-1])
+    rms: dict[str, float] = {}
+    for test, part in zip(tests, parts, strict=True):
+        rms[test.mode] = math.hypot(rms.get(test.mode, 0.0), float(np.linalg.norm(part)))
+    names, own = _named(model, values)
+    material = Material(model, own | {"poisson_ratio": poisson_ratio})
+    covered = _covered_stretches(tests)
+    warnings = _range_warnings(tests, covered, use) + [
+        f"{name} = {value:.3g} +- {error:.2g} is not determined by these tests"
+        for name, value, error in zip(names, values, sd, strict=True)
+        if error > 0.5 * abs(value)
+    ]
+    aicc = _aicc(best.cost, rows, size + 1)
+    return MaterialFit(material, names, values, sd, rms, aicc, covered, tuple(warnings))
+
+
+def _minimise(misfit: Callable[[F], F], start: F) -> Any:
+    """Return the best least-squares result of several starts; None where no start is finite."""
+    best: Any = None
+    for shift in _START_SHIFTS:
+        guess = start.copy()
+        guess[-1] += shift
+        with np.errstate(over="ignore", invalid="ignore"):
+            try:
+                result = least_squares(misfit, guess, method="trf", x_scale="jac", max_nfev=2000)
+            except ValueError:  # the misfit is not finite at this start
+                continue
+        if best is None or result.cost < best.cost:
+            best = result
+    return best
+
+
+def _aicc(cost: float, rows: int, parameters: int) -> float:
+    """Return AICc of a least-squares fit; `parameters` counts the noise as well."""
+    k = parameters
+    aicc = rows * math.log(max(2.0 * cost / rows, 1e-300)) + 2.0 * k
+    return aicc + 2.0 * k * (k + 1) / max(rows - k - 1, 1)
+
+
+def _guess_shear_modulus(tests: Sequence[MaterialTest]) -> float:
+    """Return the neo-Hookean shear modulus, Pa, of the quarter of rows next to stretch 1."""
+    ratios = []
+    for test in tests:
+        unit = MODELS["neo_hookean"].stress(np.array([1.0]), test.mode, test.stretch)
+        near = np.argsort(np.abs(test.stretch - 1.0))[: max(3, len(unit) // 4)]
+        ratios.append(float(unit[near] @ test.stress_Pa[near] / (unit[near] @ unit[near])))
+    return max(float(np.median(ratios)), 1.0)
+
+
+def _named(model: str, values: F) -> tuple[tuple[str, ...], dict[str, float | list[float]]]:
+    """Return a name for each value, and the parameters of the material."""
+    parameters = MODELS[model].parameters
+    if not MODELS[model].has_terms:
+        return parameters, {n: float(v) for n, v in zip(parameters, values, strict=True)}
+    lists = dict(zip(parameters, np.split(values, len(parameters)), strict=True))
+    names = tuple(f"{name}[{i}]" for name, terms in lists.items() for i in range(len(terms)))
+    return names, {name: terms.tolist() for name, terms in lists.items()}
+
+
+def _covered_stretches(tests: Sequence[MaterialTest]) -> tuple[float, float]:
+    """Return the range of uniaxial stretches that the tests cover."""
+    low, high = 1.0, 1.0
+    for test in tests:
+        a, b = float(test.stretch.min()), float(test.stretch.max())
+        if test.mode == "equibiaxial":
+            a, b = b**-2, a**-2
+        low, high = min(low, a), max(high, b)
+    return low, high
+
+
+def _range_warnings(
+    tests: Sequence[MaterialTest], covered: tuple[float, float], use: tuple[float, float]
+) -> list[str]:
+    warnings = []
+    if use[0] < covered[0] or use[1] > covered[1]:
+        warnings.append(
+            f"extrapolation: the tests cover uniaxial stretches {covered[0]:.2f} to "
+            f"{covered[1]:.2f}, the mechanism uses {use[0]:.2f} to {use[1]:.2f}"
+        )
+    if len({test.mode for test in tests}) == 1:
+        warnings.append(
+            f"only {tests[0].mode} tests: other kinds of deformation are extrapolation; a second "
+            "kind of test distinguishes models"
+        )
+    return warnings

@@ -1,0 +1,258 @@
+"""Step 1 of the paper: wrenches drawn from a box, poses by FEM, limited to a workspace."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ecm.errors import ComputationError, InputError
+from ecm.fem.batch import LoadCases, batch_size
+from ecm.fem.case_results import ARRAYS, CaseResults
+from ecm.fem.draws import TABLE_I_MAX, TABLE_I_MIN, RandomWrenches, Workspace
+from ecm.io.arrays import B, F, I
+from ecm.io.cache import Stage
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
+
+Progress = Callable[[int, int, str], object] | None
+"""Called with pairs kept, all pairs, and a word for what is done."""
+
+_CACHE_VERSION = 2  # of guesses and of what is kept; another version resumes nothing of this one
+_GUESS_MARGIN = 1.05  # guesses pass draws up to this factor times the rotation limit
+_SMALLEST_BATCH = 8  # FEM cases that are solved together
+_CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
+
+__all__ = ["TABLE_I_MAX", "TABLE_I_MIN", "Simulated", "Workspace", "fem_poses", "simulate"]
+
+
+@dataclass(frozen=True, repr=False)
+class Simulated:
+    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`."""
+
+    wrenches: F
+    """(N, 6), N and N m."""
+    poses: F
+    """(N, 6), m and rad."""
+    stiffness: F
+    """(N, 6, 6), K = dh/dp."""
+    energy_J: F
+    """(N,), stored energy."""
+    largest_stretch: F
+    """(N,), largest principal stretch anywhere in the body."""
+    smallest_jacobian: F
+    """(N,), smallest volume ratio det F anywhere in the body."""
+    smallest_eigenvalue: F
+    """(N,), of the Hessian H with lengths scaled by L; positive: the equilibrium is stable."""
+    iterations: I
+    """(N,), Newton iterations."""
+    newton_per_case: float
+    """Mean Newton iterations of all cases that were solved for these pairs, kept or not."""
+    counts: dict[str, int]
+    """drawn, screened (passed rod and guess), solved, unstable, failed, kept."""
+    mechanism: Mechanism
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
+        return f"Simulated({len(self)} wrench-pose pairs: {counts})"
+
+    def table(self, source: str = "simulated pairs") -> Table:
+        """Return the pairs as a measurement table that knows its mechanism."""
+        columns: dict[str, F] = dict(zip(POSE, self.poses.T, strict=True))
+        columns |= dict(zip(WRENCH, self.wrenches.T, strict=True))
+        for name in ("energy_J", "largest_stretch", "smallest_jacobian"):
+            columns[name] = getattr(self, name)
+        return Table(columns, Meta(mechanism=self.mechanism.to_dict()), source)
+
+
+def simulate(
+    mechanism: Mechanism,
+    n: int,
+    workspace: Workspace | None = None,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    directory: Path | None = None,
+    scheduler: str | None = None,
+    progress: Progress = None,
+) -> Simulated:
+    """Simulate n admissible wrench-pose pairs by FEM.
+
+    Parameters
+    ----------
+    mechanism
+        The elastic body.
+    n
+        Number of pairs.
+    workspace
+        Limits of admissible poses and the box of wrenches; default |theta| <= 0.8 rad and the
+        paper's Table I.
+    seed
+        Seed of the random generator.
+    threads
+        0: all cores. The result does not depend on it.
+    directory
+        Where solved cases are kept, each within 0.1 s; a later call with the same settings
+        continues there.
+    scheduler
+        Address of a Dask scheduler (tcp://host:8786) whose workers solve the cases; the pairs are
+        the same to the last bit. Needs the extra `cluster`.
+    progress
+        Called with pairs kept, n, and a word.
+
+    Returns
+    -------
+    Simulated
+        Poses, wrenches, stiffness matrices and more, one row per pair.
+
+    Raises
+    ------
+    InputError
+        For n < 1, a mechanism without a body, or no answer from the scheduler.
+    ComputationError
+        Where no pose is admissible.
+
+    Examples
+    --------
+    >>> pairs = simulate(Mechanism(), 3, seed=1)
+    >>> pairs
+    Simulated(3 wrench-pose pairs: drawn 31, screened 11, solved 11, unstable 0, failed 0, kept 3)
+    >>> pairs.stiffness.shape
+    (3, 6, 6)
+    >>> pairs.table().wrench_columns[:2]
+    ('fx_N', 'fy_N')
+    """
+    if n < 1:
+        raise InputError(f"simulate: n = {n}, expected at least 1 pair")
+    workspace = Workspace() if workspace is None else workspace
+    stage = None
+    if directory is not None:
+        settings = {
+            "mechanism": mechanism.key(),
+            "workspace": workspace.__dict__,
+            "seed": seed,
+            "scheme": _CACHE_VERSION,
+        }
+        stage = Stage(directory, "simulate", settings)
+    draws = RandomWrenches(mechanism, workspace, seed)
+    cases = LoadCases(mechanism, threads, scheduler, stage)
+    parts: list[CaseResults] = []
+    counts: Counter[str] = Counter()
+    kept = newton = first = 0
+    while kept < n:
+        # About as many as are still needed: a case depends only on those before its batch.
+        wanted = (n - kept) * first // kept if kept > 0 else n
+        count = min(batch_size(first), max(wanted, _SMALLEST_BATCH))
+        wrenches, serial = draws.next(count, partial(_promising, cases, first, workspace))
+
+        def report(done: int, total: int, before: int = kept) -> None:
+            if progress is not None:
+                progress(min(n, before + done * (n - before > 0)), n, "solving")
+
+        part = cases.solve(first, wrenches, None if progress is None else report)
+        first += len(wrenches)
+        take = np.flatnonzero(_admissible(part, workspace))[: n - kept]
+        counted = np.ones(len(serial), dtype=bool)
+        if len(take) == n - kept:  # nothing drawn after the last kept pair counts
+            counted = serial <= serial[take[-1]]
+            draws.stop_at(int(serial[take[-1]]))
+        ok, unstable = part["ok"], part["unstable"]
+        for name, cases_of in (("solved", ok), ("unstable", unstable), ("failed", ~ok & ~unstable)):
+            counts[name] += int((cases_of & counted).sum())
+        newton += int(part["iterations"][counted].sum())
+        parts.append({name: part[name][take] for name in ARRAYS})
+        kept += len(take)
+        if progress is not None:
+            progress(kept, n, "solved")
+        if first >= _CASES_WITHOUT_PAIR and kept == 0:
+            raise ComputationError(
+                f"none of {first} FEM poses is admissible (|theta| <= "
+                f"{workspace.rotation_limit_rad} rad, stretch <= {workspace.stretch_limit}): "
+                "widen the [workspace] limits or shrink the wrench box"
+            )
+    cases.close()
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in ARRAYS}
+    arrays["iterations"] = arrays["iterations"].astype(np.int64)
+    return Simulated(
+        **arrays,
+        newton_per_case=newton / counts.total(),
+        counts={"drawn": draws.drawn, "screened": draws.screened, **counts, "kept": kept},
+        mechanism=mechanism,
+    )
+
+
+def _admissible(part: CaseResults, workspace: Workspace) -> B:
+    """Whether each solved case lies inside the workspace."""
+    inside: B = part["ok"].copy()
+    if not workspace.full_box:
+        rotation = np.linalg.norm(part["poses"][:, 3:], axis=1)
+        inside &= rotation <= workspace.rotation_limit_rad
+        inside &= part["largest_stretch"] <= workspace.stretch_limit
+    return inside
+
+
+def _promising(cases: LoadCases, first: int, workspace: Workspace, wrenches: F) -> B:
+    """Whether each wrench may be admissible, as far as the solved cases can tell."""
+    rotation = None if workspace.full_box else cases.guessed_rotations(first, wrenches)
+    if rotation is None:
+        return np.ones(len(wrenches), dtype=bool)
+    promising: B = rotation <= _GUESS_MARGIN * workspace.rotation_limit_rad
+    return promising
+
+
+def fem_poses(
+    mechanism: Mechanism,
+    n: int,
+    *,
+    seed: int = 0,
+    threads: int = 0,
+    rotation_limit_rad: float = 0.8,
+    progress: Progress = None,
+) -> tuple[F, F]:
+    """Return poses (n, 6) and wrenches (n, 6) of the workspace, e.g. to train a surrogate.
+
+    The wrench box is the paper's, scaled to the bending stiffness and length of the mechanism.
+
+    Parameters
+    ----------
+    mechanism
+        The elastic body.
+    n
+        Number of poses.
+    seed
+        Seed of the random generator.
+    threads
+        0: all cores. The result does not depend on it.
+    rotation_limit_rad
+        Largest rotation angle.
+    progress
+        Called with poses kept, n, and a word.
+
+    Examples
+    --------
+    >>> poses, wrenches = fem_poses(Mechanism(), 2, rotation_limit_rad=0.3)
+    >>> bool((np.linalg.norm(poses[:, 3:], axis=1) <= 0.3).all())
+    True
+    """
+    # Table I belongs to the neck: forces of a body scale with E I / L^2, moments with E I / L.
+    neck = Mechanism()
+    lever = mechanism.length_m / neck.length_m
+    section = "bending_stiffness_Nm2"
+    moment = mechanism.rod_sections()[section] / neck.rod_sections()[section] / lever
+    factors = np.array([moment / lever] * 3 + [moment] * 3)
+    workspace = Workspace(
+        rotation_limit_rad=rotation_limit_rad,
+        wrench_min=tuple(float(v) for v in np.asarray(TABLE_I_MIN) * factors),
+        wrench_max=tuple(float(v) for v in np.asarray(TABLE_I_MAX) * factors),
+    )
+    pairs = simulate(mechanism, n, workspace, seed=seed, threads=threads, progress=progress)
+    return pairs.poses, pairs.wrenches

@@ -1,0 +1,1 @@
+"""Input and output: tables, descriptions, meshes, materials, settings, caches."""

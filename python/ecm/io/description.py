@@ -1,0 +1,296 @@
+"""The description of a measurement table: NAME.toml beside it, read strictly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ecm.errors import InputError
+from ecm.io.columns import is_standard, likely_name
+from ecm.io.mechanism import MECHANISM_KEYS, Mechanism, length_of_mesh
+from ecm.io.settings import Checked, read_settings, setting
+from ecm.io.toml import check_keys, read_toml, write_toml
+
+T = TypeVar("T")
+
+_NOT_PER_RUN = {
+    "turned_end_for_end": "no effect models it: diagnose the table of that run alone",
+    "temperature_degC": "give it as a column of the table",
+    "free_length_m": "it belongs into [mechanism]",
+}
+"""Keys that one may expect in [run.N], and where to give them instead."""
+_LARGEST_GRAVITY_M_S2 = 30.0
+
+
+@dataclass(frozen=True)
+class FileMeta(Checked):
+    """[file]: layout of the table.
+
+    `begins_s` lists the `time_s` at which each campaign after the first began, where a table holds
+    several: the sensor was zeroed again then.
+    """
+
+    kind: str = setting("static", choices=("static", "continuous"))
+    """static: one row per measurement at rest; continuous: one row per sample."""
+    header_rows: int = setting(1, low=0, high=2, doc="lines of names; of 2 the upper names groups")
+    truth_sha256: str = setting("", doc="sha256 of the sealed truth file of a hidden effect")
+    begins_s: tuple[float, ...] = setting((), any_size=True, doc="begin of each later campaign")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if list(self.begins_s) != sorted(set(self.begins_s)):
+            raise InputError(f"begins_s = {list(self.begins_s)}: expected increasing times")
+
+
+@dataclass(frozen=True)
+class ColumnSource(Checked):
+    """One entry of [columns]: standard column = scale * own column + offset."""
+
+    column: str | int = setting(low=1, doc="name in the file, or number counted from 1")
+    scale: float = setting(1.0)
+    offset: float = setting(0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.scale == 0.0:
+            raise InputError(f"scale = {self.scale}: expected a number other than 0")
+
+
+@dataclass(frozen=True)
+class Instrument(Checked):
+    """[instrument]: noise of one row after averaging, and the force-torque sensor (FTS)."""
+
+    pose_position_sd_m: float | None = setting(None, low=0.0)
+    pose_rotation_sd_rad: float | None = setting(None, low=0.0)
+    force_sd_N: float | None = setting(None, low=0.0)
+    torque_sd_Nm: float | None = setting(None, low=0.0)
+    fts_range: tuple[float, ...] | None = setting(None, size=6, doc="N and N m, sensor axes")
+    fts_resolution: tuple[float, ...] | None = setting(None, size=6, doc="N and N m, sensor axes")
+    top_from_sensor: tuple[float, ...] | None = setting(None, size=7, doc="x y z m, quat w x y z")
+    zeroed_with_payload: bool | None = None
+    pose_at_zero: tuple[float, ...] | None = setting(None, size=6, doc="default: the rest pose")
+
+
+@dataclass(frozen=True)
+class Scene(Checked):
+    """[scene]: surroundings of the mechanism; gravity in base axes."""
+
+    gravity_m_s2: tuple[float, float, float] = setting((-9.81, 0.0, 0.0))
+    payload_mass_kg: float | None = setting(None, low=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_gravity(self.gravity_m_s2)
+
+
+@dataclass(frozen=True)
+class Run(Checked):
+    """[run.N]: conditions of run N. Where a key is absent, [scene] and [instrument] hold.
+
+    The payload of a run of kind `unloaded` is the dead weight on the free sensor.
+    """
+
+    mount_angle_rad: float = setting(0.0, doc="rotation about the axis since the first mounting")
+    payload_mass_kg: float | None = setting(None, low=0.0)
+    cable_attached: bool = True
+    tendons_slack: bool = False
+    gravity_m_s2: tuple[float, float, float] | None = setting(None, doc="in base axes")
+    zeroed_with_payload: bool | None = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_gravity(self.gravity_m_s2)
+
+
+def _check_gravity(gravity_m_s2: tuple[float, float, float] | None) -> None:
+    if gravity_m_s2 is not None and math.hypot(*gravity_m_s2) > _LARGEST_GRAVITY_M_S2:
+        raise InputError(f"gravity_m_s2 = {gravity_m_s2}: expected a norm of about 9.81")
+
+
+@dataclass(frozen=True)
+class Meta:
+    """Description of a measurement table: the content of NAME.toml.
+
+    Parameters
+    ----------
+    file
+        Layout of the file.
+    columns
+        Standard column names and the columns of the file that they are computed from.
+    group
+        Columns whose equal values mark rows that stay together in held-out splits.
+    mechanism
+        The `[mechanism]` table as in the file.
+    instrument
+        Noise of one row, and the force-torque sensor.
+    scene
+        Gravity and payload.
+    runs
+        Conditions that differ between runs, by the number of the run.
+    source
+        File it was read from, for messages and for the path of a relative mesh.
+
+    Examples
+    --------
+    >>> meta = Meta(mechanism={"length_m": 0.1}, instrument=Instrument(force_sd_N=0.3))
+    >>> print(meta.to_toml(), end="")
+    [mechanism]
+    length_m = 0.1
+    <BLANKLINE>
+    [instrument]
+    force_sd_N = 0.3
+    """
+
+    file: FileMeta = field(default_factory=FileMeta)
+    columns: Mapping[str, ColumnSource] = field(default_factory=dict)
+    group: tuple[str, ...] = ()
+    mechanism: Mapping[str, Any] = field(default_factory=dict)
+    instrument: Instrument = field(default_factory=Instrument)
+    scene: Scene = field(default_factory=Scene)
+    runs: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    source: str = ""
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism as given, else of its mesh; None where it is not known."""
+        value = self.mechanism.get("length_m")
+        if value is None:
+            return length_of_mesh(self.mechanism, Path(self.source).parent)
+        return float(value)
+
+    def with_length(self, length_m: float | None) -> Meta:
+        """Return it with this length of the mechanism, unless its own length is known."""
+        if length_m is None or self.length_m is not None:
+            return self
+        return replace(self, mechanism={**self.mechanism, "length_m": length_m})
+
+    def absolute_mechanism(self) -> dict[str, Any]:
+        """Return `[mechanism]` with the absolute path of its mesh file."""
+        mesh = self.mechanism.get("mesh")
+        if mesh is None:
+            return dict(self.mechanism)
+        return {**self.mechanism, "mesh": str((Path(self.source).parent / mesh).resolve())}
+
+    def body(self) -> Mechanism | None:
+        """Return the mechanism; None where nothing is known about it."""
+        if not self.mechanism:
+            return None
+        where = Path(self.source) if self.source else "[mechanism]"
+        return Mechanism.from_dict(self.mechanism, where)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it has nothing to write into a file."""
+        return replace(self, source="") == Meta()
+
+    def applied(self) -> Meta:
+        """Return the description of the table after its columns got their standard names."""
+        return replace(self, columns={}, file=replace(self.file, header_rows=1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the TOML document."""
+        columns: dict[str, Any] = {name: _changed(own) for name, own in self.columns.items()}
+        if self.group:
+            columns["group"] = list(self.group)
+        document: dict[str, Any] = {
+            "file": _changed(self.file),
+            "columns": columns,
+            "mechanism": dict(self.mechanism),
+            "instrument": _changed(self.instrument),
+            "scene": _changed(self.scene),
+            "run": {str(run): dict(values) for run, values in self.runs.items()},
+        }
+        return {key: value for key, value in document.items() if value}
+
+    def to_toml(self) -> str:
+        """Return the text of NAME.toml."""
+        return write_toml(self.to_dict())
+
+    @staticmethod
+    def from_dict(document: Mapping[str, Any], where: str) -> Meta:
+        """Check a parsed NAME.toml; InputError names file, table and key."""
+        check_keys(document, _TABLES, where)
+        columns, group = _columns(document.get("columns", {}), f"{where} [columns]")
+        mechanism = document.get("mechanism", {})
+        if not isinstance(mechanism, Mapping):
+            raise InputError(f"{where} [mechanism]: found {mechanism!r}, expected a table")
+        check_keys(mechanism, MECHANISM_KEYS, f"{where} [mechanism]")
+        if mechanism and "mesh" not in mechanism:
+            Mechanism.from_dict(mechanism, f"{where} [mechanism]")
+
+        def section(cls: type[T], name: str) -> T:
+            return read_settings(cls, document.get(name, {}), f"{where} [{name}]")
+
+        return Meta(
+            file=section(FileMeta, "file"),
+            columns=columns,
+            group=group,
+            mechanism=dict(mechanism),
+            instrument=section(Instrument, "instrument"),
+            scene=section(Scene, "scene"),
+            runs=_runs(document.get("run", {}), where),
+            source=where,
+        )
+
+
+_TABLES = ("file", "columns", "mechanism", "instrument", "scene", "run")
+
+
+def read_meta(path: Path) -> Meta:
+    """Read NAME.toml, or the file given by --meta."""
+    return Meta.from_dict(read_toml(path, "description of a table"), str(path))
+
+
+def _columns(table: Any, where: str) -> tuple[dict[str, ColumnSource], tuple[str, ...]]:
+    """Read [columns]: sources by standard name, and the columns of `group`."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: found {table!r}, expected a table")
+    columns: dict[str, ColumnSource] = {}
+    group: tuple[str, ...] = ()
+    for name, entry in table.items():
+        if name == "group":
+            names = [entry] if isinstance(entry, str) else entry
+            if not isinstance(names, list) or not all(isinstance(item, str) for item in names):
+                raise InputError(f"{where}: group = {entry!r}: expected a list of column names")
+            group = tuple(names)
+            continue
+        likely = likely_name(name)
+        if likely is not None:
+            raise InputError(f"{where}: '{name}' is no column name, did you mean '{likely}'?")
+        if not is_standard(name) and not name.isidentifier():
+            raise InputError(f"{where}: '{name}' is no column name: use letters, digits and _")
+        value = {"column": entry} if isinstance(entry, (str, int)) else entry
+        columns[name] = read_settings(ColumnSource, value, f"{where} {name}")
+    return columns, group
+
+
+def _runs(table: Any, where: str) -> dict[int, dict[str, Any]]:
+    """Read [run.0], [run.1], ...: the given keys of each run, checked."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where} [run]: found {table!r}, expected tables [run.0], [run.1], ...")
+    runs: dict[int, dict[str, Any]] = {}
+    for key, values in table.items():
+        place = f"{where} [run.{key}]"
+        if not (key.isascii() and key.isdigit()):
+            raise InputError(f"{place}: expected a whole number after 'run.'")
+        for name in values if isinstance(values, Mapping) else ():
+            if name in _NOT_PER_RUN:
+                raise InputError(f"{place}: {name}: {_NOT_PER_RUN[name]}")
+        read_settings(Run, values, place)
+        runs[int(key)] = dict(values)
+    return runs
+
+
+def _changed(section: Any) -> dict[str, Any]:
+    """Return the fields that differ from their defaults, tuples as lists."""
+    values = {item.name: getattr(section, item.name) for item in fields(section)}
+    changed = {item.name for item in fields(section) if values[item.name] != item.default}
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in values.items()
+        if name in changed
+    }

@@ -1,0 +1,346 @@
+"""The mechanism: shape and material of the elastic body, and the mesh, FEM and rod made of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from ecm._native import Fem, Mesh
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.cache import hash_of
+from ecm.io.material import Material
+from ecm.io.mesh import mesh_bytes, read_mesh
+from ecm.io.rod_sections import ROD_SECTIONS, ring_sections
+from ecm.io.settings import Checked, read_settings, setting
+from ecm.io.toml import check_keys
+
+_SHAPES: dict[str, tuple[Callable[..., Mesh], tuple[str, ...]]] = {
+    "cylinder": (Mesh.cylinder, ("radius_m",)),
+    "tube": (Mesh.tube, ("radius_m", "inner_radius_m")),
+    "hourglass": (Mesh.hourglass, ("radius_m", "waist_radius_m")),
+    "stacked_discs": (Mesh.stacked_discs, ("radius_m", "waist_radius_m", "disc_count")),
+    "rod": (Mesh.cylinder, ("radius_m",)),
+}
+"""Builtin shapes: their mesh, and the dimensions that it needs besides the length."""
+_DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
+_QUALITIES = ("standard", "fine")
+_LOWEST_MODULUS_PA = 100.0
+_LARGEST_RADIUS = 10.0
+"""In lengths of the body: a larger radius was probably given in another unit."""
+
+SOLVER_VERSION = 3
+"""Raised with every change of the FEM that changes its results, so that cached ones are solved
+again. 2: bulk stiffness at distorted points. 3: a batch of poses starts from the tangent at rest
+(within 1.3e-6 N of 2)."""
+
+
+@dataclass(frozen=True)
+class Mechanism(Checked):
+    """An elastic body between two rigid plates. The default is the neck of the paper.
+
+    Parameters
+    ----------
+    builtin, length_m, radius_m, inner_radius_m, waist_radius_m, disc_count
+        Shape; each field below states its meaning, unit and range.
+    young_modulus_Pa, poisson_ratio, material, density_kg_m3
+        Material: neo-Hookean, or another model as `material`.
+    mesh_file, quality
+        Mesh or CAD file instead of a builtin shape, and the element size.
+
+    Raises
+    ------
+    InputError
+        For a value out of its range, and for dimensions that do not fit each other.
+
+    Examples
+    --------
+    >>> neck = Mechanism(length_m=0.1034, radius_m=0.033, young_modulus_Pa=0.65e6)
+    >>> stiffness = neck.fem().rest_stiffness()    # (6, 6), N/m, N, N m/rad
+    >>> round(float(stiffness[1, 1]), -2)
+    3600.0
+    >>> round(neck.rod_sections()["bending_stiffness_Nm2"], 3)
+    0.605
+    """
+
+    builtin: str = setting("cylinder", choices=("", *_SHAPES))
+    """Shape; empty for a mesh, or where only the length is known."""
+    length_m: float = setting(
+        0.1034,
+        low=1e-3,
+        high=10.0,
+        doc="undeformed length in metres, not millimetres; mesh and CAD files at real size",
+    )
+    radius_m: float = setting(0.033, low=0.0, doc="outer radius; of an hourglass at its ends")
+    inner_radius_m: float = setting(0.0, low=0.0, doc="inner radius of a tube")
+    waist_radius_m: float = setting(0.0, low=0.0, doc="smallest, of an hourglass or stacked discs")
+    disc_count: int = setting(0, low=0, doc="stacked discs, the half ones at both ends included")
+    young_modulus_Pa: float = setting(0.65e6, low=0.0, doc="E at small strain; 0: unknown")
+    poisson_ratio: float = setting(0.49, low=0.0, high=0.5, doc="0.49 for rubber")
+    material: Material | None = None
+    """Another model than neo-Hookean; E and nu above are then its values at small strain."""
+    density_kg_m3: float = setting(0.0, low=0.0, doc="0: own weight is ignored")
+    free_length_m: float = setting(0.0, low=0.0, doc="length when detached; 0: same as length_m")
+    mesh_file: Path | None = None
+    """Mesh or CAD file with faces `base` and `top` (ecm.io.mesh) instead of a builtin shape."""
+    quality: str = setting("standard", choices=_QUALITIES)
+    """Element size of builtin shapes and of CAD."""
+    axial_stiffness_N: float = setting(0.0, low=0.0, doc="EA of a rod; 0: from radius and E")
+    shear_stiffness_N: float = setting(0.0, low=0.0, doc="GA of a rod with its shear correction")
+    bending_stiffness_Nm2: float = setting(0.0, low=0.0, doc="EI of a rod")
+    torsion_stiffness_Nm2: float = setting(0.0, low=0.0, doc="GJ of a rod")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.builtin and self.mesh_file is not None:
+            raise InputError("found both builtin and mesh: give one of them")
+        if 0.0 < self.young_modulus_Pa < _LOWEST_MODULUS_PA:
+            modulus = self.young_modulus_Pa
+            raise InputError(f"young_modulus_Pa = {modulus}: looks like MPa; give Pa (0.65e6)")
+        if self.builtin:
+            self._check_dimensions()
+
+    def _check_dimensions(self) -> None:
+        """Compare dimensions of a builtin shape with each other."""
+        length, outer = self.length_m, self.radius_m
+        if self.builtin != "rod" and outer <= 0.0:
+            raise InputError(f"radius_m = {outer}: expected a positive radius in metres")
+        if outer > _LARGEST_RADIUS * length:
+            raise InputError(f"radius_m = {outer}, length_m = {length}: expected metres for both")
+        if self.builtin == "tube" and not 0.0 < self.inner_radius_m < outer:
+            inner = self.inner_radius_m
+            raise InputError(
+                f"inner_radius_m = {inner}: expected above 0 and below radius_m = {outer}"
+            )
+        if self.builtin == "stacked_discs" and not 2 <= self.disc_count <= 40:
+            raise InputError(f"disc_count = {self.disc_count}: expected 2 to 40")
+        waisted = "waist_radius_m" in _DIMENSIONS[self.builtin]
+        if waisted and not 0.0 < self.waist_radius_m <= outer:
+            waist = self.waist_radius_m
+            raise InputError(
+                f"waist_radius_m = {waist}: expected above 0, at most radius_m = {outer}"
+            )
+
+    @staticmethod
+    def from_dict(
+        table: Mapping[str, Any], where: str | Path = "[mechanism]", *, base: Path | None = None
+    ) -> Mechanism:
+        """Read a `[mechanism]` table.
+
+        Parameters
+        ----------
+        table
+            Keys and values of the TOML table.
+        where
+            File (a path) or table (text) for messages; a relative mesh file is looked for beside
+            the file.
+        base
+            Directory of a relative mesh file, where `where` is text.
+
+        Raises
+        ------
+        InputError
+            Naming the table, the key, what was found and what was expected.
+        """
+        place = f"{where} [mechanism]" if isinstance(where, Path) else where
+        if base is None:
+            base = where.parent if isinstance(where, Path) else Path()
+        if not isinstance(table, Mapping):
+            raise InputError(f"{place}: found {table!r}, expected a table of settings")
+        check_keys(table, MECHANISM_KEYS, place)
+        # Only what the file states is known: the neck's dimensions are no defaults of another body.
+        values: dict[str, Any] = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0}
+        values |= {key: table[key] for key in table if key not in ("mesh", "material")}
+        values |= _read_material(table, place)
+        if "mesh" in table:
+            if not isinstance(table["mesh"], str):
+                raise InputError(f"{place}: mesh = {table['mesh']!r}: expected a file name")
+            values["mesh_file"] = str(base / table["mesh"])
+        if not values["builtin"]:
+            if "mesh" in table and "length_m" not in table:
+                values["length_m"] = _mesh_length(Path(values["mesh_file"]), table)
+            if "length_m" not in values:
+                raise InputError(f"{place}: the key 'length_m' is missing; every model needs it")
+        elif values["builtin"] in tuple(_DIMENSIONS):
+            _require_dimensions(table, place)
+        material = values.pop("material", None)
+        return replace(read_settings(Mechanism, values, place), material=material)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the `[mechanism]` table of this mechanism."""
+        always = {"length_m", "builtin", "young_modulus_Pa", "poisson_ratio"}
+        always |= set(_DIMENSIONS.get(self.builtin, ()))
+        table: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Material):
+                table["material"] = value.to_dict()
+                del table["young_modulus_Pa"], table["poisson_ratio"]
+            elif isinstance(value, Path):
+                table["mesh"] = str(value)
+            elif value and (field.name in always or value != field.default):
+                table[field.name] = value
+        return table
+
+    def with_modulus(self, young_modulus_Pa: float) -> Mechanism:
+        """Return the same body with all moduli scaled to this Young's modulus at small strain."""
+        material = self.material
+        if material is not None:
+            material = material.scaled(young_modulus_Pa / material.young_modulus_Pa)
+        return replace(self, young_modulus_Pa=young_modulus_Pa, material=material)
+
+    @property
+    def has_body(self) -> bool:
+        """Whether shape and stiffness are known, not only the length."""
+        sections = all(getattr(self, name) > 0.0 for name in ROD_SECTIONS)
+        shape = bool(self.builtin) or self.mesh_file is not None
+        return shape and (self.young_modulus_Pa > 0.0 or sections)
+
+    def mesh(self) -> Mesh:
+        """Return the tetrahedra of the body; InputError where only its length is known."""
+        if self.mesh_file is not None:
+            return read_mesh(self.mesh_file, self.quality)
+        if not self.builtin or self.radius_m <= 0.0:
+            raise InputError(
+                '[mechanism] gives no shape: add builtin = "cylinder" with radius_m, or mesh = '
+                '"file.msh"'
+            )
+        make, names = _SHAPES[self.builtin]
+        dimensions = {name: getattr(self, name) for name in ("length_m", *names)}
+        return make(quality=self.quality, **dimensions)
+
+    def fem(
+        self,
+        element_modulus_scale: F | None = None,
+        *,
+        gravity_m_s2: tuple[float, float, float] | None = None,
+    ) -> Fem:
+        """Return the finite element model: clamped at the base, a rigid platform on top.
+
+        Parameters
+        ----------
+        element_modulus_scale
+            (M,) factor on all moduli per tetrahedron.
+        gravity_m_s2
+            In base axes; with density_kg_m3 the body's own weight. None: weightless.
+        """
+        if self.builtin == "rod":
+            raise InputError(
+                "[mechanism] builtin = 'rod' is a line, its solid would be about 10 % stiffer: "
+                "for FEM give builtin = 'cylinder' with radius_m and young_modulus_Pa; compare, "
+                "diagnose and fit --model physics take the rod as it is"
+            )
+        if self.young_modulus_Pa <= 0.0:
+            raise InputError("[mechanism] gives no young_modulus_Pa: add it (Pa) for FEM")
+        weight = None
+        if gravity_m_s2 is not None:
+            x, y, z = (self.density_kg_m3 * g for g in gravity_m_s2)
+            weight = (x, y, z)
+        law: dict[str, Any]
+        if self.material is not None:
+            law = {"model": self.material.model, "parameters": dict(self.material.parameters)}
+        else:
+            law = {"young_modulus_Pa": self.young_modulus_Pa, "poisson_ratio": self.poisson_ratio}
+        return Fem(
+            self.mesh(),
+            element_modulus_scale=element_modulus_scale,
+            body_force_N_m3=weight,
+            **law,
+        )
+
+    def rod_sections(self) -> dict[str, float]:
+        """Return EA, GA (shear-corrected), EI, GJ of a uniform rod, the arguments of `rod_poses`.
+
+        An hourglass is taken at its mean radius, a mesh as the cylinder of its volume and length:
+        good enough to screen random wrenches, not to model.
+
+        Raises
+        ------
+        InputError
+            Where only the length is known, or for a mesh that cannot be read.
+        """
+        given = {name: float(getattr(self, name)) for name in ROD_SECTIONS}
+        if all(value > 0.0 for value in given.values()):
+            return given
+        outer, inner = self.radius_m, 0.0
+        if self.mesh_file is not None and self.young_modulus_Pa > 0.0:
+            mesh = self.mesh()
+            outer = math.sqrt(mesh.volume_m3 / (math.pi * mesh.length_m))
+        elif not self.builtin or self.young_modulus_Pa <= 0.0 or outer <= 0.0:
+            raise InputError(
+                "[mechanism]: a rod needs builtin, radius_m and young_modulus_Pa, or "
+                + ", ".join(ROD_SECTIONS)
+            )
+        elif self.builtin == "tube":
+            inner = self.inner_radius_m
+        elif "waist_radius_m" in _DIMENSIONS[self.builtin]:
+            outer = 0.5 * (self.radius_m + self.waist_radius_m)
+        return ring_sections(outer, inner, self.young_modulus_Pa, self.poisson_ratio)
+
+    def key(self) -> str:
+        """Return a hash of solver version, shape and material; of a mesh file its content."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mesh_file"}
+        values["solver"] = SOLVER_VERSION
+        if self.material is not None:
+            values["material"] = self.material.to_dict()
+        content = ""
+        if self.mesh_file is not None:
+            content = hashlib.sha256(mesh_bytes(self.mesh_file)).hexdigest()
+        return hash_of(values, content)
+
+
+MECHANISM_KEYS = (*(f.name for f in fields(Mechanism) if f.name != "mesh_file"), "mesh")
+"""Keys that `[mechanism]` may hold."""
+
+
+def _require_dimensions(table: Mapping[str, Any], place: str) -> None:
+    """Check that a builtin shape has its dimensions: those of the neck are no defaults."""
+    shape = table["builtin"]
+    sections = shape == "rod" and all(name in table for name in ROD_SECTIONS)
+    for name in ("length_m", *(() if sections else _DIMENSIONS[shape])):
+        if name not in table:
+            raise InputError(f"{place}: builtin = '{shape}' needs the key '{name}'")
+
+
+def _read_material(table: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """Read `material` into fields of Mechanism; a plain neo-Hookean one is its two moduli."""
+    material = table.get("material")
+    if material is None:
+        return {}
+    if not isinstance(material, Mapping):
+        raise InputError(f'{place}: material = {material!r}: expected {{ model = "yeoh", ... }}')
+    extra = any(key.startswith(("fibre", "bulk")) for key in material)
+    if material.get("model", "neo_hookean") == "neo_hookean" and not extra:
+        check_keys(material, ("model", "young_modulus_Pa", "poisson_ratio"), f"{place} material")
+        return {key: value for key, value in material.items() if key != "model"}
+    try:
+        law = Material.from_dict(material)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+    for name in ("young_modulus_Pa", "poisson_ratio"):
+        if name in table:
+            raise InputError(f"{place}: found {name} and material: {name} belongs into material")
+    return {
+        "material": law,
+        "young_modulus_Pa": law.young_modulus_Pa,
+        "poisson_ratio": law.poisson_ratio,
+    }
+
+
+def length_of_mesh(table: Mapping[str, Any], folder: Path) -> float | None:
+    """Return the length of the mesh of `[mechanism]`; None without a mesh that can be read."""
+    if not isinstance(table.get("mesh"), str):
+        return None
+    try:
+        return _mesh_length(folder / table["mesh"], table)
+    except InputError:
+        return None
+
+
+def _mesh_length(path: Path, table: Mapping[str, Any]) -> float:
+    quality = table.get("quality", "standard")
+    return float(read_mesh(path, quality if quality in _QUALITIES else "standard").length_m)

@@ -1,0 +1,43 @@
+"""Parquet tables, through pyarrow (extra `data`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ecm.errors import InputError, MissingExtra
+from ecm.io.cache import atomic, write_atomically
+from ecm.io.raw_table import RawTable, raw_table
+
+
+def require_pyarrow(purpose: str) -> tuple[Any, Any]:
+    """Return the modules pyarrow and pyarrow.parquet; MissingExtra where they are missing."""
+    try:
+        return import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError:
+        raise MissingExtra("pyarrow", "data", purpose) from None
+
+
+def write_parquet(columns: Mapping[str, NDArray[Any]], description_toml: str, path: Path) -> None:
+    """Write NAME.parquet and NAME.toml beside it, each complete or not at all."""
+    arrow, parquet = require_pyarrow(f"Writing {path}")
+    write_atomically(path.with_suffix(".toml"), description_toml)
+    arrays = {name: arrow.array(column) for name, column in columns.items()}
+    with atomic(path) as file:
+        parquet.write_table(arrow.table(arrays), file)
+
+
+def read_parquet(path: Path) -> RawTable:
+    """Read names and columns of a Parquet file; MissingExtra where pyarrow is not installed."""
+    arrow, parquet = require_pyarrow(f"Reading {path}")
+    if not path.is_file():
+        raise InputError(f"{path}: this Parquet file does not exist. Check the path.")
+    try:
+        table = parquet.read_table(path)
+    except (arrow.ArrowException, OSError, ValueError) as error:
+        raise InputError(f"{path}: no readable Parquet file: {error}") from None
+    return raw_table(table, str(path), first_row=1)

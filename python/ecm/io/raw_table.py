@@ -1,0 +1,59 @@
+"""Names and cells as they come from a file or a data frame, before anything is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+
+Cells = Sequence[Any] | NDArray[Any]
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Names and cells: text from a CSV file, numbers or text from a data frame."""
+
+    names: tuple[str, ...]
+    columns: tuple[Cells, ...]
+    """The cells of each name."""
+    numbers: Sequence[int]
+    """Line of the file (CSV, from 1) or number of each row, for messages."""
+    word: str
+    """What the numbers count: `line` or `row`."""
+    ragged: tuple[tuple[int, int], ...] = ()
+    """(line, cells) of rows with a wrong number of cells; they are left out of `columns`."""
+
+
+def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
+    """Return names and cells of a dict, a pandas, polars or Arrow table, or a record array."""
+    if isinstance(data, Mapping):
+        names, values = list(data), [np.atleast_1d(np.asarray(v)) for v in data.values()]
+    elif hasattr(data, "column_names") and hasattr(data, "to_pydict"):  # Arrow
+        names, values = list(data.column_names), [np.asarray(v.to_pylist()) for v in data.columns]
+    elif hasattr(data, "columns") and hasattr(data, "__getitem__"):  # pandas, polars
+        names = list(data.columns)
+        values = [np.asarray(data[name]) for name in names]
+    elif isinstance(data, np.ndarray) and data.dtype.names:
+        names, values = list(data.dtype.names), [data[name] for name in data.dtype.names]
+    else:
+        raise InputError(
+            f"{source}: found a {type(data).__name__}, expected a dict of columns, a pandas, "
+            "polars or Arrow table, or a Table"
+        )
+    names = [str(name) for name in names]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{source}: the column name '{repeated[0]}' is repeated; rename one")
+    for name, column in zip(names, values, strict=True):
+        if column.ndim != 1:
+            raise InputError(f"{source}: column '{name}' has shape {column.shape}, expected (N,)")
+    lengths = {name: len(column) for name, column in zip(names, values, strict=True)}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{source}: the columns have different lengths: {lengths}")
+    size = len(values[0]) if values else 0
+    return RawTable(tuple(names), tuple(values), range(first_row, first_row + size), "row")

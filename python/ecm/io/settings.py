@@ -1,0 +1,176 @@
+"""Settings: a TOML table becomes a frozen dataclass; every key, type and range is checked here.
+
+A settings class states each field once, with its default, range and meaning:
+
+    @dataclass(frozen=True)
+    class Exchange(Checked):
+        starts: int = setting(10, low=1, doc="Random starts; the best one is kept.")
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from numbers import Real
+from pathlib import Path
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from ecm.errors import InputError
+from ecm.io.toml import check_keys, closest
+
+T = TypeVar("T")
+
+_KINDS: dict[Any, tuple[Any, str]] = {
+    float: ((int, float), "a number"),
+    int: ((int, float), "a whole number"),
+    bool: (bool, "true or false"),
+    str: (str, "text in quotes"),
+    Path: (str, "text in quotes"),
+}
+"""Python types that a TOML value may have for each annotation, and the words for them."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a setting may be; the parameters of `setting`."""
+
+    low: float = -math.inf
+    above: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    size: int | None = None
+    doc: str = ""
+
+    def check(self, value: Any, place: str) -> None:
+        """Raise InputError where a value (or an entry of a list) is out of range."""
+        if isinstance(value, bool):
+            return
+        if isinstance(value, (list, tuple)):
+            if self.size is not None and len(value) != self.size:
+                raise InputError(
+                    f"{place} has {len(value)} entries: expected a list of {self.size} numbers"
+                    f"{self._meaning}"
+                )
+            for i, entry in enumerate(value):
+                self.check(entry, f"{place}[{i}]")
+        elif isinstance(value, str) and self.choices and value not in self.choices:
+            likely = closest(value, self.choices)
+            hint = f", did you mean '{likely}'?" if likely else ""
+            choices = ", ".join(filter(None, self.choices))
+            raise InputError(f"{place} = '{value}': expected one of {choices}{hint}")
+        elif isinstance(value, Real):
+            number = float(value)
+            if not math.isfinite(number):
+                raise InputError(f"{place} = {value}: expected a finite number{self._meaning}")
+            if not (self.low <= number <= self.high and number > self.above):
+                raise InputError(f"{place} = {value}: expected {self._range}{self._meaning}")
+
+    @property
+    def _range(self) -> str:
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            return f"a number from {self.low:g} to {self.high:g}"
+        limits = (("above", self.above), ("at least", self.low), ("at most", self.high))
+        return " and ".join(f"{word} {x:g}" for word, x in limits if math.isfinite(x))
+
+    @property
+    def _meaning(self) -> str:
+        return f" ({self.doc.rstrip('.')})" if self.doc else ""
+
+
+def setting(
+    default: Any = MISSING,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
+    choices: tuple[str, ...] = (),
+    size: int | None = None,
+    any_size: bool = False,
+    doc: str = "",
+) -> Any:
+    """Return a dataclass field whose range is checked when the settings are read.
+
+    Parameters
+    ----------
+    default
+        Value where the table has no such key; without it the key is required.
+    low, above, high
+        Smallest number, exclusive lower limit, largest number; also of each entry of a list.
+    choices
+        Texts that are allowed.
+    size, any_size
+        Number of entries of a list; without both it has as many as its default.
+    doc
+        Meaning with its unit, shown in messages.
+    """
+    if isinstance(default, tuple) and not any_size:
+        size = len(default)
+    limits = Limits(low, above, high, choices, size, doc)
+    return field(default=default, metadata={"limits": limits})
+
+
+def _limits(item: Any) -> Limits:
+    limits: Limits = item.metadata.get("limits", Limits())
+    return limits
+
+
+class Checked:
+    """Base of settings that users also create in Python: ranges are checked then, too."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            _limits(item).check(getattr(self, item.name), item.name)
+
+
+def read_settings(cls: type[T], table: Any, where: str) -> T:
+    """Create a settings dataclass from a TOML table.
+
+    Annotations give the types, `setting` the ranges. Every InputError begins with `where` (file and
+    table, e.g. ``neck.toml [design]``) and names the key, what was found and what was expected.
+    """
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: found {_shown(table)}, expected a table of settings")
+    known = {item.name: item for item in fields(cls) if item.init}  # type: ignore[arg-type]
+    check_keys(table, known, where)
+    for name, item in known.items():
+        required = item.default is MISSING and item.default_factory is MISSING
+        if required and name not in table:
+            raise InputError(f"{where}: the key '{name}' is missing")
+    hints = get_type_hints(cls)
+    values = {}
+    for key, value in table.items():
+        values[key] = _converted(value, hints[key], f"{where}: {key}")
+        _limits(known[key]).check(values[key], f"{where}: {key}")
+    try:
+        return cls(**values)
+    except InputError as error:  # two fields that do not fit each other
+        raise InputError(f"{where}: {error}") from None
+
+
+def _converted(value: Any, hint: Any, place: str) -> Any:
+    """Return a TOML value in the annotated type; InputError where it does not fit."""
+    origin, options = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):  # `float | None`, `str | int`
+        kinds = [option for option in options if option is not type(None)]
+        if len(kinds) == 1 or type(value) in kinds:
+            return _converted(value, type(value) if type(value) in kinds else kinds[0], place)
+        words = " or ".join(_KINDS[kind][1] for kind in kinds)
+        raise InputError(f"{place} = {_shown(value)}: expected {words}")
+    if origin is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise InputError(f"{place} = {_shown(value)}: expected a list in square brackets")
+        if options[-1] is not Ellipsis and len(value) != len(options):
+            raise InputError(f"{place} has {len(value)} entries: expected {len(options)}")
+        return tuple(_converted(v, options[0], f"{place}[{i}]") for i, v in enumerate(value))
+    accepted, words = _KINDS[hint]
+    fits = isinstance(value, accepted) and (hint is bool or not isinstance(value, bool))
+    if not fits or (hint is int and not float(value).is_integer()):
+        raise InputError(f"{place} = {_shown(value)}: expected {words}")
+    return hint(value)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,409 @@
+"""The measurement table: one row per measurement, names with units, everything checked once.
+
+`read_table` and `as_table` refuse wrong input, so a Table always has finite numbers, known units,
+and no row twice.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, KeysView, Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ecm.errors import InputError, MissingExtra
+from ecm.io.arrays import F, I
+from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
+from ecm.io.csv import read_csv, write_csv
+from ecm.io.description import Meta, read_meta
+from ecm.io.join import join_runs
+from ecm.io.parquet import read_parquet
+from ecm.io.raw_table import RawTable, raw_table
+from ecm.io.toml import did_you_mean
+from ecm.io.validate import validated_columns
+
+__all__ = ["POSE", "TEXT", "WRENCH", "Meta", "Table", "as_table", "read_table"]
+
+Need = Literal["fit", "predict"]
+"""fit: at least one pose and one wrench column; predict: at least one pose column."""
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """Measurements, one row each, with their description.
+
+    Columns are read by name (`table["fx_N"]`), rows by iteration (a dict each), so that
+    `pandas.DataFrame(table)` and `dict(table)` work. `read_table` and `as_table` make tables with
+    all checks; the constructor checks nothing.
+
+    Parameters
+    ----------
+    columns
+        (N,) arrays by name, in file order: numbers as float64, text (approach, kind, action) as
+        object arrays of str.
+    meta
+        Description: mechanism, instrument, scene, runs.
+    source
+        File name or another name for messages.
+    warnings
+        Warnings from reading.
+    zeros_s
+        Times of sensor zeros whose readings are no longer rows.
+
+    Examples
+    --------
+    >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]}, source="lateral")
+    >>> table
+    Table 'lateral': 3 rows, 1 run
+      pose    y_m
+      wrench  fy_N
+    >>> table["fy_N"]
+    array([ 0. , 30.5, 61. ])
+    >>> table.select(table["y_m"] > 0.0).matrix(["y_m", "fy_N"])
+    array([[1.00e-02, 3.05e+01],
+           [2.00e-02, 6.10e+01]])
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    meta: Meta
+    source: str
+    warnings: tuple[str, ...] = ()
+    zeros_s: tuple[float, ...] = ()
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()))) if self.columns else 0
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column (N,), numbers or text."""
+        return self.text(name) if name in TEXT and name in self.columns else self.column(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Iterate over rows, each a dict by column name."""
+        lists = [column.tolist() for column in self.columns.values()]
+        return (dict(zip(self.columns, row, strict=True)) for row in zip(*lists, strict=True))
+
+    def keys(self) -> KeysView[str]:
+        """Return the column names."""
+        return self.columns.keys()
+
+    def __repr__(self) -> str:
+        runs = len(np.unique(self.columns["run"])) if "run" in self.columns else 1
+        rows = f"{len(self)} row{'' if len(self) == 1 else 's'}"
+        lines = [f"Table '{self.source}': {rows}, {runs} run{'' if runs == 1 else 's'}"]
+        named = (*self.pose_columns, *self.wrench_columns, *self.covariates)
+        groups = {
+            "pose": self.pose_columns,
+            "wrench": self.wrench_columns,
+            "other": tuple(name for name in self.columns if name not in named),
+            "own": self.covariates,
+        }
+        lines += [f"  {word:<7} {', '.join(names)}" for word, names in groups.items() if names]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Show smallest and largest value of each column in a notebook."""
+        cells = [["column", "min", "max"]]
+        for name in self.columns:
+            values = sorted(self[name].tolist())
+            span = (values[0], values[-1]) if values else ()
+            cells.append([name, *(v if name in TEXT else f"{v:.4g}" for v in span)])
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in cells
+        )
+        caption = escape(repr(self).splitlines()[0])
+        return f"<table><caption>{caption}</caption>{rows}</table>"
+
+    def to_pandas(self) -> Any:
+        """Return a pandas DataFrame with the same columns; MissingExtra without pandas."""
+        try:
+            pandas: Any = import_module("pandas")
+        except ImportError:
+            raise MissingExtra("pandas", "data", "Table.to_pandas") from None
+        return pandas.DataFrame(dict(self.columns))
+
+    def has(self, *names: str) -> bool:
+        """Whether all of these columns exist."""
+        return all(name in self.columns for name in names)
+
+    def column(self, name: str) -> F:
+        """Return a numeric column (N,); InputError where it does not exist."""
+        if name not in self.columns:
+            raise InputError(
+                f"{self.source}: the column '{name}' is missing, {did_you_mean(name, self.columns)}"
+            )
+        if name in TEXT:
+            raise InputError(f"{self.source}: the column '{name}' is text, expected numbers")
+        return self.columns[name]
+
+    def text(self, name: str) -> NDArray[np.object_]:
+        """Return a text column (N,); "" where a cell is unknown, also of an absent column."""
+        if name in self.columns:
+            return self.columns[name].astype(object)
+        return np.full(len(self), "", dtype=object)
+
+    def matrix(self, names: Sequence[str]) -> F:
+        """Return these columns as (N, len(names))."""
+        return np.column_stack([self.column(name) for name in names]).astype(np.float64)
+
+    @property
+    def poses(self) -> F:
+        """(N, 6): x y z in m, rotation vector in rad; InputError unless all six exist."""
+        return self.matrix(POSE)
+
+    @property
+    def wrenches(self) -> F:
+        """(N, 6): force in N, moment in N m; InputError unless all six exist."""
+        return self.matrix(WRENCH)
+
+    @property
+    def pose_columns(self) -> tuple[str, ...]:
+        """Names of the pose columns that exist."""
+        return tuple(name for name in POSE if name in self.columns)
+
+    @property
+    def wrench_columns(self) -> tuple[str, ...]:
+        """Names of the wrench columns that exist."""
+        return tuple(name for name in WRENCH if name in self.columns)
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the user's own numeric columns."""
+        return tuple(name for name in self.columns if not is_standard(name))
+
+    def groups(self) -> I | None:
+        """Return the number of each row's group (N,) for held-out splits; None without `group`."""
+        if not self.meta.group:
+            return None
+        keys = list(zip(*(self.columns[name].tolist() for name in self.meta.group), strict=True))
+        number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+        return np.array([number[key] for key in keys], dtype=np.int64)
+
+    def select(self, rows: ArrayLike) -> Table:
+        """Return the rows of a mask (N,) or of row numbers."""
+        index = np.asarray(rows)
+        return replace(self, columns={name: col[index] for name, col in self.columns.items()})
+
+    def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
+        """Return the table with these columns (N,) replaced or added; new ones are last."""
+        new: dict[str, NDArray[Any]] = dict(self.columns)
+        for name, values in columns.items():
+            array = np.asarray(values, dtype=object if name in TEXT else np.float64)
+            if self.columns and array.shape != (len(self),):
+                raise InputError(
+                    f"{self.source}: column '{name}' has shape {array.shape}, "
+                    f"expected ({len(self)},)"
+                )
+            new[name] = array
+        return replace(self, columns=new)
+
+    def replace(self, **columns: ArrayLike) -> Table:
+        """Return the table with columns replaced or added by keyword."""
+        return self.with_columns(columns)
+
+    def drop(self, *names: str) -> Table:
+        """Return the table without these columns."""
+        kept = {name: col for name, col in self.columns.items() if name not in names}
+        return replace(self, columns=kept)
+
+    def with_meta(self, meta: Meta) -> Table:
+        """Return the table with another description."""
+        return replace(self, meta=meta)
+
+    def with_length(self, length_m: float | None) -> Table:
+        """Return the table with this length of the mechanism, unless its own is known."""
+        return self.with_meta(self.meta.with_length(length_m))
+
+    def measured(self) -> Table:
+        """Return the rows of kind `pose`, without home checks and unloaded readings."""
+        if "kind" not in self.columns:
+            return self
+        kind = self.columns["kind"]
+        return self.select((kind == "pose") | (kind == ""))
+
+    def write(self, path: str | Path) -> None:
+        """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
+
+        Each file appears complete or not at all. InputError for another suffix, and where a
+        NAME.toml of another table exists.
+        """
+        target = Path(path)
+        if target.suffix == ".parquet":
+            raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
+        description = target.with_suffix(".toml")
+        if not self.meta.empty:
+            write_atomically(description, self._meta_for(target).to_toml())
+        elif description.exists():
+            raise InputError(
+                f"{target}: {description} exists and would be taken as its description. "
+                "Move that file, or choose another name."
+            )
+        write_csv(target, self.columns)
+
+    def _meta_for(self, target: Path) -> Meta:
+        """Return the description with a relative mesh file as seen from the target."""
+        meta = self.meta.applied()
+        mesh = meta.mechanism.get("mesh")
+        if mesh is None or not meta.source or Path(mesh).is_absolute():
+            return meta
+        moved = os.path.relpath(Path(meta.source).parent / mesh, target.parent)
+        return replace(meta, mechanism={**meta.mechanism, "mesh": moved})
+
+
+def read_table(
+    paths: Sequence[str | Path] | str | Path,
+    *,
+    meta: Path | None = None,
+    skip_bad_rows: bool = False,
+    need: Need | None = None,
+) -> Table:
+    """Read one or several measurement tables (CSV or Parquet); several become runs of one.
+
+    Parameters
+    ----------
+    paths
+        One file or several.
+    meta
+        Description file instead of NAME.toml beside each file.
+    skip_bad_rows
+        Leave bad rows out and record them in `warnings` instead of refusing.
+    need
+        "fit" or "predict": check that the columns it needs exist.
+
+    Returns
+    -------
+    Table
+        Columns with standard names and units.
+
+    Raises
+    ------
+    InputError
+        For any wrong input, naming file, line, column, what was found and what was expected.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "lateral.csv"
+    >>> _ = path.write_text("y_m,fy_N\\n0.01,30.5\\n0.02,61.0\\n")
+    >>> read_table(path).column("fy_N")
+    array([30.5, 61. ])
+    """
+    files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    if not files:
+        raise InputError("no measurement table was given, expected at least one file")
+    given = None if meta is None else read_meta(Path(meta))
+    tables = [_read_one(path, given, skip_bad_rows) for path in files]
+    table = tables[0] if len(tables) == 1 else _joined(tables)
+    require_columns(table, need)
+    return table
+
+
+def as_table(
+    data: Any,
+    *,
+    meta: Meta | None = None,
+    source: str = "table",
+    skip_bad_rows: bool = False,
+    need: Need | None = None,
+) -> Table:
+    """Make a Table of arrays or of a data frame, with all checks of `read_table`.
+
+    Parameters
+    ----------
+    data
+        A dict of columns (N,), a pandas, polars or Arrow table, a record array, or a Table.
+    meta
+        Description of the data.
+    source
+        Name for messages.
+    skip_bad_rows
+        Leave bad rows out and record them in `warnings` instead of refusing.
+    need
+        "fit" or "predict": check that the columns it needs exist.
+
+    Returns
+    -------
+    Table
+        Columns with standard names and units.
+
+    Raises
+    ------
+    InputError
+        For any wrong input, naming row, column, what was found and what was expected.
+
+    Examples
+    --------
+    >>> as_table({"y_m": [0.0, 0.01], "fy_N": [0.0, 30.5], "humidity": [40.0, 41.0]}).covariates
+    ('humidity',)
+    >>> as_table({"y_mm": [0.0, 10.0]})
+    Traceback (most recent call last):
+    ...
+    ecm.errors.InputError: table: column 'y_mm' looks like 'y_m' without its unit or with another \
+one; expected the unit in the name. If it is in that unit, call it 'y_m'; else give y_m = \
+{ column = "y_mm", scale = ... } in [columns].
+    """
+    if isinstance(data, Table):
+        return data
+    table = _checked(raw_table(data, source), meta or Meta(), source, skip_bad_rows)
+    require_columns(table, need)
+    return table
+
+
+def require_columns(table: Table, need: Need | None) -> None:
+    """Raise InputError where the columns or rows that a command needs do not exist."""
+    if need is None:
+        return
+    shown = ", ".join(list(table.columns)[:8]) + (", ..." if len(table.columns) > 8 else "")
+    groups = [("pose", POSE, table.pose_columns)]
+    if need == "fit":
+        groups.append(("wrench", WRENCH, table.wrench_columns))
+    for word, names, present in groups:
+        if not present:
+            hints = sorted({hint for name in table.covariates if (hint := close_name(name))})
+            hint = f" Did you mean {', '.join(hints)}?" if hints else ""
+            raise InputError(
+                f"{table.source}: no {word} column was found (columns: {shown}), expected at least "
+                f"one of {', '.join(names)}.{hint} Rename the columns, or map them in [columns] of "
+                "a description (--meta FILE.toml)."
+            )
+    if len(table.measured()) == 0:
+        raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
+
+
+def _read_one(path: Path, meta: Meta | None, skip_bad_rows: bool) -> Table:
+    """Read one file; its description is NAME.toml beside it unless one is given."""
+    if meta is None:
+        own = path.with_suffix(".toml")
+        meta = read_meta(own) if own.is_file() and own != path else Meta()
+    if path.suffix.lower() in (".parquet", ".pq"):
+        raw = read_parquet(path)
+    else:
+        raw = read_csv(path, meta.file.header_rows)
+    return _checked(raw, meta, str(path), skip_bad_rows)
+
+
+def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Table:
+    columns, warnings = validated_columns(raw, meta, source, skip_bad_rows)
+    for name in meta.group:
+        if name not in columns:
+            raise InputError(
+                f"{meta.source or source} [columns]: group names the column '{name}', which is not "
+                f"in {source}, {did_you_mean(name, columns)}"
+            )
+    return Table(columns, meta.applied(), source, warnings)
+
+
+def _joined(tables: Sequence[Table]) -> Table:
+    columns, meta, warnings = join_runs([(t.columns, t.meta, t.source) for t in tables])
+    source = " + ".join(table.source for table in tables)
+    before = dict.fromkeys(warning for table in tables for warning in table.warnings)
+    return Table(columns, meta, source, (*before, *warnings))

@@ -1,0 +1,245 @@
+"""From the cells of a file or data frame to checked columns with standard names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.io.arrays import B, F, I
+from ecm.io.columns import (
+    JOINT_SIGNS,
+    KINDS,
+    MAY_BE_EMPTY,
+    TEXT,
+    WHOLE,
+    close_name,
+    is_standard,
+    likely_name,
+)
+from ecm.io.description import ColumnSource, Meta
+from ecm.io.raw_table import Cells, RawTable
+from ecm.io.row_errors import RowError, RowErrors
+from ecm.io.toml import did_you_mean
+from ecm.io.unit_checks import check_pose_units
+
+_MOST_HINTS = 50
+Columns = dict[str, NDArray[Any]]
+
+
+def validated_columns(
+    raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
+) -> tuple[Columns, tuple[str, ...]]:
+    """Return standard columns and warnings; InputError for everything that must be refused."""
+    if not raw.numbers and not raw.ragged:
+        raise InputError(f"{source}: no rows of data, expected at least one below the header.")
+    warnings: list[str] = []
+    mapping = _mapping(raw, meta, source)
+    numbers = np.asarray(raw.numbers, dtype=np.int64)
+    errors = RowErrors(source, raw.numbers, raw.word)
+    for line, count in raw.ragged:
+        expected = f"{len(raw.names)} as in the header"
+        errors.errors.append(RowError(line, "", f"{count} cells", expected))
+    columns: Columns = {}
+    for name, (position, scaling) in mapping.items():
+        cells = raw.columns[position]
+        if name in TEXT:
+            columns[name] = _text(name, cells, errors)
+            continue
+        values = _numbers(name, raw.names[position], cells, errors)
+        if scaling is not None:
+            values = scaling.scale * values + scaling.offset
+        _check_whole(name, values, errors)
+        columns[name] = values
+    numeric = {name: column for name, column in columns.items() if name not in TEXT}
+    check_pose_units(
+        numeric, np.flatnonzero(_good(columns, numbers, errors)), meta.length_m, errors
+    )
+    _check_time(columns, numbers, errors)
+    repeated = _repeated_rows(columns, _good(columns, numbers, errors))
+    if "time_s" in columns:
+        for row, first in repeated:
+            same = f"each row once (the same as {raw.word} {numbers[first]})"
+            errors.add(row, "", "a row identical in every column", same)
+    elif repeated and "action" not in columns:  # a plan visits the same pose again on purpose
+        row, first = repeated[0]
+        warnings.append(
+            f"{source}: {len(repeated)} row(s) are identical to an earlier one in every column "
+            f"(first: {raw.word} {numbers[row]} as {raw.word} {numbers[first]}); they are kept, "
+            "as without time_s copies cannot be told from repeats"
+        )
+    if errors.errors:
+        bad = errors.bad_numbers()
+        keep = ~np.isin(numbers, list(bad))
+        if not skip_bad_rows:
+            raise InputError(errors.message())
+        if not keep.any():
+            raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
+        columns = {name: column[keep] for name, column in columns.items()}
+        warnings.append(f"left out {len(bad)} row(s). {errors.summary()}")
+    return columns, (*warnings, *_covariate_warnings(columns, source))
+
+
+def _mapping(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, ColumnSource | None]]:
+    """Return position in the file and scaling by standard name, in file order."""
+    mapped: dict[str, tuple[int, ColumnSource | None]] = {}
+    where = f"{meta.source or source} [columns]"
+    for name, entry in meta.columns.items():
+        mapped[name] = (_position(raw, name, entry, where, source), entry)
+    used = {position for position, _ in mapped.values()}
+    for position, name in enumerate(raw.names):
+        if position in used:
+            continue
+        if name in mapped:
+            raise InputError(
+                f"{where}: '{name}' is mapped from '{raw.names[mapped[name][0]]}', but {source} "
+                f"has a column '{name}' of its own. Rename one of them."
+            )
+        likely = likely_name(name)
+        if likely is not None:
+            raise InputError(
+                f"{source}: column '{name}' looks like '{likely}' without its unit or with another "
+                "one; expected the unit in the name. If it is in that unit, call it "
+                f"'{likely}'; else give {likely} = {{ column = \"{name}\", scale = ... }} in "
+                "[columns]."
+            )
+        mapped[name] = (position, None)
+    return dict(sorted(mapped.items(), key=lambda item: item[1][0]))
+
+
+def _position(raw: RawTable, name: str, entry: ColumnSource, where: str, source: str) -> int:
+    """Return the position in the file of a mapped column."""
+    own = entry.column
+    if isinstance(own, str):
+        if own not in raw.names:
+            raise InputError(
+                f"{where}: {name} is column '{own}', which {source} does not have, "
+                f"{did_you_mean(own, raw.names)}"
+            )
+        return raw.names.index(own)
+    if own > len(raw.names):
+        raise InputError(f"{where}: {name} is column {own}, but {source} has {len(raw.names)}")
+    return own - 1
+
+
+def _numbers(name: str, own: str, cells: Cells, errors: RowErrors) -> F:
+    """Return numbers (N,); an empty cell, text, NaN or an infinite number is an error."""
+    try:
+        values = np.asarray(_plain_numbers(cells), dtype=np.float64)
+        unread = np.zeros(len(values), dtype=bool)
+    except (TypeError, ValueError):
+        values, unread = _parse_cells(name, own, cells, errors)
+    for row in np.flatnonzero(~np.isfinite(values) & ~unread):
+        if not (name in MAY_BE_EMPTY and np.isnan(values[row])):
+            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", "a finite number")
+    return values
+
+
+def _plain_numbers(cells: Cells) -> Any:
+    """Return numbers; TypeError or ValueError where one cell is not a number."""
+    if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiub":
+        return cells
+    if any(isinstance(cell, str) and "_" in cell for cell in cells):
+        raise ValueError  # Python reads 1_000, other programs do not
+    return list(map(float, cells))
+
+
+def _parse_cells(name: str, own: str, cells: Cells, errors: RowErrors) -> tuple[F, B]:
+    """Return numbers (N,), NaN where a cell is not a number, and which cells these are."""
+    texts = ["" if cell is None else str(cell).strip() for cell in cells]
+    parsed = [_parsed(text) for text in texts]
+    unread = np.array([value is None for value in parsed])
+    if not is_standard(own) and len(texts) > 1 and unread.all() and "" not in texts:
+        raise InputError(
+            f"{errors.source}: column '{own}' is text in every row (the first: '{cells[0]}'), "
+            "expected numbers: only approach, kind and action are text. Remove the column."
+        )
+    for row in np.flatnonzero(unread):
+        text = texts[row]
+        if text or name not in MAY_BE_EMPTY:
+            comma = " (with a decimal point)" if "," in text else ""
+            errors.add(int(row), own, f"'{text}'" if text else "an empty cell", f"a number{comma}")
+    return np.array([np.nan if value is None else value for value in parsed]), unread
+
+
+def _parsed(text: str) -> float | None:
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
+def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
+    values = np.array([_label(cell) for cell in cells], dtype=object)
+    if name == "kind":
+        values[values == ""] = "pose"
+        for row in np.flatnonzero(~np.isin(values.astype(str), KINDS)):
+            errors.add(int(row), name, f"'{values[row]}'", "pose, home or unloaded")
+    return values
+
+
+def _label(cell: Any) -> str:
+    """Return the text of a cell; 3.0 from a numeric column names the pose 3."""
+    if cell is None or (isinstance(cell, (float, np.floating)) and np.isnan(cell)):
+        return ""
+    if isinstance(cell, (float, np.floating)) and float(cell).is_integer():
+        return str(int(cell))
+    return str(cell).strip()
+
+
+def _check_whole(name: str, values: F, errors: RowErrors) -> None:
+    if name not in WHOLE:
+        return
+    finite = np.isfinite(values)
+    for row in np.flatnonzero(finite & (values != np.round(values))):
+        errors.add(int(row), name, f"{values[row]:g}", "a whole number")
+    if name in JOINT_SIGNS:
+        for row in np.flatnonzero(finite & (np.abs(values) > 1.0)):
+            errors.add(int(row), name, f"{values[row]:g}", "-1, 0 or 1")
+
+
+def _good(columns: Columns, numbers: I, errors: RowErrors) -> B:
+    """Whether each row is without errors so far."""
+    good: B = ~np.isin(numbers, list(errors.bad_numbers()))
+    for name, column in columns.items():
+        if name not in TEXT and name not in MAY_BE_EMPTY:
+            good &= np.isfinite(column)
+    return good
+
+
+def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> None:
+    if "time_s" not in columns:
+        return
+    rows = np.flatnonzero(_good(columns, numbers, errors))
+    time = columns["time_s"][rows]
+    before = np.maximum.accumulate(time)[:-1] if len(time) else time
+    for i in np.flatnonzero(time[1:] < before):
+        found = f"{time[i + 1]:g} after {before[i]:g}"
+        errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
+
+
+def _repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
+    """Return (row, the earlier row that it equals in every column) among good rows."""
+    lists = [
+        column.tolist() if name in TEXT else np.nan_to_num(column, nan=-1.0).tolist()
+        for name, column in columns.items()
+    ]
+    first_rows: dict[tuple[Any, ...], int] = {}
+    repeated: list[tuple[int, int]] = []
+    for row, values in enumerate(zip(*lists, strict=True)):
+        if good[row] and first_rows.setdefault(values, row) != row:
+            repeated.append((row, first_rows[values]))
+    return repeated
+
+
+def _covariate_warnings(columns: Columns, source: str) -> list[str]:
+    own = [name for name in columns if not is_standard(name)]
+    if not own:
+        return []
+    close = {name: close_name(name) for name in own[:_MOST_HINTS]}
+    hints = [f"{name}: did you mean {likely}?" for name, likely in close.items() if likely]
+    shown = ", ".join(own[:12]) + (", ..." if len(own) > 12 else "")
+    hint = f" ({'; '.join(hints)})" if hints else ""
+    return [f"{source}: {len(own)} column(s) of your own are kept as covariates: {shown}{hint}"]

@@ -1,0 +1,170 @@
+"""Model files: sealed JSON (interfaces.md)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm._native import ModelError, open_model, seal_model
+from ecm.effects import with_shape
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.cache import write_atomically
+from ecm.io.description import Scene
+from ecm.models.joint_fit import FittedEffect
+from ecm.models.learned import learned_from_document
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.rod import rod_from_document
+
+FORMAT = "ecm-model"
+VERSION = 1
+_LARGE = 150
+"""Coefficients from which on a covariance is written as deviations and correlations."""
+_SHARE = 0.01
+"""Largest relative change of a variance that rounding the correlations may cause."""
+
+
+def covariance_document(covariance: F | None, base: StiffnessMap) -> dict[str, Any]:
+    """The full matrix; of a plain polynomial fit its factors, outputs (x) terms.
+
+    A large one that has no factors (504 coefficients refitted with effects or by pose noise) is
+    written as standard deviations and the lower triangle of the correlations, with no more digits
+    than the smallest variance of any prediction needs.
+    """
+    if covariance is None:
+        return {"covariance": None}
+    if base.kind == "polynomial":
+        m = len(base.outputs)
+        k = len(covariance) // m
+        blocks = covariance.reshape(m, k, m, k)
+        scale = np.einsum("aibi->ab", blocks)
+        trace = float(np.trace(scale))
+        if trace > 0.0:
+            terms = np.einsum("aiaj->ij", blocks) / trace
+            if np.allclose(np.kron(scale, terms), covariance, rtol=1e-9, atol=0.0):
+                terms = 0.5 * (terms + terms.T)
+                return {"covariance": terms.tolist(), "covariance_of_outputs": scale.tolist()}
+    covariance = 0.5 * (covariance + covariance.T)
+    sd = np.sqrt(np.diag(covariance))
+    if len(sd) >= _LARGE and sd.min() > 0.0:
+        correlation = covariance / np.outer(sd, sd)
+        smallest = float(np.linalg.eigvalsh(correlation)[0])
+        # Rounding by u in each entry turns no variance by more than about 2 u sqrt(k).
+        unit = _SHARE * smallest / (2.0 * np.sqrt(len(sd)))
+        if unit > 1e-12:
+            digits = int(np.ceil(-np.log10(2.0 * unit)))
+            rounded = np.round(correlation, digits)
+            rows = [rounded[i, :i].tolist() for i in range(1, len(sd))]
+            return {
+                "covariance": None,
+                "covariance_sd": sd.tolist(),
+                "covariance_correlation": rows,
+            }
+    return {"covariance": covariance.tolist()}
+
+
+def covariance_of(document: dict[str, Any]) -> F | None:
+    if document["covariance"] is None:
+        if document.get("covariance_sd") is None:
+            return None
+        return _from_correlations(document)
+    covariance = np.asarray(document["covariance"], dtype=np.float64)
+    outputs = document.get("covariance_of_outputs")
+    if outputs is None:
+        return covariance
+    return np.asarray(np.kron(np.asarray(outputs, dtype=np.float64), covariance))
+
+
+def _from_correlations(document: dict[str, Any]) -> F:
+    """(k, k) of deviations and the lower triangle of correlations; refused where they misfit."""
+    sd = np.asarray(document["covariance_sd"], dtype=np.float64)
+    rows = document["covariance_correlation"]
+    k = len(sd)
+    if sd.ndim != 1 or not np.all((sd > 0.0) & np.isfinite(sd)):
+        raise ValueError("covariance_sd: expected positive numbers")
+    if len(rows) != k - 1 or any(len(row) != i for i, row in enumerate(rows, 1)):
+        raise ValueError(f"covariance_correlation: expected {k - 1} rows of 1 to {k - 1} numbers")
+    correlation = np.eye(k)
+    for i, row in enumerate(rows, 1):
+        correlation[i, :i] = correlation[:i, i] = row
+    if not np.abs(correlation).max() <= 1.0:
+        raise ValueError("covariance_correlation: expected numbers from -1 to 1")
+    return np.asarray(correlation * np.outer(sd, sd))
+
+
+def effect_document(item: FittedEffect) -> dict[str, Any]:
+    return {
+        "id": item.id,
+        "side": item.effect.side,
+        "shape": item.effect.shape,
+        "frozen": item.frozen,
+        "parameters": {
+            parameter.name: {
+                "value": float(value),
+                "sd": float(sd) if np.isfinite(sd) else None,
+                "unit": parameter.unit,
+            }
+            for parameter, value, sd in zip(
+                item.effect.parameters, item.values, item.sd, strict=True
+            )
+        },
+    }
+
+
+def write_document(document: dict[str, Any], path: str | Path) -> None:
+    """Write a sealed model file, complete or not at all."""
+    write_atomically(Path(path), seal_model(json.dumps(document)))
+
+
+def read_document(path: str | Path) -> dict[str, Any]:
+    """The document of a model file; refused when its sum, version or a range is wrong."""
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{file}: cannot be read as a model file ({error}); give one that `ecm fit` wrote"
+        ) from None
+    try:
+        return open_model(text)
+    except ModelError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def scene_of(document: dict[str, Any]) -> Scene:
+    known = {**asdict(Scene()), **document}
+    gravity = [float(g) for g in known["gravity_m_s2"]]
+    return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
+
+
+def base_of(document: dict[str, Any]) -> StiffnessMap:
+    kind = document["kind"]
+    if kind == "polynomial":
+        return PolynomialMap.from_document(document)
+    if kind == "energy":
+        return EnergyMap.from_document(document)
+    if kind == "physics":
+        return PhysicsMap.from_document(document)
+    if kind in ("gp", "mlp"):
+        return learned_from_document(document)
+    if kind in ("rod", "constant-curvature"):
+        return rod_from_document(document)
+    raise InputError(f"model kind {kind!r}: expected polynomial, energy or physics")
+
+
+def effect_of(document: dict[str, Any]) -> FittedEffect:
+    effect = with_shape(document["id"], dict(document["shape"]))
+    found = document["parameters"]
+    values = [float(found[p.name]["value"]) for p in effect.parameters]
+    sds = [found[p.name]["sd"] for p in effect.parameters]
+    return FittedEffect(
+        effect,
+        np.array(values),
+        np.array([np.inf if sd is None else float(sd) for sd in sds]),
+        bool(document["frozen"]),
+    )

@@ -1,0 +1,314 @@
+"""Joint refit of a base map and effects: generalised least squares, Gauss-Newton, bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ecm.effects.protocol import Effect
+from ecm.io.arrays import F
+from ecm.regression.f_test import orthonormal
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.rows import Rows
+from ecm.regression.shared_error import shared_zero_error
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.maps import StiffnessMap
+
+
+_MAX_ITERATIONS = 8
+_UNSEEN = 1e-12
+"""Share of a column's square below which a combination of columns is nothing."""
+_AT_BOUND = 1e-9
+_TOLERANCE = 1e-4
+_REFINEMENTS = 4
+
+
+@dataclass(frozen=True)
+class FittedEffect:
+    """An effect with its values; a frozen one keeps them in a refit."""
+
+    effect: Effect
+    values: F
+    sd: F
+    frozen: bool = False
+
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.effect.id
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What a joint refit found."""
+
+    base: StiffnessMap
+    effects: tuple[FittedEffect, ...]
+    rows: Rows
+    residual: F
+    """(N, m) measured minus predicted, in physical units."""
+    whitened: F
+    """(N, m)."""
+    design: F
+    """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
+    covariance: F
+    """(k, k) of the parameters, base first; with errors that all rows share."""
+    iterations: int
+    converged: bool
+
+
+def joint_fit(
+    base: StiffnessMap,
+    effects: Sequence[FittedEffect | Effect],
+    table: Table,
+    noise: Noise,
+    *,
+    row_weights: F | None = None,
+    freeze_base: bool = False,
+) -> JointFit:
+    """Fit the base's coefficients and the effects' parameters to the table together.
+
+    Minimises sum_i w_i r_i' Sigma_i^-1 r_i; Sigma_i is that of the first base. Parameters stay
+    within their bounds. Not to converge is told by `converged`. What the table cannot tell from the
+    base (all gains of a sensor at once, and the modulus) is the base's: of all effects that fit
+    alike, those of the least size.
+
+    Parameters
+    ----------
+    row_weights
+        (N,) robust weights; default 1.
+    freeze_base
+        Keep the base's coefficients.
+    """
+    fitted = [_start(item) for item in effects]
+    rows = Rows(table, base)
+    whitener = whiteners(noise.covariance(rows, base.error))
+    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
+    free_base = 0 if freeze_base else len(base.coefficients)
+    converged, iteration = False, 0
+    while iteration < _MAX_ITERATIONS and not converged:
+        iteration += 1
+        residual, design = _linearised(rows, base, fitted, measured, free_base)
+        z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
+        y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
+        # Of nothing that is free as well: no shape is left to guess.
+        flat = z.reshape(y.size, z.shape[2])
+        step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
+        moved = float(np.linalg.norm(flat @ step))
+        least = _least_effects(flat, fitted, free_base)
+        here = _values(base, fitted, free_base)
+        there = least @ (here + step)
+        lower, upper = _bounds(base, fitted, free_base)
+        # What stands at its bound may miss it by a rounding of the projection.
+        near = _AT_BOUND * np.maximum(1.0, np.abs(there))
+        if np.all(there >= lower - near) and np.all(there <= upper + near):
+            step = np.clip(there, lower, upper) - here
+        if free_base:
+            base = base.with_coefficients(base.coefficients + step[:free_base])
+            rows = Rows(table, base)
+        fitted = _advanced(fitted, step[free_base:])
+        converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
+    residual, design = _linearised(rows, base, fitted, measured, free_base)
+    z = np.einsum("nij,njk->nik", whitener, design)
+    weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
+    least = _least_effects(weighted, fitted, free_base)
+    y = np.einsum("nij,nj->ni", whitener, residual)
+    # Columns of unit length first: moduli and ratios differ by more than the rounding of a double.
+    size = np.sqrt((weighted**2).sum(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    inverse = np.linalg.pinv((weighted / size).T @ (weighted / size), hermitian=True)
+    covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
+    # What one standard deviation of an error that all rows share would move the parameters by.
+    shared = np.einsum("nij,njk->nik", whitener, shared_zero_error(rows, residual, noise))
+    shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
+    shift = covariance @ shift
+    covariance = covariance + shift @ shift.T
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return JointFit(
+        base=base,
+        effects=tuple(_with_sd(fitted, sd[free_base:])),
+        rows=rows,
+        residual=residual,
+        whitened=y,
+        design=z,
+        covariance=covariance,
+        iterations=iteration,
+        converged=converged,
+    )
+
+
+def best_shape(
+    base: StiffnessMap,
+    others: Sequence[FittedEffect],
+    effect: Effect,
+    table: Table,
+    noise: Noise,
+    *,
+    freeze_base: bool = False,
+) -> Effect:
+    """The variant of an effect that explains most of what base and other effects leave.
+
+    By the score test of its tangent, less ln(n) for each parameter; shapes between the best of a
+    coarse grid and its neighbours are tried as well.
+    """
+    variants = effect.variants(table)
+    if len(variants) == 1:
+        return variants[0]
+    fit = joint_fit(base, others, table, noise, freeze_base=freeze_base)
+    size = fit.whitened.size
+    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
+    fixed = orthonormal(fit.design.reshape(size, fit.design.shape[2]))
+    y = fit.whitened.ravel() - fixed @ (fixed.T @ fit.whitened.ravel())
+
+    def value(shape: Effect) -> float:
+        columns = np.einsum(
+            "nij,njk->nik", whitener, shape.jacobian(fit.rows, np.zeros(len(shape.parameters)))
+        ).reshape(size, -1)
+        left = columns - fixed @ (fixed.T @ columns)
+        if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ y)):
+            return -np.inf
+        own = orthonormal(left)
+        return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
+
+    found = max(((value(shape), -i) for i, shape in enumerate(variants)))
+    most, best = found[0], variants[-found[1]]
+    for round_ in range(_REFINEMENTS):
+        for shape in best.refined(table, round_):
+            if (own := value(shape)) > most:
+                most, best = own, shape
+    return best
+
+
+def _start(item: FittedEffect | Effect) -> FittedEffect:
+    if isinstance(item, FittedEffect):
+        return item
+    k = len(item.parameters)
+    return FittedEffect(item, np.zeros(k), np.full(k, np.inf))
+
+
+def _linearised(
+    rows: Rows,
+    base: StiffnessMap,
+    fitted: Sequence[FittedEffect],
+    measured: F,
+    free_base: int,
+) -> tuple[F, F]:
+    """Residual (N, m) and the Jacobian (N, m, k) of the prediction."""
+    prediction = rows.sensor_load.copy()
+    blocks = [base_columns(rows, base)] if free_base else []
+    for item in fitted:
+        correction = item.effect.correction(rows, item.values)
+        prediction += correction
+        if not item.frozen:
+            blocks.append(item.effect.jacobian(rows, item.values))
+    if not blocks:
+        blocks = [np.zeros((*measured.shape, 0))]
+    return measured - prediction, np.concatenate(blocks, axis=2)
+
+
+def base_columns(rows: Rows, base: StiffnessMap) -> F:
+    """(N, m, k) derivative of the base wrench to its coefficients, zero where unloaded."""
+    loaded = ~rows.unloaded
+    columns = np.zeros((len(rows), len(base.outputs), len(base.coefficients)))
+    if loaded.any():
+        columns[loaded] = base.columns(np.ascontiguousarray(rows.poses[loaded]))
+    return columns
+
+
+def _bounded_step(
+    z: F, y: F, base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int
+) -> F:
+    """Least-squares step; bounded where the plain one leaves the bounds."""
+    if z.shape[1] == 0:
+        return np.zeros(0)
+    scale = np.sqrt((z**2).sum(axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    step = np.linalg.lstsq(z / scale, y, rcond=1e-12)[0] / scale
+    here = _values(base, fitted, free_base)
+    lower, upper = (bound - here for bound in _bounds(base, fitted, free_base))
+    if np.all(step >= lower) and np.all(step <= upper):
+        return np.asarray(step)
+    slack = 1e-12
+    # Normal equations' triangle: the same minimum with k rows instead of N m.
+    triangle, rotated = _triangle(z / scale, y)
+    found = lsq_linear(
+        triangle,
+        rotated,
+        bounds=((lower - slack) * scale, (upper + slack) * scale),
+        method="bvls",
+    )
+    return np.asarray(found.x / scale)
+
+
+def _values(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> F:
+    """(k,) the free parameters: of the base, then of the effects."""
+    own = [item.values for item in fitted if not item.frozen]
+    return np.concatenate([base.coefficients[:free_base], *own])
+
+
+def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
+    """(k, k) projection along what the columns z (M, k) cannot see, to effects of the least size.
+
+    The identity where effects and base are told apart.
+    """
+    k = z.shape[1]
+    scale = np.array([p.scale for item in fitted if not item.frozen
+                      for p in item.effect.parameters])  # fmt: skip
+    size = np.sqrt((z**2).sum(axis=0))
+    if not free_base or not len(scale) or not (size > 0.0).all():
+        return np.eye(k)
+    values, vectors = np.linalg.eigh((z / size).T @ (z / size))
+    unseen = vectors[:, values < _UNSEEN * k] / size[:, None]
+    if not unseen.shape[1]:
+        return np.eye(k)
+    own = unseen[free_base:] / scale[:, None]
+    return np.asarray(np.eye(k) - np.concatenate(
+        [np.zeros((k, free_base)), unseen @ np.linalg.pinv(own) / scale], axis=1
+    ))  # fmt: skip
+
+
+def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> tuple[F, F]:
+    """(k,) least and largest values of the free parameters, in the order of `_values`."""
+    limits = getattr(base, "bounds", None)
+    if limits is None or not free_base:
+        limits = np.full(free_base, -np.inf), np.full(free_base, np.inf)
+    own = [p for item in fitted if not item.frozen for p in item.effect.parameters]
+    lower = np.concatenate([limits[0], [p.lower for p in own]])
+    upper = np.concatenate([limits[1], [p.upper for p in own]])
+    return lower, upper
+
+
+def _triangle(z: F, y: F) -> tuple[F, F]:
+    q, r = np.linalg.qr(z)
+    return r, q.T @ y
+
+
+def _advanced(fitted: Sequence[FittedEffect], step: F) -> list[FittedEffect]:
+    result, at = [], 0
+    for item in fitted:
+        if item.frozen:
+            result.append(item)
+            continue
+        k = len(item.values)
+        result.append(FittedEffect(item.effect, item.values + step[at : at + k], item.sd))
+        at += k
+    return result
+
+
+def _with_sd(fitted: Sequence[FittedEffect], sd: F) -> list[FittedEffect]:
+    result, at = [], 0
+    for item in fitted:
+        if item.frozen:
+            result.append(item)
+            continue
+        k = len(item.values)
+        result.append(FittedEffect(item.effect, item.values, sd[at : at + k]))
+        at += k
+    return result

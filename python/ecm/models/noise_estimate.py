@@ -1,0 +1,118 @@
+"""Which noise a table has: from repeats, as declared, or assumed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.effects import all_effects
+from ecm.errors import InputError
+from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
+from ecm.regression.folds import is_pose_row
+from ecm.regression.noise import Noise, declared_noise
+from ecm.regression.reml import reml_noise
+from ecm.regression.rows import Rows
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.maps import StiffnessMap
+
+_LEAST_CONTRASTS = 8
+
+
+def repeat_cells(table: Table) -> I:
+    """(N,) number of the pose that each row repeats; rows that measure no pose are alone.
+
+    Rows repeat a pose when their pose_id and run agree.
+    """
+    own = np.arange(len(table), dtype=np.int64)
+    if not table.has("pose_id"):
+        return own
+    keys = [table.column("pose_id")]
+    if table.has("run"):
+        keys.append(table.column("run"))
+    _, codes = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)
+    cells = np.asarray(codes, dtype=np.int64).ravel()
+    return np.where(is_pose_row(table), cells, cells.max() + 1 + own)
+
+
+def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
+    """Noise of the rows: repeats, else declared, else `fallback`, else assumed.
+
+    What effects of time, temperature, dwell or approach can explain within the repeats of a pose
+    is left out of the noise, so that a hidden effect does not hide in its own floor.
+    """
+    table = rows.table
+    if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
+        told = declared_noise(table, (*rows.base.inputs, *rows.base.outputs))
+        declared = told if told.source == "declared" else fallback
+        return _pure_error(rows, predicted) or declared or Noise()
+    prior = declared_noise(table)
+    if prior.source == "assumed" and fallback is not None and fallback.source != "assumed":
+        prior = fallback
+    cells = np.where(is_pose_row(table), repeat_cells(table), -1)
+    measured = table.wrenches
+    found = reml_noise(rows, measured - predicted, cells, nuisance_columns(rows), prior)
+    return prior if found is None else found
+
+
+def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
+    """Declared figures; for tables of other columns without any the spread of the residual."""
+    declared = declared_noise(table, (*base.inputs, *base.outputs))
+    full = base.inputs == POSE and base.outputs == WRENCH
+    if full or declared.source == "declared":
+        return declared
+    rows = Rows(table, base)
+    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    left = measured - rows.sensor_load
+    # A learned map has a weight for each row and more: they are no degrees of freedom.
+    own = len(base.coefficients) if base.kind == "polynomial" else 0
+    dof = max(1, len(left) - own // len(base.outputs))
+    spread = np.sqrt((left**2).sum(axis=0) / dof)
+    return Noise(source="assumed", components=usable_sd(spread, measured))
+
+
+def _pure_error(rows: Rows, predicted: F) -> Noise | None:
+    """Spread of each output within repeats, for tables of other columns; None below 8 contrasts."""
+    table = rows.table
+    cells = repeat_cells(table)
+    _, packed = np.unique(cells, return_inverse=True)
+    count = np.bincount(packed)
+    contrasts = len(packed) - len(count)
+    if contrasts < _LEAST_CONTRASTS:
+        return None
+    measured = np.stack([table.column(name) for name in rows.base.outputs], axis=1)
+    left = measured - predicted
+    means = np.stack([np.bincount(packed, column) / count for column in left.T], axis=1)
+    spread = np.sqrt(((left - means[packed]) ** 2).sum(axis=0) / contrasts)
+    return Noise(source="repeats", components=usable_sd(spread, measured))
+
+
+def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
+    """Standard deviations that can divide: an output that never varies gets its unit."""
+    varies = np.ptp(measured, axis=0) > 1e-12
+    floor = 1e-9 * np.abs(measured).max(axis=0)
+    found = np.where(varies, np.maximum(spread, floor), 1.0)
+    return tuple(float(v) for v in found)
+
+
+def nuisance_columns(rows: Rows) -> F:
+    """(N, m, k) tangents of every testable effect that can vary between repeats of a pose."""
+    blocks: list[F] = []
+    for effect in all_effects():
+        if effect.kind != "time" or effect.missing(rows.table) is not None:
+            continue
+        try:
+            blocks += [
+                variant.jacobian(rows, np.zeros(len(variant.parameters)))
+                for variant in effect.variants(rows.table)[:3]
+            ]
+        except InputError:
+            # Without the mechanism's length there is no rest pose, and no such effect to name.
+            if rows.has_length:
+                raise
+    if not blocks:
+        return np.zeros((len(rows), len(rows.base.outputs), 0))
+    return np.concatenate(blocks, axis=2)

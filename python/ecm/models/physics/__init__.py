@@ -1,0 +1,1 @@
+"""The physics model: symmetric energies of FEM bodies over modulus, Poisson's ratio and size."""

@@ -1,0 +1,225 @@
+"""One energy per body from FEM wrenches and stiffnesses, and the family that they make.
+
+All bodies are fitted at the same poses with the same weights: one design matrix, many right sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ecm._native import EnergyModel, convert_stiffness, mid_frame
+from ecm.errors import ComputationError
+from ecm.io.arrays import B, F
+from ecm.models.maps import Symmetry
+from ecm.models.physics.family import POWER, PhysicsFamily, poisson_ratio
+from ecm.models.physics.poses import NOISE
+from ecm.regression.noise import whiteners
+
+LENGTH_M = 0.1034
+"""Every shape is solved at this length,"""
+SHEAR_MODULUS_PA = 0.65e6 / 2.98
+"""and with this shear modulus, both the neck's: a family belongs to a shape, not to a size."""
+_S_STEP = 0.2
+_S_MOST = 1.45
+_NEAR = 0.01
+_STEP_IN_D = 0.1
+_REACH = np.array([2e-3] * 3 + [4e-2] * 3)
+"""A stiffness counts as the change of wrench over such a step, m at the neck's size and rad."""
+_GOAL = 0.04
+_FORMS: tuple[tuple[Symmetry, int], ...] = (
+    ("alike", 6),
+    ("alike", 7),
+    ("alike", 8),
+    ("revolution", 6),
+    ("revolution", 8),
+    ("general", 4),
+    ("general", 5),
+    ("general", 6),
+)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """FEM at the poses of one body."""
+
+    wrenches: F
+    stiffness: F
+    ok: B
+
+    def cut(self, rows: B) -> Solved:
+        """Only these poses."""
+        return Solved(self.wrenches[rows], self.stiffness[rows], self.ok[rows])
+
+
+class Unseen:
+    """Poses and a body that no fit has seen."""
+
+    def __init__(self, poses: F, solved: Solved, s: float, x: float) -> None:
+        self.poses, self.wrenches = poses, solved.wrenches
+        self.whiteners = noise_whiteners(poses, solved.stiffness)
+        self._nu, self._across = poisson_ratio(s), float(np.exp(x))
+
+    def values(self, diameter_over_length: float) -> dict[str, float]:
+        """The body's parameters."""
+        return {
+            "young_modulus_Pa": 2.0 * SHEAR_MODULUS_PA * (1.0 + self._nu),
+            "poisson_ratio": self._nu,
+            "length_m": LENGTH_M,
+            "diameter_m": diameter_over_length * LENGTH_M * self._across,
+        }
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Which bodies are solved: s = mu/kappa and x = ln of the factor on D."""
+
+    centre: float
+    s: F
+    x: F
+
+    @staticmethod
+    def around(centre: float) -> Nodes:
+        """The stated s, and far from it on both sides where there is room."""
+        low, high = max(0.0, centre - _S_STEP), min(centre + _S_STEP, _S_MOST)
+        s = np.array([low, centre, high])
+        if centre - low < _NEAR:
+            s = np.array([centre, 0.5 * (centre + high), high])
+        elif high - centre < _NEAR:
+            s = np.array([low, 0.5 * (low + centre), centre])
+        return Nodes(centre, s, np.log(1.0 + _STEP_IN_D * np.array([-1.0, 0.0, 1.0])))
+
+    @property
+    def nominal(self) -> int:
+        """Number of the stated body among the nine."""
+        return 3 * int(np.argmin(np.abs(self.s - self.centre))) + 1
+
+    @property
+    def s_range(self) -> tuple[float, float]:
+        """With the short way from the lowest node to the incompressible s = 0."""
+        return max(0.0, self.centre - _S_STEP), float(self.s.max())
+
+    @property
+    def unseen(self) -> tuple[tuple[float, float], ...]:
+        """The stated body, one between the nodes of s, and one between those of both."""
+        between = float(self.s[1:].mean() if self.nominal > 1 else self.s[:2].mean())
+        return ((self.centre, 0.0), (between, 0.0), (between, 0.5 * float(self.x[2])))
+
+    def table(self, values: F) -> F:
+        """(3, 3, k) by powers of t and x, of (9, k) coefficients, body by body."""
+        in_t = np.vander((self.s - self.centre) / _S_STEP, 3, increasing=True)
+        in_x = np.vander(self.x, 3, increasing=True)
+        free = values.reshape(3, 3, -1) / np.exp(POWER * self.x)[None, :, None]
+        by_t = np.linalg.solve(in_t, free.reshape(3, -1)).reshape(free.shape)
+        swapped = np.linalg.solve(in_x, np.swapaxes(by_t, 0, 1).reshape(3, -1))
+        return np.asarray(np.swapaxes(swapped.reshape(free.shape), 0, 1))
+
+
+def noise_whiteners(poses: F, stiffness: F) -> F:
+    """(N, 6, 6) whiteners of the rig's noise, the pose noise through K_s, at the build's size.
+
+    The rig's figures belong to the neck; forces scale with mu L^2, moments with mu L^3.
+    """
+    position, rotation, force, torque = NOISE
+    screw = convert_stiffness(
+        stiffness, poses, np.zeros((len(poses), 6)), source="partial", target="screw"
+    )
+    along, about = screw[:, :, :3], screw[:, :, 3:]
+    covariance = position**2 * along @ np.swapaxes(along, 1, 2)
+    covariance += rotation**2 * about @ np.swapaxes(about, 1, 2)
+    covariance += np.diag([force**2] * 3 + [torque**2] * 3)
+    return whiteners(covariance)
+
+
+class BodyFits:
+    """One design matrix for all bodies: wrench and stiffness at the same poses, whitened."""
+
+    def __init__(self, poses: F, bodies: list[Solved], nominal: int) -> None:
+        self.poses, self.bodies = poses, bodies
+        c = mid_frame(poses, LENGTH_M)[:, :3]
+        self.scale = np.array(
+            [
+                np.linalg.norm(c, axis=1).max() / LENGTH_M,
+                np.linalg.norm(poses[:, 3:], axis=1).max(),
+            ]
+        )
+        self._whiteners = noise_whiteners(poses, bodies[nominal].stiffness)
+
+    def coefficients(self, symmetry: Symmetry, degree: int) -> F | None:
+        """(9, k) dimensionless, one row per body; None with too few poses for the terms."""
+        rows = self._rows(self.poses, symmetry, degree)
+        if 2 * rows.shape[2] > 27 * len(self.poses):
+            return None
+        slopes = np.empty((len(self.poses), 6, 6, rows.shape[2]))
+        for j in range(6):
+            step = np.zeros(6)
+            step[j] = 2e-5 if j < 3 else 2e-4
+            up = self._rows(self.poses + step, symmetry, degree)
+            down = self._rows(self.poses - step, symmetry, degree)
+            slopes[:, :, j] = (up - down) * (_REACH[j] / (2.0 * step[j]))
+        matrix = np.concatenate([rows[:, :, None], slopes], axis=2)
+        target = np.stack(
+            [
+                np.concatenate([b.wrenches[:, :, None], b.stiffness * _REACH], axis=2)
+                for b in self.bodies
+            ],
+            axis=3,
+        )
+        white = np.einsum("nij,njdk->nidk", self._whiteners, matrix).reshape(-1, rows.shape[2])
+        right = np.einsum("nij,njdb->nidb", self._whiteners, target).reshape(len(white), -1)
+        size = np.linalg.norm(white, axis=0)
+        size = np.where(size > 0.0, size, 1.0)
+        found = np.linalg.lstsq(white / size, right, rcond=1e-12)[0] / size[:, None]
+        return np.asarray(found.T / (SHEAR_MODULUS_PA * LENGTH_M**3))
+
+    def _rows(self, poses: F, symmetry: Symmetry, degree: int) -> F:
+        return EnergyModel.regressor(
+            np.ascontiguousarray(poses),
+            length_m=LENGTH_M,
+            degree=degree,
+            symmetry=symmetry,
+            scale=np.array([self.scale[0] * LENGTH_M, self.scale[1]]),
+        )
+
+
+def best_family(
+    fit: BodyFits, tests: list[Unseen], nodes: Nodes, diameter_over_length: float
+) -> PhysicsFamily:
+    """The first form whose error is small against the noise, else the best one."""
+    found: PhysicsFamily | None = None
+    for symmetry, degree in _FORMS:
+        values = fit.coefficients(symmetry, degree)
+        if values is None:
+            continue
+        trial = PhysicsFamily(
+            degree=degree,
+            symmetry=symmetry,
+            scale=fit.scale,
+            table=nodes.table(values),
+            centre=(nodes.centre, diameter_over_length),
+            width=_S_STEP,
+            s_range=nodes.s_range,
+            x_range=(float(nodes.x[0]), float(nodes.x[2])),
+            error=np.zeros((2, 6)),
+            error_over_noise=np.zeros(3),
+        )
+        trial = _with_errors(trial, tests)
+        if found is None or trial.error_over_noise[0] < found.error_over_noise[0]:
+            found = trial
+        if trial.error_over_noise[0] < _GOAL:
+            break
+    if found is None:
+        raise ComputationError("too few FEM poses for any energy: raise BuildSettings.poses")
+    return found
+
+
+def _with_errors(family: PhysicsFamily, tests: list[Unseen]) -> PhysicsFamily:
+    left, over = [], []
+    for test in tests:
+        residual = family.at(test.values(family.centre[1])).predict(test.poses) - test.wrenches
+        left.append(residual)
+        over.append(np.sqrt((np.einsum("nij,nj->ni", test.whiteners, residual) ** 2).mean()))
+    unit = SHEAR_MODULUS_PA * LENGTH_M ** np.repeat([2.0, 3.0], 3)
+    errors = [np.sqrt((np.concatenate(part) ** 2).mean(axis=0)) / unit for part in (left[:2], left)]
+    return replace(family, error=np.stack(errors), error_over_noise=np.array(over))

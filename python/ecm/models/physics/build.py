@@ -1,0 +1,227 @@
+"""Builds the family of energies of a shape from FEM at nine bodies: three nu times three D/L.
+
+FEM gives at every pose the wrench and the stiffness: 6 + 21 numbers of one energy. All bodies are
+solved at the same poses and fitted with the same weights, so that truncation and mesh leave their
+coefficients smooth. What the fit has not seen (other poses, also of bodies between the nine)
+gives the error, and chooses the degree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ecm._native import Fem, Mesh
+from ecm.errors import ComputationError
+from ecm.io.arrays import F
+from ecm.io.cache import Stage
+from ecm.io.material import Material
+from ecm.models.physics.body_fits import (
+    LENGTH_M,
+    SHEAR_MODULUS_PA,
+    BodyFits,
+    Nodes,
+    Solved,
+    Unseen,
+    best_family,
+)
+from ecm.models.physics.family import PhysicsFamily, compressibility, poisson_ratio
+from ecm.models.physics.poses import ROTATION_LIMIT_RAD, spread_poses, workspace_poses
+from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
+
+if TYPE_CHECKING:
+    from ecm.io.mechanism import Mechanism
+
+Progress = Callable[[int, int, str], object] | None
+
+
+@dataclass(frozen=True)
+class BuildSettings:
+    """How many poses; part of the cache's key."""
+
+    poses: int = 80
+    test_poses: int = 30
+    seed: int = 20
+    rotation_limit_rad: float = ROTATION_LIMIT_RAD
+
+
+def shape_of(mechanism: Mechanism) -> Mechanism:
+    """The body at the neck's length and shear modulus: what bodies of one shape have in common.
+
+    Ratios keep twelve digits, so that a body and its scaled copy are the same shape.
+    """
+    if mechanism.builtin == "rod":
+        return scaled_rod(stated_rod(mechanism), LENGTH_M, SHEAR_MODULUS_PA)
+    length = mechanism.mesh().length_m if mechanism.mesh_file is not None else mechanism.length_m
+    nu = mechanism.poisson_ratio
+    across = {
+        name: LENGTH_M * round(getattr(mechanism, name) / length, 12)
+        for name in ("radius_m", "inner_radius_m", "waist_radius_m")
+    }
+    material = mechanism.material
+    if material is not None:
+        material = _rounded(material.scaled(SHEAR_MODULUS_PA / material.shear_modulus_Pa))
+    return replace(
+        mechanism,
+        length_m=LENGTH_M,
+        young_modulus_Pa=2.0 * SHEAR_MODULUS_PA * (1.0 + nu),
+        material=material,
+        density_kg_m3=0.0,
+        free_length_m=0.0,
+        **across,
+    )
+
+
+def _rounded(material: Material) -> Material:
+    def digits(value: float | list[float]) -> float | list[float]:
+        if isinstance(value, (list, tuple)):
+            return [float(f"{v:.12g}") for v in value]
+        return float(f"{value:.12g}")
+
+    return replace(material, parameters={k: digits(v) for k, v in material.parameters.items()})
+
+
+def build_family(
+    shape: Mechanism,
+    settings: BuildSettings,
+    *,
+    stage: Stage | None = None,
+    threads: int = 0,
+    progress: Progress = None,
+) -> PhysicsFamily:
+    """Nine bodies by FEM, then the fit; finished bodies are kept in `stage`.
+
+    Errors
+    ------
+    ComputationError
+        Too few poses have a stable state in all nine bodies.
+    """
+    nodes = Nodes.around(compressibility(shape.poisson_ratio))
+    made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
+    rest = made.fem(nodes.centre, 0.0).rest_stiffness()
+    limit = settings.rotation_limit_rad
+    poses = spread_poses(
+        rest,
+        LENGTH_M,
+        settings.poses,
+        seed=settings.seed,
+        threads=threads,
+        rotation_limit_rad=limit,
+    )
+    unseen = workspace_poses(
+        rest,
+        LENGTH_M,
+        settings.test_poses,
+        seed=settings.seed + 1,
+        margin=1.0,
+        rotation_limit_rad=limit,
+    )
+    bodies = [(s, x, poses) for s in nodes.s for x in nodes.x]
+    bodies += [(s, x, unseen) for s, x in nodes.unseen]
+    total = sum(len(p) for _, _, p in bodies)
+    solved: list[Solved] = []
+    done = 0
+    for index, (s, x, at) in enumerate(bodies):
+
+        def report(count: int, _: int, done: int = done) -> None:
+            if progress is not None:
+                progress(done + count, total, "FEM poses")
+
+        def compute(s: float = s, x: float = x, at: F = at, report: Any = report) -> dict[str, Any]:
+            found = made.fem(s, x).solve_poses(at, threads=threads, progress=report)
+            return {
+                "wrenches": found.wrenches,
+                "stiffness": found.stiffness,
+                "ok": np.array([status == "solved" for status in found.status]),
+            }
+
+        part = None if stage is None else stage.load_part(index)
+        if part is None:
+            part = compute()
+            with suppress(OSError):  # a cache that cannot be written only costs time
+                if stage is not None:
+                    stage.save_part(index, part)
+        solved.append(Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_)))
+        done += len(at)
+    if progress is not None:
+        progress(total, total, "fitting")
+    common = np.logical_and.reduce([body.ok for body in solved[:9]])
+    if common.sum() < len(poses) // 2:
+        raise ComputationError(
+            f"only {common.sum()} of {len(poses)} poses have a stable state in all nine bodies "
+            "around this shape: the physics model cannot be made of it; check mesh and material"
+        )
+    fit = BodyFits(poses[common], [body.cut(common) for body in solved[:9]], nodes.nominal)
+    tests = [
+        Unseen(unseen[b.ok], b.cut(b.ok), *at)
+        for b, at in zip(solved[9:], nodes.unseen, strict=True)
+    ]
+    return best_family(fit, tests, nodes, made.diameter_over_length)
+
+
+class _Rods:
+    """The bodies of one rod: its section stiffnesses scaled."""
+
+    def __init__(self, shape: Mechanism) -> None:
+        self._shape = shape
+        self.diameter_over_length = 2.0 * shape.radius_m / shape.length_m
+
+    def fem(self, s: float, x: float) -> RodBody:
+        """The rod with mu/kappa = s and its diameter times exp(x)."""
+        return RodBody.of(self._shape, poisson_ratio(s), float(np.exp(x)))
+
+
+class _Bodies:
+    """The bodies of one shape: other s, and the transverse coordinates of the mesh stretched."""
+
+    def __init__(self, shape: Mechanism) -> None:
+        mesh = shape.mesh()
+        factor = LENGTH_M / mesh.length_m
+        self._nodes = factor * (mesh.nodes_m - np.array([0.0, *_axis(mesh)]))
+        self._mesh = mesh
+        self._material = shape.material
+        self.diameter_over_length = diameter(mesh) / mesh.length_m
+
+    def fem(self, s: float, x: float) -> Fem:
+        """FEM of the body with mu/kappa = s and all diameters times exp(x)."""
+        across = float(np.exp(x))
+        mesh = Mesh.from_arrays(
+            np.ascontiguousarray(self._nodes * np.array([1.0, across, across])),
+            self._mesh.tetrahedra,
+            base_nodes=self._mesh.base_nodes,
+            top_nodes=self._mesh.top_nodes,
+        )
+        nu = poisson_ratio(s)
+        if self._material is None:
+            young = 2.0 * SHEAR_MODULUS_PA * (1.0 + nu)
+            return Fem(mesh, young_modulus_Pa=young, poisson_ratio=nu)
+        law = with_poisson_ratio(self._material, nu)
+        return Fem(mesh, model=law.model, parameters=dict(law.parameters))
+
+
+def with_poisson_ratio(material: Material, nu: float) -> Material:
+    """The same law, shear modulus and all, with another bulk modulus."""
+    mu = material.shear_modulus_Pa
+    kept = {
+        key: value
+        for key, value in material.parameters.items()
+        if key not in ("bulk_modulus_Pa", "poisson_ratio")
+    }
+    if "young_modulus_Pa" in kept:
+        kept["young_modulus_Pa"] = 2.0 * mu * (1.0 + nu)
+    return replace(material, parameters={**kept, "poisson_ratio": nu})
+
+
+def diameter(mesh: Mesh) -> float:
+    """Twice the largest distance of a node from the axis, m."""
+    return float(2.0 * np.linalg.norm(mesh.nodes_m[:, 1:] - _axis(mesh), axis=1).max())
+
+
+def _axis(mesh: Mesh) -> F:
+    """(2,) y and z of the middle of the base."""
+    base = mesh.nodes_m[mesh.base_nodes][:, 1:]
+    return np.asarray(0.5 * (base.min(axis=0) + base.max(axis=0)))

@@ -1,0 +1,207 @@
+"""The energy of a body as a function of its modulus, Poisson's ratio, length and diameter.
+
+By dimension U = mu L^3 u(c/L, theta; D/L, nu), mu = E / (2 (1 + nu)). Each coefficient of u is
+exp(3 x) times a polynomial of degree 2 in t and in x:
+
+    s = mu/kappa = 3 (1 - 2 nu) / (2 (1 + nu)),   t = (s - s_0) / width,   x = ln(D/L / (D/L)_0)
+
+s, not nu, because a body is regular in it through the incompressible s = 0; exp(3 x) because
+stretch goes with D^2 and bending with D^4, so that what is left changes little. E, mu and L enter
+exactly; so every derivative is again an energy of the same terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from ecm._native import EnergyModel
+from ecm.errors import InputError
+from ecm.io.arrays import F, I
+from ecm.models.maps import EnergyMap, Symmetry
+
+PARAMETERS = ("young_modulus_Pa", "poisson_ratio", "length_m", "diameter_m")
+POWER = 3.0
+_LENGTHS = {"alike": (1, 2, 0, 0, 1, 1), "revolution": (1, 2, 0, 0, 1, 1)}
+_LENGTHS["general"] = (1, 1, 1, 0, 0, 0)
+
+
+def compressibility(poisson_ratio: float) -> float:
+    """s = mu/kappa."""
+    return 1.5 * (1.0 - 2.0 * poisson_ratio) / (1.0 + poisson_ratio)
+
+
+def poisson_ratio(compressibility: float) -> float:
+    """nu of s = mu/kappa."""
+    return (3.0 - 2.0 * compressibility) / (2.0 * (3.0 + compressibility))
+
+
+@dataclass(frozen=True)
+class PhysicsFamily:
+    """All energies of one shape; see the head of this file."""
+
+    degree: int
+    symmetry: Symmetry
+    scale: F
+    """(2,) of c/L and of theta."""
+    table: F
+    """(3, 3, k) coefficients of u's terms by powers of t and of x."""
+    centre: tuple[float, float]
+    """s_0 and (D/L)_0."""
+    width: float
+    """Of s."""
+    s_range: tuple[float, float]
+    x_range: tuple[float, float]
+    error: F
+    """(2, 6) rms error on unseen FEM poses over mu L^2, mu L^3: at the stated D/L, and also off."""
+    error_over_noise: F
+    """(3,) whitened rms error: at the nominal nu and D/L, at another nu, at another of both."""
+
+    @cached_property
+    def exponents(self) -> I:
+        """(k, 6) of the terms."""
+        count = self.table.shape[2]
+        return np.asarray(self._model(np.zeros(count), 1.0).terms)
+
+    def check(self, values: Mapping[str, float]) -> None:
+        """InputError where a value lies outside what was tabulated."""
+        for name, (low, high) in self.bounds(values).items():
+            if not low <= values[name] <= high:
+                raise InputError(
+                    f"{name} = {values[name]:g}: the physics model of this shape is tabulated "
+                    f"from {low:g} to {high:g}; give a [mechanism] that is closer"
+                )
+
+    def bounds(self, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+        """Range of each parameter, the others at `values`; a last digit wider than tabulated."""
+        slack = 1.0 + 1e-12
+        nearest, farthest = (poisson_ratio(s) for s in self.s_range)
+        thin, thick = (self.centre[1] * float(np.exp(x)) for x in self.x_range)
+        length, diameter = values["length_m"], values["diameter_m"]
+        return {
+            "young_modulus_Pa": (-np.inf, np.inf),
+            "poisson_ratio": (farthest / slack, min(nearest * slack, 0.5)),
+            "length_m": (diameter / thick / slack, diameter / thin * slack),
+            "diameter_m": (thin * length / slack, thick * length * slack),
+        }
+
+    def at(self, values: Mapping[str, float]) -> EnergyMap:
+        """The energy of a body with these parameters: an ordinary native model."""
+        return self._map(self._energy(values)[0], values["length_m"])
+
+    def derivative(self, values: Mapping[str, float], name: str) -> EnergyMap:
+        """The energy whose wrench is dh/d(name) at fixed poses.
+
+        dU/dL at a fixed pose has the part -dU/dc_x, because c = A' r - (L, 0, 0).
+        """
+        energy, by_s, by_x = self._energy(values)
+        nu, length = values["poisson_ratio"], values["length_m"]
+        if name == "young_modulus_Pa":
+            change = self._energy({**values, name: 1.0})[0]
+        elif name == "poisson_ratio":
+            change = -energy / (1.0 + nu) + by_s * (-4.5 / (1.0 + nu) ** 2)
+        elif name == "diameter_m":
+            change = by_x / values["diameter_m"]
+        elif name == "length_m":
+            powers = self.exponents @ np.asarray(_LENGTHS[self.symmetry])
+            change = ((3.0 - powers) * energy - by_x) / length
+            change -= self._along_axis(energy) / (self.scale[0] * length)
+        else:
+            raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        return self._map(change, length)
+
+    def own_error(self, values: Mapping[str, float], *, diameter: bool = False) -> F:
+        """(6,) N, N m: rms error against FEM, with D/L as built, or also off it."""
+        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + values["poisson_ratio"]))
+        length = values["length_m"]
+        return np.asarray(self.error[int(diameter)] * mu * length ** np.repeat([2.0, 3.0], 3))
+
+    def _energy(self, values: Mapping[str, float]) -> tuple[F, F, F]:
+        """Coefficients (k,) in J, and their derivatives by s and by x at fixed mu and L."""
+        nu, length = values["poisson_ratio"], values["length_m"]
+        mu = values["young_modulus_Pa"] / (2.0 * (1.0 + nu))
+        t = (compressibility(nu) - self.centre[0]) / self.width
+        x = float(np.log(values["diameter_m"] / length / self.centre[1]))
+        in_t, slope_t = np.array([1.0, t, t * t]), np.array([0.0, 1.0, 2.0 * t])
+        in_x, slope_x = np.array([1.0, x, x * x]), np.array([0.0, 1.0, 2.0 * x])
+        unit = mu * length**3 * float(np.exp(POWER * x))
+        table = self.table
+
+        def sum_of(a: F, b: F) -> F:
+            return np.asarray(unit * np.einsum("a,b,abk->k", a, b, table))
+
+        energy = sum_of(in_t, in_x)
+        by_s = sum_of(slope_t, in_x) / self.width
+        return energy, by_s, POWER * energy + sum_of(in_t, slope_x)
+
+    def _along_axis(self, energy: F) -> F:
+        """Coefficients of dU/d(c_x / scale): the constant that c_x leaves makes no wrench."""
+        rows = {tuple(row): i for i, row in enumerate(self.exponents.tolist())}
+        slope = np.zeros_like(energy)
+        for i, row in enumerate(self.exponents.tolist()):
+            lower = (row[0] - 1, *row[1:])
+            if row[0] > 0 and any(lower):
+                slope[rows[lower]] += row[0] * energy[i]
+        return slope
+
+    def _map(self, coefficients: F, length_m: float) -> EnergyMap:
+        return EnergyMap(self._model(coefficients, length_m))
+
+    def _model(self, coefficients: F, length_m: float) -> EnergyModel:
+        return EnergyModel.from_coefficients(
+            length_m=length_m,
+            degree=self.degree,
+            symmetry=self.symmetry,
+            scale=np.array([self.scale[0] * length_m, self.scale[1]]),
+            coefficients=np.ascontiguousarray(coefficients),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For model files and the cache."""
+        return {
+            "degree": self.degree,
+            "symmetry": self.symmetry,
+            "scale": self.scale.tolist(),
+            "table": self.table.tolist(),
+            "centre": list(self.centre),
+            "width": self.width,
+            "s_range": list(self.s_range),
+            "x_range": list(self.x_range),
+            "error": self.error.tolist(),
+            "error_over_noise": self.error_over_noise.tolist(),
+        }
+
+    @staticmethod
+    def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
+        """What `to_dict` gave."""
+
+        def pair(name: str) -> tuple[float, float]:
+            first, second = document[name]
+            return float(first), float(second)
+
+        def array(name: str, shape: tuple[int, ...]) -> F:
+            found = np.asarray(document[name], dtype=np.float64)
+            if found.ndim != len(shape) or any(
+                n not in (m, -1) and m != -1 for n, m in zip(found.shape, shape, strict=True)
+            ):
+                raise ValueError(f"{name} of shape {found.shape}, expected {shape}")
+            if not np.isfinite(found).all():
+                raise ValueError(f"{name} holds a number that is not finite")
+            return found
+
+        return PhysicsFamily(
+            degree=int(document["degree"]),
+            symmetry=cast(Symmetry, document["symmetry"]),
+            scale=array("scale", (2,)),
+            table=array("table", (3, 3, -1)),
+            centre=pair("centre"),
+            width=float(document["width"]),
+            s_range=pair("s_range"),
+            x_range=pair("x_range"),
+            error=array("error", (2, 6)),
+            error_over_noise=array("error_over_noise", (3,)),
+        )

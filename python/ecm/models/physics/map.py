@@ -1,0 +1,330 @@
+"""The physics base: the FEM mechanism itself as a map, with E and nu (and L and D) to refit.
+
+h(p; E, nu, L, D) is a native energy whose coefficients follow from the parameters in closed form
+(physics_family.py). The FEM behind it runs once per shape (physics_build.py) and is kept in the
+cache folder. `at` gives the fixed-parameter model for a controller.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ecm._native import EcmError, EnergyModel
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.maps import EnergyMap, Symmetry
+from ecm.models.physics.family import PARAMETERS, PhysicsFamily
+from ecm.models.physics.poses import MARGIN
+
+if TYPE_CHECKING:
+    from ecm.io.mechanism import Mechanism
+    from ecm.io.table import Table
+    from ecm.models.physics.build import BuildSettings
+
+Progress = Callable[[int, int, str], object] | None
+
+_DEGREE = 6
+_VERSION = 4
+_REACH_STEP = 0.2
+_MOST_REACH = 1.6
+_POSES_OF_A_MESH = 160
+FREE = ("young_modulus_Pa", "poisson_ratio")
+"""What a refit changes unless it is told otherwise: L and D are what the file says."""
+
+
+@dataclass(frozen=True)
+class PhysicsMap:
+    """factor * h0(p), h0 the energy `surrogate`; with a `family` also of other nu, L and D.
+
+    Without one (made of given pairs, `surrogate_of`) only the factor on E is free.
+    """
+
+    surrogate: EnergyMap
+    own_error: F
+    """(6,) root mean square error of the surrogate on FEM poses it has not seen."""
+    mechanism: dict[str, Any]
+    """The `[mechanism]` table."""
+    factor: float = 1.0
+    """E over that of `surrogate`."""
+    family: PhysicsFamily | None = None
+    values: Mapping[str, float] | None = None
+    """E, nu, L, D by name, where there is a family; E includes the factor."""
+    free: tuple[str, ...] = FREE
+    """Names of the values that `coefficients` holds."""
+
+    @property
+    def name(self) -> str:
+        """`physics`."""
+        return "physics"
+
+    @property
+    def kind(self) -> Literal["polynomial", "energy", "physics"]:
+        """`physics`."""
+        return "physics"
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """All six."""
+        return POSE
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """All six."""
+        return WRENCH
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism."""
+        return self.surrogate.length_m
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Of the coefficients; `factor` on E without a family."""
+        return ("factor",) if self.family is None else self.free
+
+    @property
+    def coefficients(self) -> F:
+        """The free values; the factor on E without a family."""
+        if self.values is None:
+            return np.array([self.factor])
+        return np.array([self.values[name] for name in self.free])
+
+    @property
+    def bounds(self) -> tuple[F, F]:
+        """Lower and upper limits of the coefficients: what was tabulated."""
+        if self.family is None or self.values is None:
+            return np.full(1, -np.inf), np.full(1, np.inf)
+        limits = self.family.bounds(self.values)
+        low, high = zip(*(limits[name] for name in self.free), strict=True)
+        return np.array(low), np.array(high)
+
+    @property
+    def error(self) -> F:
+        """The surrogate's own error, scaled like its wrench."""
+        return abs(self.factor) * self.own_error
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6)."""
+        return self.factor * self.surrogate.predict(poses)
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6)."""
+        return self.factor * self.surrogate.stiffness(poses, kind)
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, k) derivative to the coefficients."""
+        if self.family is None:
+            return np.asarray(self.surrogate.predict(poses)[:, :, None])
+        return np.stack([self.sensitivity(poses, name) for name in self.free], axis=2)
+
+    def sensitivity(self, poses: F, name: str) -> F:
+        """(N, 6) dh/d(name) at fixed poses; name young_modulus_Pa, poisson_ratio, length_m or
+        diameter_m (all transverse dimensions in proportion)."""
+        family, values = self._tabulated()
+        return family.derivative(values, name).predict(poses)
+
+    def at(self, **changed: float) -> EnergyMap:
+        """The fixed-parameter native model: these values by name, the others as they are."""
+        family, values = self._tabulated()
+        for name in changed:
+            if name not in PARAMETERS:
+                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        wanted = {**values, **changed}
+        family.check(wanted)
+        return family.at(wanted)
+
+    def other_body(self, values: Mapping[str, float]) -> EnergyMap | None:
+        """The energy of E, nu, L, D, also beyond what was tabulated; None without a family."""
+        return None if self.family is None else self.family.at(values)
+
+    def with_free(self, *names: str) -> PhysicsMap:
+        """The same map with these values as coefficients."""
+        self._tabulated()
+        for name in names:
+            if name not in PARAMETERS:
+                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        return replace(self, free=tuple(dict.fromkeys(names)))
+
+    def with_coefficients(self, coefficients: F) -> PhysicsMap:
+        """Other values."""
+        if self.family is None or self.values is None:
+            return replace(self, factor=float(coefficients[0]))
+        given = zip(self.free, map(float, coefficients), strict=True)
+        return self._with_values({**self.values, **dict(given)})
+
+    def _with_values(self, values: Mapping[str, float]) -> PhysicsMap:
+        family, old = self._tabulated()
+        same = all(values[name] == old[name] for name in PARAMETERS[1:])
+        if same:
+            ratio = values["young_modulus_Pa"] / old["young_modulus_Pa"]
+            return replace(self, values=dict(values), factor=self.factor * ratio)
+        own = old["young_modulus_Pa"] / self.factor
+        stated = {**values, "young_modulus_Pa": own}
+        return replace(
+            self,
+            surrogate=family.at(stated),
+            own_error=family.own_error(stated, diameter="diameter_m" in self.free),
+            factor=values["young_modulus_Pa"] / own,
+            values=dict(values),
+        )
+
+    def _tabulated(self) -> tuple[PhysicsFamily, Mapping[str, float]]:
+        if self.family is None or self.values is None:
+            raise InputError(
+                "this physics model knows one nu, L and D only, because it was made of given "
+                "pairs: make it of a [mechanism] (physics_map)"
+            )
+        return self.family, self.values
+
+    def document(self) -> dict[str, Any]:
+        """The surrogate's part, the factor, the family and the mechanism."""
+        document = {
+            **self.surrogate.document(),
+            "kind": "physics",
+            "name": "physics",
+            "factor": self.factor,
+            "own_error": self.own_error.tolist(),
+            "mechanism": self.mechanism,
+        }
+        if self.family is not None and self.values is not None:
+            document["parameters"] = dict(self.values)
+            document["free"] = list(self.free)
+            document["family"] = self.family.to_dict()
+        return document
+
+    @staticmethod
+    def from_document(document: dict[str, Any]) -> PhysicsMap:
+        """The map of an opened model file."""
+        known: dict[str, Any] = {}
+        if "family" in document:
+            values = {name: float(document["parameters"][name]) for name in PARAMETERS}
+            known["family"] = PhysicsFamily.from_dict(document["family"])
+            known["values"] = values
+            known["free"] = tuple(str(name) for name in document["free"])
+            if not set(known["free"]) <= set(PARAMETERS):
+                raise ValueError(f"free = {document['free']}, expected some of {PARAMETERS}")
+        return PhysicsMap(
+            surrogate=EnergyMap.from_document(document),
+            own_error=np.asarray(document["own_error"], dtype=np.float64),
+            mechanism=dict(document["mechanism"]),
+            factor=float(document["factor"]),
+            **known,
+        )
+
+
+def surrogate_of(
+    poses: F,
+    wrenches: F,
+    length_m: float,
+    *,
+    test_poses: F,
+    test_wrenches: F,
+    mechanism: dict[str, Any] | None = None,
+    symmetry: Symmetry = "alike",
+) -> PhysicsMap:
+    """A physics map from noise-free poses and wrenches; its error from those it has not seen."""
+    model = EnergyModel.fit(
+        np.ascontiguousarray(poses),
+        np.ascontiguousarray(wrenches),
+        length_m=length_m,
+        degree=_DEGREE,
+        symmetry=symmetry,
+    )
+    surrogate = EnergyMap(model)
+    error = np.sqrt(((surrogate.predict(test_poses) - test_wrenches) ** 2).mean(axis=0))
+    return PhysicsMap(surrogate, error, {} if mechanism is None else dict(mechanism))
+
+
+def physics_map(
+    mechanism: Mechanism,
+    *,
+    threads: int = 0,
+    cache: Path | None = None,
+    progress: Progress = None,
+    settings: BuildSettings | None = None,
+    reach_rad: float = 0.0,
+) -> PhysicsMap:
+    """The physics map of a mechanism; its family is built once per shape and kept in `cache`.
+
+    Parameters
+    ----------
+    reach_rad
+        Largest rotation it is asked for; beyond 0.88 rad a family of a wider workspace is built.
+    cache
+        Default `ECM_CACHE`, else `XDG_CACHE_HOME/ecm`, else `~/.cache/ecm`. An interrupted build
+        goes on there.
+    progress
+        Called with poses solved, their number, and a word, while it is built.
+    """
+    if not mechanism.has_body:
+        raise InputError(
+            "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
+            "mesh, and young_modulus_Pa"
+        )
+    from ecm.models.physics.build import BuildSettings, build_family, shape_of
+    from ecm.models.physics.rod import stated_rod
+
+    if settings is None:
+        # A mesh of one's own may have no symmetry, and then ten times the terms.
+        own_mesh = mechanism.mesh_file is not None
+        settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
+    if reach_rad > MARGIN * settings.rotation_limit_rad:
+        # In steps of 0.2 rad, so that campaigns of much the same reach share a family.
+        wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
+        settings = replace(settings, rotation_limit_rad=wider)
+    shape = shape_of(mechanism)
+    key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
+    directory = cache_directory() if cache is None else cache
+    path = directory / f"physics-{hash_of(key)[:32]}.json"
+    family = _read(path)
+    if family is None:
+        stage = Stage(directory, "physics-bodies", key)
+        family = build_family(shape, settings, stage=stage, threads=threads, progress=progress)
+        _write(path, family)
+        stage.forget_parts()
+    length = mechanism.length_m if mechanism.mesh_file is None else mechanism.mesh().length_m
+    stated = stated_rod(mechanism) if mechanism.builtin == "rod" else mechanism
+    values = {
+        "young_modulus_Pa": stated.young_modulus_Pa,
+        "poisson_ratio": mechanism.poisson_ratio,
+        "length_m": length,
+        "diameter_m": family.centre[1] * length,
+    }
+    return PhysicsMap(
+        surrogate=family.at(values),
+        own_error=family.own_error(values),
+        mechanism=mechanism.to_dict(),
+        family=family,
+        values=values,
+    )
+
+
+def reach_of(table: Table) -> float:
+    """Rotation, rad, that all but two in a hundred of the rows stay below."""
+    if not table.has(*POSE[3:]):
+        return 0.0
+    return float(np.quantile(np.linalg.norm(table.matrix(POSE[3:]), axis=1), 0.98))
+
+
+def _read(path: Path) -> PhysicsFamily | None:
+    """A cached family; None where there is none or it cannot be read."""
+    try:
+        return PhysicsFamily.from_dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError, EcmError):
+        return None
+
+
+def _write(path: Path, built: PhysicsFamily) -> None:
+    """Best effort: a cache that cannot be written only costs time."""
+    with suppress(OSError):
+        write_atomically(path, json.dumps(built.to_dict()))

@@ -1,0 +1,130 @@
+"""E, nu and where asked L and D of a body from measured pairs, with errors and correlations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.models.joint_fit import joint_fit
+from ecm.models.physics.map import PhysicsMap
+from ecm.regression.noise import Noise, declared_noise
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
+
+_REWEIGHTINGS = 5
+_MOVED = 0.01
+_AT_BOUND = 1e-6
+OWN_ERROR_LIMIT = 0.15
+"""Above it a base invents effects (the diagnosis counts it in the covariance all the same)."""
+
+
+@dataclass(frozen=True)
+class PhysicsRefit:
+    """What the data say of the body's parameters."""
+
+    base: PhysicsMap
+    names: tuple[str, ...]
+    """Of what was free: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
+    values: F
+    sd: F
+    """(k,) of the noise alone, where the model is right."""
+    correlation: F
+    """(k, k)."""
+    covariance: F
+    """(k, k)."""
+    whitened_rms: float
+    """Of the residual: 1 where noise is all that is left."""
+    at_bound: tuple[str, ...]
+    """What the data would push beyond what was tabulated, or beyond nu = 0.5."""
+    converged: bool
+
+    def sentences(self) -> list[str]:
+        """One line per parameter, and how they hang together."""
+        lines = physics_sentences(self.base, self.covariance)
+        return lines + [f"{name} is at the limit of the model" for name in self.at_bound]
+
+
+_SHOWN: dict[str, tuple[str, str, float]] = {
+    "young_modulus_Pa": ("E", "MPa", 1e-6),
+    "poisson_ratio": ("nu", "", 1.0),
+    "length_m": ("L", "mm", 1e3),
+    "diameter_m": ("D", "mm", 1e3),
+}
+
+
+def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
+    """The free parameters with their errors and correlations; (k, k) covariance of them."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    shown = [_SHOWN.get(name, (name, "", 1.0)) for name in base.parameter_names]
+    lines = [
+        f"{symbol} = {scale * value:.5g} +- {scale * error:.2g} {unit}".strip()
+        for (symbol, unit, scale), value, error in zip(shown, base.coefficients, sd, strict=True)
+    ]
+    scale = np.where(sd > 0.0, sd, 1.0)
+    together = covariance / np.outer(scale, scale)
+    pairs = [
+        f"{shown[i][0]} with {shown[j][0]} {together[i, j]:+.2f}"
+        for i in range(len(shown))
+        for j in range(i + 1, len(shown))
+    ]
+    lines += [f"correlation of {', '.join(pairs)}"] if pairs else []
+    own = 0.0 if base.family is None else float(base.family.error_over_noise[:2].max())
+    if own > OWN_ERROR_LIMIT:
+        lines.append(
+            f"the model's own error is {own:.2g} times the noise of the paper's rig, above "
+            f"{OWN_ERROR_LIMIT}: small effects cannot be told from it (docs/models.md)"
+        )
+    return lines
+
+
+def refit_physics(
+    base: PhysicsMap, table: Table, noise: Noise | None = None, *, free: Sequence[str] | None = None
+) -> PhysicsRefit:
+    """Generalised least squares of the free parameters, within what was tabulated.
+
+    The pose noise acts through the stiffness of the fit before, until the parameters stay.
+
+    Parameters
+    ----------
+    noise
+        Default what the table declares.
+    free
+        Among young_modulus_Pa, poisson_ratio, length_m, diameter_m; default those of `base`.
+    """
+    if base.family is not None:
+        base = base.with_free(*(base.free if free is None else free))
+    measured = table.measured()
+    used = declared_noise(table) if noise is None else noise
+    found = joint_fit(base, (), measured, used)
+    for _ in range(_REWEIGHTINGS):
+        before = found.base.coefficients
+        found = joint_fit(found.base, (), measured, used)
+        sd = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        moved = np.abs(found.base.coefficients - before) / np.where(sd > 0.0, sd, 1.0)
+        if float(moved.max(initial=0.0)) < _MOVED:
+            break
+    fitted = found.base
+    if not isinstance(fitted, PhysicsMap):
+        raise TypeError(f"a refit of the physics gave a map of kind {fitted.kind}")
+    low, high = fitted.bounds
+    values = fitted.coefficients
+    near = _AT_BOUND * np.abs(values)
+    outside = (values - low < near) | (high - values < near)
+    scale = np.where(sd > 0.0, sd, 1.0)
+    return PhysicsRefit(
+        base=fitted,
+        names=fitted.parameter_names,
+        values=values,
+        sd=sd,
+        correlation=found.covariance / np.outer(scale, scale),
+        covariance=found.covariance,
+        whitened_rms=float(np.sqrt((found.whitened**2).mean())),
+        at_bound=tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out),
+        converged=found.converged,
+    )

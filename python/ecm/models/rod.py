@@ -1,0 +1,321 @@
+"""Maps of the literature with a little mechanics: constant curvature, and a Cosserat rod.
+
+Constant curvature: the backbone is an arc that stretches, bends and twists, and has no answer to
+shear. U = k_e (s - L)^2/2 + k_b |theta_perp|^2/2 + k_t theta_x^2/2 with the arc's length
+s = (L + c_x) (b/2)/sin(b/2), b = |theta_perp|, in mid-frame coordinates.
+
+Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose comes from Newton's
+method on `rod_poses`, which goes the other way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ecm._native import EnergyModel, left_jacobians, mid_frame, rod_poses, rotation_matrices
+from ecm.errors import ComputationError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.maps import StiffnessMap, partial_to
+
+_ITERATIONS = 15
+_WALK = 8
+"""Steps from rest to a pose that one leap does not reach."""
+_FIT_ITERATIONS = 15
+_STEP = np.array([1e-3] * 3 + [1e-5] * 3)
+
+
+@dataclass(frozen=True)
+class _Backbone:
+    """What both share: all six columns, a length, few parameters."""
+
+    length: float
+    parameters: F
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """All six."""
+        return POSE
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """All six."""
+        return WRENCH
+
+    @property
+    def length_m(self) -> float | None:
+        """Length of the mechanism."""
+        return self.length
+
+    @property
+    def coefficients(self) -> F:
+        """The parameters."""
+        return self.parameters
+
+    @property
+    def error(self) -> F:
+        """Zero: it stands for the data."""
+        return np.zeros(6)
+
+    def with_coefficients(self, coefficients: F) -> Any:
+        """Other parameters."""
+        return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6)."""
+        raise NotImplementedError
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6) by central differences."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        slope = np.empty((len(poses), 6, 6))
+        for j in range(6):
+            step = np.zeros(6)
+            step[j] = 1e-6
+            slope[:, :, j] = (self.predict(poses + step) - self.predict(poses - step)) / 2e-6
+        return partial_to(kind, slope, poses, cast(StiffnessMap, self))
+
+    def _document(self, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            "kind": kind,
+            "name": kind,
+            "inputs": list(POSE),
+            "outputs": list(WRENCH),
+            "length_m": self.length,
+            "parameters": dict(zip(names, self.parameters.tolist(), strict=True)),
+        }
+
+
+_ARC = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
+
+
+@dataclass(frozen=True)
+class ConstantCurvatureMap(_Backbone):
+    """k_e, k_b, k_t: linear in them."""
+
+    name = "constant-curvature"
+    kind = "constant-curvature"
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, 3) wrench of each spring alone."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        q = mid_frame(poses, self.length)
+        bend = np.linalg.norm(q[:, 4:], axis=1)
+        half = 0.5 * bend
+        small = half < 1e-4
+        safe = np.where(small, 1.0, half)
+        ratio = np.where(small, 1.0 + half**2 / 6.0, safe / np.sin(safe))
+        # d ratio/d bend over bend
+        slope = np.where(
+            small,
+            1.0 / 12.0,
+            (np.sin(safe) - safe * np.cos(safe)) / np.sin(safe) ** 2 / (4.0 * safe),
+        )
+        chord = self.length + q[:, 0]
+        stretch = chord * ratio - self.length
+        force = np.zeros((len(poses), 6, 3))
+        force[:, 0, 0] = stretch * ratio
+        force[:, 4:, 0] = (stretch * chord * slope)[:, None] * q[:, 4:]
+        force[:, 4:, 1] = q[:, 4:]
+        force[:, 3, 2] = q[:, 3]
+        return _wrench_of(poses, force)
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6)."""
+        return np.asarray(self.columns(poses) @ self.parameters)
+
+    def document(self) -> dict[str, Any]:
+        """The three springs."""
+        return self._document("constant-curvature", _ARC)
+
+
+def _wrench_of(poses: F, force: F) -> F:
+    """(N, 6, k) h of generalised forces Q in mid-frame coordinates (conventions.md)."""
+    theta = np.ascontiguousarray(poses[:, 3:])
+    half = rotation_matrices(0.5 * theta)
+    f = half @ force[:, :3]
+    lever = np.cross(poses[:, :3, None], f, axis=1)
+    turned = 0.5 * np.swapaxes(left_jacobians(0.5 * theta), 1, 2) @ lever
+    jacobian = np.swapaxes(left_jacobians(theta), 1, 2)
+    return np.concatenate([f, np.linalg.solve(jacobian, force[:, 3:] - turned)], axis=1)
+
+
+ROD_SECTIONS = (
+    "axial_stiffness_N",
+    "shear_stiffness_N",
+    "bending_stiffness_Nm2",
+    "torsion_stiffness_Nm2",
+)
+
+
+@dataclass(frozen=True)
+class RodMap(_Backbone):
+    """EA, GA, EI, GJ."""
+
+    name = "rod"
+    kind = "rod"
+
+    def predict(self, poses: F) -> F:
+        """(N, 6) to (N, 6); NaN where no equilibrium was found."""
+        return self._solved(np.ascontiguousarray(poses, dtype=np.float64))[0]
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        """(N, 6, 6): the inverse of the slope of pose over wrench; NaN where `predict` is."""
+        return self.wrench_and_stiffness(poses, kind)[1]
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) and (N, 6, 6)."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        h, slope = self._solved(poses)
+        known = np.isfinite(slope).all(axis=(1, 2))
+        found = np.full_like(slope, np.nan)
+        found[known] = np.linalg.inv(slope[known])
+        return h, partial_to(kind, found, poses, cast(StiffnessMap, self))
+
+    def _solved(self, poses: F) -> tuple[F, F]:
+        """Wrenches and d pose / d wrench; what one leap does not reach is walked to from rest."""
+        h, slope = self._newton(poses, self._start(poses))
+        far = np.flatnonzero(np.isnan(h).any(axis=1))
+        if len(far):
+            rest = np.zeros(6)
+            rest[0] = self.length
+            there = poses[far]
+            before, here = rest + 0.0 * there, np.zeros((len(far), 6))
+            for share in np.linspace(0.0, 1.0, _WALK + 1)[1:]:
+                aim = rest + share * (there - rest)
+                lean = self._slope(here)
+                fine = np.isfinite(lean).all(axis=(1, 2))
+                lean[~fine] = np.eye(6)
+                guess = here + np.linalg.solve(lean, (aim - before)[:, :, None])[:, :, 0]
+                here, own = self._newton(aim, guess)
+                before = aim
+            h[far], slope[far] = here, own
+        return h, slope
+
+    def _newton(self, poses: F, start: F) -> tuple[F, F]:
+        """(N, 6) wrenches and their (N, 6, 6) slope d pose / d wrench; NaN where it fails."""
+        h, slopes = start.copy(), np.full((len(poses), 6, 6), np.nan)
+        scale = np.array([self.length] * 3 + [1.0] * 3)
+        open_rows = np.arange(len(poses))
+        for _ in range(_ITERATIONS):
+            part = h[open_rows]
+            left = poses[open_rows] - self._poses(part)
+            slope = self._slope(part)
+            bad = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(left).all(axis=1)
+            done = ~bad & (np.abs(left / scale).max(axis=1) < 1e-11)
+            slopes[open_rows[done]] = slope[done]
+            h[open_rows[bad]] = np.nan
+            going = ~bad & ~done
+            open_rows = open_rows[going]
+            if len(open_rows) == 0:
+                return h, slopes
+            move = np.linalg.solve(slope[going], left[going][:, :, None])[:, :, 0]
+            limit = np.array([40.0] * 3 + [1.0] * 3)
+            move /= np.maximum(1.0, np.abs(move / limit).max(axis=1))[:, None]
+            h[open_rows] = part[going] + move
+        h[open_rows] = np.nan
+        return h, slopes
+
+    def _slope(self, wrenches: F) -> F:
+        """(N, 6, 6) d pose / d wrench, by central differences."""
+        steps = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
+        found = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
+        return np.swapaxes((found[:, :6] - found[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
+
+    def _poses(self, wrenches: F) -> F:
+        found, ok = rod_poses(
+            np.ascontiguousarray(wrenches),
+            length_m=self.length,
+            **dict(zip(ROD_SECTIONS, (float(v) for v in self.parameters), strict=True)),
+        )
+        found[~ok] = np.nan
+        return found
+
+    def _start(self, poses: F) -> F:
+        """The linear rod in mid-frame coordinates."""
+        ea, ga, ei, gj = self.parameters
+        q = mid_frame(poses, self.length)
+        lateral = 1.0 / (self.length / ga + self.length**3 / (12.0 * ei))
+        k = np.array(
+            [ea / self.length, lateral, lateral, gj / self.length, *[ei / self.length] * 2]
+        )
+        return np.asarray(_wrench_of(poses, (q * k)[:, :, None])[:, :, 0])
+
+    def columns(self, poses: F) -> F:
+        """(N, 6, 4) derivative to the parameters, by central differences."""
+        columns = np.empty((len(poses), 6, 4))
+        for t in range(4):
+            step = np.zeros(4)
+            step[t] = 1e-5 * self.parameters[t]
+            plus = self.with_coefficients(self.parameters + step).predict(poses)
+            minus = self.with_coefficients(self.parameters - step).predict(poses)
+            columns[:, :, t] = (plus - minus) / (2.0 * step[t])
+        return columns
+
+    def document(self) -> dict[str, Any]:
+        """The four section stiffnesses."""
+        return self._document("rod", ROD_SECTIONS)
+
+
+def rod_from_document(document: dict[str, Any]) -> ConstantCurvatureMap | RodMap:
+    """The map of an opened model file."""
+    arc = document["kind"] == "constant-curvature"
+    names = _ARC if arc else ROD_SECTIONS
+    values = np.array([float(document["parameters"][name]) for name in names])
+    length = float(document["length_m"])
+    return ConstantCurvatureMap(length, values) if arc else RodMap(length, values)
+
+
+def fit_constant_curvature(
+    poses: F, wrenches: F, length: float, weights: F
+) -> ConstantCurvatureMap:
+    """Least squares with each component divided by `weights` (6,)."""
+    base = ConstantCurvatureMap(length, np.ones(3))
+    z = (base.columns(poses) / weights[:, None]).reshape(-1, 3)
+    y = (wrenches / weights).ravel()
+    beta = np.asarray(np.linalg.lstsq(z, y, rcond=None)[0], dtype=np.float64)
+    return ConstantCurvatureMap(length, beta)
+
+
+def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
+    """Damped Gauss-Newton on the logarithms of the four section stiffnesses.
+
+    On poses, not wrenches: `rod_poses` always answers, its inverse not. It starts from the
+    stiffness at rest of an energy of degree 4, where lateral = 1/(L/GA + L^3/(12 EI)).
+    """
+    scale = np.array([length] * 3 + [1.0] * 3)
+    start = EnergyModel.fit(poses, wrenches, length_m=length, degree=4)
+    home = np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    rest = np.diag(np.linalg.inv(start.stiffness(home, "generalised")[0]))
+    if not np.all(rest > 0.0):
+        raise ComputationError("the measured stiffness at rest is not that of a rod: not positive")
+    axial, _, _, torsion, _, bending = rest
+    bend = length / bending
+    shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
+    logs = np.log([length / axial, shear, bend, length / torsion])
+
+    def left(at: F) -> F:
+        found = RodMap(length, np.exp(at))._poses(wrenches)
+        return np.asarray((poses - found) / scale)
+
+    now, damping = left(logs), 1e-4
+    for _ in range(_FIT_ITERATIONS):
+        steps = 1e-4 * np.eye(4)
+        slope = np.stack([(left(logs - s) - left(logs + s)) / 2e-4 for s in steps], axis=2)
+        rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+        z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
+        gram = z.T @ z
+        scaled = gram + damping * np.diag(np.diag(gram) + 1e-300)
+        move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
+        trial = left(np.clip(logs + move, -20.0, 20.0))
+        both = np.isfinite(now) & np.isfinite(trial)
+        if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
+            damping *= 10.0
+            continue
+        logs, now, damping = np.clip(logs + move, -20.0, 20.0), trial, 0.1 * damping
+        if float(np.abs(move).max()) < 1e-7:
+            break
+    return RodMap(length, np.exp(logs))

@@ -1,0 +1,1 @@
+"""Regression with correlated noise: rows, noise model, folds, normal equations, F tests."""

@@ -1,0 +1,108 @@
+"""Where the mechanism came from: the pose before each row, and the side of approach."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.io.arrays import F, I
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+
+
+def pose_before(table: Table, rest_pose: F) -> F:
+    """(N, 6) pose from which each row was approached; NaN where that is unknown.
+
+    `initial` is the rest pose; a pose_id is the mean measured pose of that id.
+    """
+    poses = table.poses
+    before = np.full_like(poses, np.nan)
+    approach = table.text("approach")
+    named = _mean_poses(table)
+    kind = table.text("kind")
+    for i, name in enumerate(approach):
+        if kind[i] not in ("", "pose"):
+            continue
+        if name == "initial":
+            before[i] = rest_pose
+        elif name in named:
+            before[i] = named[name]
+    return before
+
+
+def approach_sides(table: Table, length_m: float | None = None) -> F:
+    """(N,) a = sign((p - p_from) M (p - p0)); 0 where unknown."""
+    length = table.meta.length_m if length_m is None else length_m
+    if length is None:
+        length = float(np.median(table.poses[:, 0]))
+    rest = np.array([float(length), 0.0, 0.0, 0.0, 0.0, 0.0])
+    metric = np.array([1.0, 1.0, 1.0] + [float(length) ** 2] * 3)
+    poses = table.poses
+    step = poses - pose_before(table, rest)
+    product = ((step * metric) * (poses - rest)).sum(axis=1)
+    return np.where(np.isfinite(product), np.sign(product), 0.0)
+
+
+def memory_options(table: Table) -> tuple[str, ...]:
+    """Memory ends with a `run`; where tables were joined it may also have been `kept`."""
+    return ("run", "kept") if table.meta.file.begins_s else ("run",)
+
+
+def memory_shape(memory: str) -> dict[str, float | str]:
+    """The entry of a shape; none for a memory that ends with the run."""
+    return {} if memory == "run" else {"history": memory}
+
+
+def order_of_visits(table: Table, memory: str = "run") -> list[I]:
+    """Rows of each run in order of time; of all runs together where the memory is `kept`."""
+    time = table.column("time_s")
+    by_run = table.has("run") and memory == "run"
+    run = table.column("run") if by_run else np.zeros(len(table))
+    found = []
+    for number in np.unique(run):
+        rows = np.flatnonzero(run == number)
+        found.append(rows[np.argsort(time[rows], kind="stable")])
+    return found
+
+
+def largest_so_far(table: Table, values: F, memory: str = "run", *, index: bool = False) -> F:
+    """(N,) largest value of the rows up to each row of its run, or with `index` that row."""
+    found = np.empty(len(table))
+    for rows in order_of_visits(table, memory):
+        largest = np.maximum.accumulate(values[rows])
+        if index:
+            new = np.concatenate([[True], largest[1:] > largest[:-1]])
+            found[rows] = rows[np.maximum.accumulate(np.where(new, np.arange(len(rows)), 0))]
+        else:
+            found[rows] = largest
+    return found
+
+
+def repeat_visits(table: Table) -> int:
+    """Visits of poses that were measured before."""
+    measured = table.measured()
+    if not measured.has("pose_id"):
+        return 0
+    return len(measured) - len(np.unique(measured.column("pose_id")))
+
+
+def step_times(table: Table, count: int) -> tuple[float, ...]:
+    """Times that divide the rows of a table into count + 1 equal parts."""
+    time = np.sort(table.column("time_s"))
+    at = [round(len(time) * (i + 1) / (count + 1)) for i in range(count)]
+    found = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
+    return tuple(float(t) for t in dict.fromkeys(found))
+
+
+def _mean_poses(table: Table) -> dict[str, F]:
+    if not table.has("pose_id"):
+        return {}
+    ids = table.column("pose_id")
+    poses = table.poses
+    found = {}
+    for value in np.unique(ids[np.isfinite(ids)]):
+        key = str(int(value)) if float(value).is_integer() else repr(float(value))
+        found[key] = np.asarray(poses[ids == value].mean(axis=0))
+    return found

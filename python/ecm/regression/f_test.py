@@ -1,0 +1,120 @@
+"""Lack of fit against pure error from repeats, and the omnibus test of a residual.
+
+F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): what the model leaves between cells
+over what repeats of the same cell leave (NIST/SEMATECH e-Handbook, 4.4.4.6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+from scipy.linalg import lapack, solve_triangular
+
+from ecm.io.arrays import F, I
+
+_DEPENDENT = 1e-5
+"""A column of which earlier ones leave no more than this is theirs."""
+
+
+@dataclass(frozen=True)
+class FTest:
+    """An F ratio with its degrees of freedom."""
+
+    F: float
+    p: float
+    dof: float
+    dof_error: float
+    explained: float = 0.0
+    """Sum of squares of the numerator."""
+    rest: float = 0.0
+    """Sum of squares of the denominator."""
+
+    @staticmethod
+    def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
+        """Explained over rest, each per degree of freedom."""
+        # What explains everything leaves rounding errors, of either sign.
+        rest = max(rest, 1e-12 * abs(explained))
+        if dof <= 0 or dof_error <= 0 or rest <= 0.0:
+            return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
+        ratio = max(explained, 0.0) / dof / (rest / dof_error)
+        p = float(special.fdtrc(dof, dof_error, ratio))
+        return FTest(ratio, p, dof, dof_error, explained, rest)
+
+
+def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = None) -> FTest | None:
+    """Lack-of-fit F of whitened residuals (N, m); None where no cell is repeated.
+
+    Parameters
+    ----------
+    cells
+        (N,) cell of each row: rows that were to measure the same thing.
+    parameters
+        Number of fitted coefficients; a component's share of them where they are its own.
+    weights
+        (N,) 0 leaves a row out.
+    """
+    keep = np.ones(len(whitened), dtype=np.bool_) if weights is None else weights > 0.0
+    rows, own = whitened[keep], cells[keep]
+    _, packed = np.unique(own, return_inverse=True)
+    count = np.bincount(packed)
+    if count.max(initial=0) < 2:
+        return None
+    m = rows.shape[1]
+    means = np.stack([np.bincount(packed, rows[:, j]) / count for j in range(m)], axis=1)
+    pure = float(((rows - means[packed]) ** 2).sum())
+    total = float((rows**2).sum())
+    dof_pure = (len(rows) - len(count)) * m
+    return FTest.of(total - pure, len(count) * m - parameters, pure, dof_pure)
+
+
+def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
+    """Whether columns outside the model explain the whitened residual (N, m).
+
+    Parameters
+    ----------
+    design
+        (N, m, q) whitened columns to look for.
+    fitted
+        (N, m, k) whitened columns of what was fitted already; projected out.
+    """
+    n, m, q = design.shape
+    root = np.ones(n) if weights is None else np.sqrt(weights)
+    y = (whitened * root[:, None]).ravel()
+    z = (design * root[:, None, None]).reshape(n * m, q)
+    base = (fitted * root[:, None, None]).reshape(n * m, -1)
+    basis = orthonormal(base)
+    y = y - basis @ (basis.T @ y)
+    z = z - basis @ (basis.T @ z)
+    explained, directions = explained_by_span(z, y)
+    rest = float(y @ y) - explained
+    size = int((root > 0.0).sum()) * m
+    return FTest.of(explained, directions, rest, size - basis.shape[1] - directions)
+
+
+def explained_by_span(columns: F, response: F) -> tuple[float, int]:
+    """Sum of squares of the response in the columns' span, and the dimension of the span."""
+    norms = np.sqrt((columns**2).sum(axis=0))
+    keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    if not keep.any():
+        return 0.0, 0
+    scaled = columns[:, keep] / norms[keep]
+    # Pivoted Cholesky factor of the normal equations: it sees dependent columns, whatever their
+    # order, and costs a quarter of an orthonormal basis.
+    factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
+    along = (scaled.T @ response)[order[:rank] - 1]
+    found = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
+    return float(found @ found), int(rank)
+
+
+def orthonormal(columns: F) -> F:
+    """Orthonormal basis of the columns' span."""
+    norms = np.sqrt((columns**2).sum(axis=0))
+    columns = columns[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
+    if columns.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    scaled = columns / np.sqrt((columns**2).sum(axis=0))
+    q, r = np.linalg.qr(scaled)
+    # A column that earlier ones explain leaves a direction of rounding errors: drop it.
+    return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])

@@ -1,0 +1,165 @@
+"""Least squares on group-wise normal equations: refits, folds and bootstraps without the rows.
+
+For whitened rows y = Z theta + noise, everything that a comparison of models needs is in
+G_g = Z_g' Z_g, c_g = Z_g' y_g and s_g = y_g' y_g of each group g of rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ecm.io.arrays import F, I
+
+RIDGE = 1e-10
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Normal equations per group of rows; those of each group are formed when they are asked for.
+
+    With hundreds of columns the matrices of all groups are larger than the rows by far.
+    """
+
+    rows: F
+    """(r, k) weighted rows, group after group."""
+    response: F
+    """(r,)."""
+    bounds: I
+    """(g + 1,) where each group begins."""
+    squares: F
+    """(g,)."""
+    counts: F
+    """(g,) rows times components."""
+
+    @staticmethod
+    def of(design: F, response: F, groups: I, row_weights: F | None = None) -> NormalEquations:
+        """Whitened design (N, m, k) and response (N, m), groups (N,) from 0 on."""
+        n, m, k = design.shape
+        root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
+        count = int(groups.max()) + 1
+        order = np.argsort(groups, kind="stable")
+        rows = (design[order] * root[order, None, None]).reshape(n * m, k)
+        y = response * root[:, None]
+        bounds = np.searchsorted(groups[order], np.arange(count + 1)) * m
+        squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
+        members = (root > 0.0) * float(m)
+        counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
+        return NormalEquations(rows, y[order].ravel(), bounds.astype(np.int64), squares, counts)
+
+    @cached_property
+    def matrices(self) -> F:
+        """(g, k, k)."""
+        return np.stack([self.rows[a:b].T @ self.rows[a:b] for a, b in pairwise(self.bounds)])
+
+    @cached_property
+    def vectors(self) -> F:
+        """(g, k)."""
+        parts = [self.response[a:b] @ self.rows[a:b] for a, b in pairwise(self.bounds)]
+        return np.stack(parts)
+
+    def total(self, weights: F | None = None) -> tuple[F, F, float]:
+        """G, c, s summed over groups, each with its weight."""
+        if weights is None:
+            return self._whole
+        matrix = np.tensordot(weights, self.matrices, axes=1)
+        return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
+
+    def only(self, columns: Sequence[int]) -> NormalEquations:
+        """The same of some of the columns, in their order."""
+        take = np.asarray(columns, dtype=np.int64)
+        return replace(self, rows=self.rows[:, take])
+
+    @cached_property
+    def _whole(self) -> tuple[F, F, float]:
+        return self.rows.T @ self.rows, self.response @ self.rows, float(self.squares.sum())
+
+    def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
+        """(g,) held-out sum of squares of each group, fitted without its fold.
+
+        scored: (g,) 1 for groups that count, 0 for others (their squares are set to 0).
+        """
+        own = self.only(columns)
+        matrix, vector, _ = own.total()
+        result = np.zeros(len(self.squares))
+        for fold in np.unique(fold_of_group):
+            inside = fold_of_group == fold
+            g_in, c_in, _ = own.total(inside.astype(np.float64))
+            theta = solve(matrix - g_in, vector - c_in)
+            g = np.flatnonzero(inside & (scored > 0.0))
+            result[g] = self.squares[g] - 2.0 * own.vectors[g] @ theta
+            result[g] += (own.matrices[g] @ theta) @ theta
+        return result
+
+
+def solve(matrix: F, vector: F) -> F:
+    """Solution of near-singular normal equations, scaled to unit diagonal."""
+    if len(vector) == 0:
+        return np.zeros(0)
+    diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(diagonal, diagonal)
+    scaled[np.diag_indices_from(scaled)] += RIDGE
+    return np.asarray(np.linalg.solve(scaled, vector / diagonal) / diagonal)
+
+
+def projected_out(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
+    """Normal equations after projecting the fixed columns out of all columns."""
+    take = np.asarray(fixed, dtype=np.int64)
+    if len(take) == 0:
+        return matrix, vector
+    diagonal = np.sqrt(np.maximum(np.diag(matrix)[take], 1e-300))
+    inner = matrix[np.ix_(take, take)] / np.outer(diagonal, diagonal)
+    inner[np.diag_indices_from(inner)] += RIDGE
+    cross = matrix[take] / diagonal[:, None]
+    right = np.column_stack([cross, vector[take] / diagonal])
+    found = np.linalg.solve(inner, right)
+    return matrix - cross.T @ found[:, :-1], vector - cross.T @ found[:, -1]
+
+
+def explained_by_blocks(
+    equations: tuple[F, F],
+    left: tuple[F, F],
+    blocks: Sequence[tuple[int, ...]],
+    signs: F | None = None,
+) -> F:
+    """(b,) sum of squares that each block of columns explains beyond what was projected out.
+
+    Parameters
+    ----------
+    left
+        `projected_out` of the equations.
+    signs
+        (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
+        the wrong sign are left out of their block.
+    """
+    found = np.zeros(len(blocks))
+    ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
+    sizes = np.array([len(block) for block in blocks], dtype=np.int64)
+    for size in np.unique(sizes).tolist():
+        which = np.flatnonzero(sizes == size).tolist()
+        take = np.array([blocks[i] for i in which], dtype=np.int64).reshape(len(which), size)
+        matrices = left[0][take[:, :, None], take[:, None, :]]
+        matrices[:, np.arange(size), np.arange(size)] += ridge[take]
+        vectors = left[1][take]
+        solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+        found[which] = (vectors * solved).sum(axis=1)
+        if signs is None:
+            continue
+        wrong = signs[take] * solved < 0.0
+        held = np.flatnonzero(wrong.any(axis=1))
+        if len(held):
+            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in held]
+            found[np.asarray(which)[held]] = explained_by_blocks(equations, left, fewer, signs)
+    return found
+
+
+def explained_squares(matrix: F, vector: F, columns: Sequence[int]) -> float:
+    """Sum of squares that these columns explain."""
+    take = np.asarray(columns, dtype=np.int64)
+    if len(take) == 0:
+        return 0.0
+    return float(vector[take] @ solve(matrix[np.ix_(take, take)], vector[take]))

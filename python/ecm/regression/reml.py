@@ -1,0 +1,150 @@
+"""The noise floor from repeats: REML of the four standard deviations within cells of one pose.
+
+Repeats are spread over the run, so that they also hold drift, temperature and the side of
+approach. Whatever a linear combination of given columns can explain within the cells is projected
+out; only the rest is noise. A weak prior keeps each figure near what the instruments declare.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm.io.arrays import F, I
+from ecm.regression.noise import Noise, covariance_parts
+from ecm.regression.rows import Rows
+
+_LEAST_ROWS = 20
+_MOST_ROWS = 400
+_ITERATIONS = 30
+_OUTLIER = 30.0  # squared whitened length of six components, chance 4e-5
+_PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
+_PRIOR_ASSUMED = 3.0
+
+
+@dataclass(frozen=True)
+class _Contrasts:
+    response: F  # (M, m)
+    nuisance: F  # (M, m, k)
+    parts: F  # (4, M, m, m)
+
+
+def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> Noise | None:
+    """REML noise of the rows; None where fewer than 20 contrasts are there.
+
+    Parameters
+    ----------
+    residual
+        (N, m) measured minus base.
+    cells
+        (N,) rows of one pose; -1 leaves a row out.
+    nuisance
+        (N, m, k) columns that may vary within a cell without being noise.
+    """
+    contrasts = _contrasts(rows, residual, cells, nuisance)
+    if contrasts is None or len(contrasts.response) < _LEAST_ROWS:
+        return None
+    log_prior = np.log(prior.parameters() ** 2)
+    width = _PRIOR_DECLARED if prior.source == "declared" else _PRIOR_ASSUMED
+    log_variance = log_prior.copy()
+    for _ in range(2):
+        log_variance = _reml(contrasts, log_variance, log_prior, width)
+        kept = _without_outliers(contrasts, log_variance)
+        if len(kept.response) == len(contrasts.response):
+            break
+        contrasts = kept
+    return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
+
+
+def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | None:
+    """Orthonormal contrasts within each cell: r rows give r - 1."""
+    parts = covariance_parts(rows)
+    response, columns, variances = [], [], []
+    for cell in np.unique(cells[cells >= 0]):
+        members = np.flatnonzero(cells == cell)
+        if len(members) < 2:
+            continue
+        contrast = _helmert(len(members))
+        response.append(contrast @ residual[members])
+        columns.append(np.einsum("cr,rmk->cmk", contrast, nuisance[members]))
+        mean = parts[:, members].mean(axis=1)
+        variances.append(np.repeat(mean[:, None], len(members) - 1, axis=1))
+    if not response:
+        return None
+    found = _Contrasts(
+        np.concatenate(response), np.concatenate(columns), np.concatenate(variances, axis=1)
+    )
+    if len(found.response) > _MOST_ROWS:
+        take = np.linspace(0, len(found.response) - 1, _MOST_ROWS).astype(np.int64)
+        found = _Contrasts(found.response[take], found.nuisance[take], found.parts[:, take])
+    return found
+
+
+def _helmert(n: int) -> F:
+    """(n - 1, n) orthonormal rows, each orthogonal to 1."""
+    matrix = np.zeros((n - 1, n))
+    for i in range(1, n):
+        matrix[i - 1, :i] = 1.0
+        matrix[i - 1, i] = -float(i)
+        matrix[i - 1] /= np.sqrt(i * (i + 1.0))
+    return matrix
+
+
+def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
+    """Fisher scoring of the restricted likelihood in log variances, with a normal prior."""
+    log_variance = start.copy()
+    count, m = data.response.shape
+    flat = data.nuisance.reshape(count * m, -1)
+    norms = np.sqrt((flat**2).sum(axis=0))
+    flat = flat[:, norms > 0.0] / norms[norms > 0.0]
+    nuisance = flat.reshape(count, m, -1)
+    for _ in range(_ITERATIONS):
+        parts = data.parts * np.exp(log_variance)[:, None, None, None]
+        inverse = np.linalg.inv(parts.sum(axis=0))
+        # P = V^-1 - W A W', W = V^-1 X, A = (X' V^-1 X)^+: V is block diagonal, X is thin.
+        weighted = inverse @ nuisance
+        flat_weighted = weighted.reshape(count * m, -1)
+        normal = flat_weighted.T @ nuisance.reshape(count * m, -1)
+        inner = np.linalg.pinv(normal, hermitian=True, rcond=1e-10)
+        fitted = inner @ (flat_weighted.T @ data.response.ravel())
+        py = np.einsum("cij,cj->ci", inverse, data.response) - weighted @ fitted
+        products = inverse @ parts
+        acting = (parts @ weighted).reshape(len(parts), count * m, -1)
+        seen = np.stack([inner @ (flat_weighted.T @ a) for a in acting])
+        score = np.zeros(len(parts))
+        information = np.zeros((len(parts), len(parts)))
+        for q, part in enumerate(parts):
+            quadratic = np.einsum("ci,cij,cj->", py, part, py)
+            trace = np.einsum("cii->", products[q]) - np.trace(seen[q])
+            score[q] = 0.5 * (quadratic - trace)
+            back = (inverse @ acting[q].reshape(count, m, -1)).reshape(count * m, -1)
+            for r in range(len(parts)):
+                whole = np.einsum("cij,cji->", products[q], products[r])
+                mixed = np.trace(inner @ (back.T @ acting[r]))
+                both = np.einsum("ij,ji->", seen[q], seen[r])
+                information[q, r] = 0.5 * (whole - 2.0 * mixed + both)
+        score -= (log_variance - prior) / width**2
+        information += np.eye(4) / width**2
+        step = np.clip(np.linalg.solve(information, score), -1.0, 1.0)
+        log_variance = np.clip(log_variance + step, prior - 9.0, prior + 9.0)
+        if float(np.abs(step).max()) < 1e-3:
+            break
+    return np.asarray(log_variance)
+
+
+def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
+    """Leave out contrasts that no Gaussian of this width gives, after the nuisance."""
+    covariance = (data.parts * np.exp(log_variance)[:, None, None, None]).sum(axis=0)
+    count, m = data.response.shape
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+    y = np.einsum("cij,cj->ci", whitener, data.response).ravel()
+    x = np.einsum("cij,cjk->cik", whitener, data.nuisance).reshape(count * m, -1)
+    norms = np.sqrt((x**2).sum(axis=0))
+    x = x / np.where(norms > 0.0, norms, 1.0)
+    y = y - x @ np.linalg.lstsq(x, y, rcond=1e-10)[0]
+    squares = (y.reshape(count, m) ** 2).sum(axis=1)
+    # The median of chi-squared with m degrees of freedom is about m - 2/3.
+    scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
+    keep = squares < _OUTLIER * scale
+    return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])

@@ -1,0 +1,180 @@
+"""A film of the first poses of a campaign: MuJoCo draws the arm, and the mechanism from near.
+
+The mechanism is no body of the scene; it is drawn as a row of capsules along the cubic that leaves
+the base and meets the top frame straight on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import ComputationError, MissingExtra
+from ecm.io.arrays import F
+from ecm.rig.arm.procedure import Stop
+from ecm.rig.arm.scene import mujoco
+from ecm.rig.arm.simulation import Simulation
+from ecm.rig.arm.worker import Job
+from ecm.rig.elastic import Progress
+
+WIDTH, HEIGHT = 480, 400
+NEAR_WIDTH = 260
+"""Of the view of the mechanism, right of the arm's."""
+FRAMES_PER_S = 12
+FASTER = 4.0
+"""Simulated over filmed time."""
+_PIECES = 12
+_CLEAR, _LOADED = np.array([0.55, 0.75, 0.95, 1.0]), np.array([0.95, 0.35, 0.25, 1.0])
+_FULL_N = 120.0
+"""Force at which the mechanism is drawn red."""
+
+
+class Film:
+    """Collects frames; `frame` is the callback of a machine."""
+
+    def __init__(self, length_m: float, radius_m: float) -> None:
+        self._library = mujoco()
+        self._length_m, self._radius_m = length_m, radius_m
+        self._context = _gl_context()
+        self._drawing: Any = None
+        self._last_s = -1.0
+        self._title = ""
+        self.images: list[NDArray[np.uint8]] = []
+
+    def begin(self, title: str = "") -> None:
+        """A sortie begins: its clock starts again."""
+        self._last_s = -1.0
+        self._title = title
+
+    def frame(self, simulation: Simulation, phase: str) -> None:
+        """One more frame where enough time has passed."""
+        if simulation.time_s - self._last_s < FASTER / FRAMES_PER_S - 1e-9:
+            return
+        self._last_s = simulation.time_s
+        library = self._library
+        if self._drawing is None:
+            self._drawing = self._begin_drawing(simulation)
+        scene, option, canvas, views = self._drawing
+        whole = library.MjrRect(0, 0, WIDTH + NEAR_WIDTH, HEIGHT)
+        for camera, place in views:
+            library.mjv_updateScene(
+                simulation.model, simulation.data, option, None, camera,
+                library.mjtCatBit.mjCAT_ALL.value, scene,
+            )  # fmt: skip
+            self._draw_mechanism(scene, simulation)
+            library.mjr_render(place, scene, canvas)
+        force = float(np.linalg.norm(simulation.wrench[:3]))
+        library.mjr_overlay(
+            library.mjtFont.mjFONT_NORMAL.value, library.mjtGridPos.mjGRID_TOPRIGHT.value,
+            views[0][1],
+            f"{self._title}\nphase\ntime\nforce",
+            f" \n{phase}\n{simulation.time_s:.1f} s\n{force:.0f} N", canvas,
+        )  # fmt: skip
+        image = np.zeros((HEIGHT, WIDTH + NEAR_WIDTH, 3), dtype=np.uint8)
+        library.mjr_readPixels(image, None, whole, canvas)
+        self.images.append(image[::-1].copy())
+
+    def write(self, path: Path) -> None:
+        """As an animated GIF."""
+        try:
+            from PIL import Image
+        except ImportError:
+            raise MissingExtra("pillow", "robot", "--film") from None
+        frames = [Image.fromarray(image).quantize(96) for image in self.images]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            frames[0].save(
+                path, format="GIF", save_all=True, append_images=frames[1:],
+                duration=round(1000.0 / FRAMES_PER_S), loop=0,
+            )  # fmt: skip
+        except OSError as error:
+            raise ComputationError(f"{path}: the film cannot be written: {error}") from None
+
+    def close(self) -> None:
+        """Gives the graphics context back."""
+        self._drawing = None
+        self._context.free()
+
+    def _begin_drawing(self, simulation: Simulation) -> Any:
+        library = self._library
+        canvas = library.MjrContext(simulation.model, library.mjtFontScale.mjFONTSCALE_100.value)
+        library.mjr_setBuffer(library.mjtFramebuffer.mjFB_OFFSCREEN.value, canvas)
+        # MuJoCo's cameras stand upright along z; here up is x, so the cameras are given by axes.
+        views = []
+        for number, (left, width) in enumerate(((0, WIDTH), (WIDTH, NEAR_WIDTH))):
+            camera = library.MjvCamera()
+            camera.type = library.mjtCamera.mjCAMERA_FIXED.value
+            camera.fixedcamid = number
+            views.append((camera, library.MjrRect(left, 0, width, HEIGHT)))
+        scene = library.MjvScene(simulation.model, maxgeom=200)
+        return scene, library.MjvOption(), canvas, views
+
+    def _draw_mechanism(self, scene: Any, simulation: Simulation) -> None:
+        library = self._library
+        load = min(1.0, float(np.linalg.norm(simulation.wrench[:3])) / _FULL_N)
+        colour = ((1.0 - load) * _CLEAR + load * _LOADED).astype(np.float32)
+        points = centre_line(
+            simulation.position, simulation.data.site_xmat[0].reshape(3, 3), self._length_m
+        )
+        for start, end in pairwise(points):
+            if scene.ngeom >= scene.maxgeom:
+                return
+            piece = scene.geoms[scene.ngeom]
+            kind = library.mjtGeom.mjGEOM_CYLINDER.value
+            library.mjv_initGeom(piece, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+            library.mjv_connector(piece, kind, self._radius_m, start, end)
+            scene.ngeom += 1
+
+
+def centre_line(top_m: F, top_axes: F, length_m: float) -> F:
+    """Points (n, 3) of the cubic from the base along x to the top along its own x."""
+    u = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    begin, end = length_m * np.array([1.0, 0.0, 0.0]), length_m * top_axes[:, 0]
+    line: F = (u**3 - 2 * u**2 + u) * begin + (3 * u**2 - 2 * u**3) * top_m + (u**3 - u**2) * end
+    return line
+
+
+def film(
+    job: Job, stops: Sequence[Stop], path: Path, radius_m: float, progress: Progress = None
+) -> int:
+    """Films each stop as a sortie of its own; returns the number of frames.
+
+    Raises
+    ------
+    ComputationError
+        Where no way to draw without a screen is found.
+    """
+    picture = Film(job.surrogate.length_m, radius_m)
+    try:
+        machine = job.machine(picture.frame)
+        for i, stop in enumerate(stops):
+            picture.begin(f"pose {i + 1} of {len(stops)}")
+            machine.sortie([stop])
+            if progress is not None:
+                progress(i + 1, len(stops), "filming")
+        picture.write(path)
+    finally:
+        picture.close()
+    return len(picture.images)
+
+
+def _gl_context() -> Any:
+    """A context for drawing without a screen: EGL, OSMesa, or a hidden window."""
+    tried = []
+    for name in ("egl", "osmesa", "glfw"):
+        try:
+            context = import_module(f"mujoco.{name}").GLContext(WIDTH + NEAR_WIDTH, HEIGHT)
+            context.make_current()
+            return context
+        except Exception as error:  # whatever a graphics driver raises
+            tried.append(f"{name}: {error}")
+    raise ComputationError(
+        "the film needs a way to draw without a screen and found none; install libegl1 or "
+        f"libosmesa6 ({'; '.join(tried)[:300]})"
+    )

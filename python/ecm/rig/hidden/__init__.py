@@ -1,0 +1,1 @@
+"""Effects hidden in the simulated rig: what, how large, and the sealed truth."""

@@ -1,0 +1,201 @@
+"""One reading as it stands in the journal, and all readings as a measurement table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.rig.frames import rotation, turn_wrench
+from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
+from ecm.rig.measurement import wrench_in_base
+from ecm.rig.optics import Optics
+from ecm.rig.streams import stream
+from ecm.rig.timeline import OFFSET
+
+if TYPE_CHECKING:
+    from ecm.io.description import Meta
+    from ecm.io.table import Table
+    from ecm.rig.physics import Physics
+    from ecm.rig.plan import Skipped
+    from ecm.rig.plant import Plant, Visits
+    from ecm.rig.settings import RigSettings
+    from ecm.rig.timeline import Timeline
+
+
+POSE_NAMES = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
+WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
+_NAMES = (
+    *POSE_NAMES,
+    *(f"sd_{n}" for n in POSE_NAMES),
+    *(f"sensor_{n}" for n in WRENCH_NAMES),
+    *(f"sd_{n}" for n in WRENCH_NAMES),
+    "temperature_degC",
+    "sensor_temperature_degC",
+)
+HEADER = ",".join(_NAMES)
+"""Of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
+
+
+class CampaignState(Protocol):
+    """What a table says of the campaign that it was measured in."""
+
+    plan: Table
+    settings: RigSettings
+    seed: int
+    plant: Plant
+    course: Visits
+    physics: Physics
+    timeline: Timeline
+    skipped: list[Skipped]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Means and spreads of one window."""
+
+    pose: F
+    pose_sd: F
+    sensor: F
+    """In sensor axes, zero included."""
+    wrench_sd: F
+    """In base axes at the top."""
+    temperature_degC: float
+    sensor_temperature_degC: float
+
+    @staticmethod
+    def of_samples(
+        seen: Window,
+        sensor: F,
+        top_from_sensor: F,
+        temperature_degC: float,
+        sensor_temperature_degC: float,
+    ) -> Reading:
+        """From samples (n, 6) of the sensor and the camera's window."""
+        turn = rotation(seen.mean[None, 3:])
+        samples = turn_wrench(turn, sensor @ top_from_sensor.T)
+        spread = samples.std(axis=0, ddof=1) if len(samples) > 1 else np.zeros(6)
+        return Reading(
+            seen.mean,
+            seen.spread,
+            sensor.mean(axis=0),
+            spread,
+            temperature_degC,
+            sensor_temperature_degC,
+        )
+
+    def line(self) -> str:
+        """A line of the journal; numbers read back bit for bit."""
+        numbers = [*self.pose, *self.pose_sd, *self.sensor, *self.wrench_sd]
+        numbers += [self.temperature_degC, self.sensor_temperature_degC]
+        return ",".join(repr(float(n)) for n in numbers)
+
+    @staticmethod
+    def parse(line: str, where: str) -> Reading:
+        """The inverse of `line`."""
+        try:
+            numbers = np.asarray([float(cell) for cell in line.split(",")])
+        except ValueError:
+            numbers = np.empty(0)
+        if len(numbers) != len(_NAMES):
+            raise InputError(
+                f"{where}: a damaged line `{line[:40]}`: expected {len(_NAMES)} numbers. "
+                "Remove the journal to begin anew"
+            )
+        pose, pose_sd, sensor, wrench_sd = np.split(numbers[:24], 4)
+        return Reading(pose, pose_sd, sensor, wrench_sd, float(numbers[24]), float(numbers[25]))
+
+
+def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str) -> Table:
+    """The measurement table: wrenches compensated and in base axes, noise of the averaged row."""
+    from ecm.io.table import Table
+
+    poses = np.stack([r.pose for r in readings])
+    wrenches = wrench_in_base(
+        campaign.plant,
+        campaign.course,
+        campaign.physics,
+        sensor=np.stack([r.sensor for r in readings]),
+        poses=poses,
+        law=campaign.settings.rig.offset_compensation,
+        temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
+    )
+    visits = campaign.timeline.visits
+    rows = [i for i, v in enumerate(visits) if v.kind != OFFSET]
+    taken = [visits[i] for i in rows]
+    columns: dict[str, NDArray[Any]] = {
+        "pose_id": np.asarray([v.pose_id for v in taken], dtype=np.float64),
+        "run": np.asarray([v.run for v in taken], dtype=np.float64),
+        "repeat": np.asarray([v.repeat for v in taken], dtype=np.float64),
+        "time_s": _stamps(campaign, rows),
+        "dwell_s": np.asarray([v.dwell_s for v in taken]),
+        "approach": np.asarray([v.approach for v in taken], dtype=object),
+        "kind": np.asarray([v.kind for v in taken], dtype=object),
+    }
+    spreads = np.stack([[*readings[i].pose_sd, *readings[i].wrench_sd] for i in rows])
+    optics = Optics(campaign.settings.instrument)
+    columns["leds_visible"] = optics.visible(poses[rows]).sum(axis=1).astype(np.float64)
+    columns |= dict(zip(POSE_NAMES, poses[rows].T.copy(), strict=True))
+    columns |= dict(zip(WRENCH_NAMES, wrenches[rows].T.copy(), strict=True))
+    columns["temperature_degC"] = np.asarray([readings[i].temperature_degC for i in rows])
+    columns["sensor_temperature_degC"] = np.asarray(
+        [readings[i].sensor_temperature_degC for i in rows]
+    )
+    names = (f"sd_{name}" for name in (*POSE_NAMES, *WRENCH_NAMES))
+    columns |= dict(zip(names, spreads.T.copy(), strict=True))
+    skipped = tuple(
+        f"row {s.row + 1}, pose {s.pose_id}: skipped: {s.reason}" for s in campaign.skipped
+    )
+    return Table(columns, described(campaign, truth_sha256), "campaign", skipped)
+
+
+def _stamps(campaign: CampaignState, rows: list[int]) -> F:
+    """Time stamps by the recorder's clock; they grow, as a recorder's do."""
+    instrument = campaign.settings.instrument
+    time = np.asarray([campaign.timeline.visits[i].time_s for i in rows])
+    scatter = instrument.time_stamp_sd_s * np.asarray(
+        [
+            stream(campaign.seed, "stamp", *campaign.timeline.visits[i].serial).standard_normal()
+            for i in rows
+        ]
+    )
+    stamps: F = np.maximum.accumulate((1.0 + instrument.clock_skew) * time + scatter)
+    return stamps
+
+
+def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
+    """What stands beside a table whose rows are means over window_s, by default the rig's."""
+    from ecm.io.description import FileMeta, Instrument, Meta, Scene
+
+    settings = campaign.settings
+    instrument, plant = settings.instrument, settings.plant
+    window = settings.rig.window_s if window_s is None else window_s
+    sensor = ForceTorqueSensor(instrument).row_covariance(window, campaign.plant.top_from_sensor)
+    position, angle = Camera(instrument).row_sd(window)
+    variance = np.diag(sensor)
+    gravity = plant.gravity_m_s2
+    known = campaign.plan.meta
+    return Meta(
+        file=FileMeta(truth_sha256=truth_sha256),
+        mechanism=known.mechanism,
+        instrument=Instrument(
+            pose_position_sd_m=position,
+            pose_rotation_sd_rad=angle,
+            force_sd_N=float(np.sqrt(variance[:3].mean())),
+            torque_sd_Nm=float(np.sqrt(variance[3:].mean())),
+            fts_range=instrument.fts_range,
+            fts_resolution=instrument.fts_resolution,
+            top_from_sensor=instrument.top_from_sensor,
+            zeroed_with_payload=instrument.zeroed_with_payload,
+        ),
+        scene=Scene(
+            gravity_m_s2=(gravity[0], gravity[1], gravity[2]),
+            payload_mass_kg=plant.payload_mass_kg or None,
+        ),
+        runs=campaign.timeline.runs,
+        source=known.source,
+    )

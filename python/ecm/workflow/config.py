@@ -1,0 +1,168 @@
+"""CONFIG: one TOML file that describes a whole identification, from mesh to report.
+
+Each table is a frozen dataclass with its defaults; the plain default is the neck of the paper at
+real size. The rig's four tables belong to `ecm.rig.settings`, the workspace to `ecm.fem.simulate`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ecm.errors import InputError
+from ecm.fem.simulate import Workspace
+from ecm.io.mechanism import Mechanism
+from ecm.io.settings import Checked, read_settings, setting
+from ecm.io.toml import check_keys, read_toml
+from ecm.rig.settings import TABLES as RIG_TABLES
+from ecm.rig.settings import RigSettings
+
+TABLES = ("mechanism", "workspace", "simulate", "select", "design", *RIG_TABLES)
+
+
+@dataclass(frozen=True)
+class SimulateSettings(Checked):
+    """[simulate]: step 1, wrench-pose pairs by FEM."""
+
+    n: int = setting(1700, low=2, doc="pairs to keep, test pairs included")
+    n_test: int = setting(300, low=1, doc="of these, pairs that are only for testing")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.n_test >= self.n:
+            raise InputError(f"n_test = {self.n_test}: expected above 0 and below n = {self.n}")
+
+
+@dataclass(frozen=True)
+class SelectSettings(Checked):
+    """[select]: step 2, which model."""
+
+    degrees: tuple[int, ...] = setting(
+        (1, 2, 3), low=1, high=5, any_size=True, doc="polynomials of Table II"
+    )
+    thresholds: tuple[float, ...] = setting(
+        (0.0, 0.1, 0.5),
+        low=0.0,
+        any_size=True,
+        doc="PCR drops singular values of the normalised regressor below these",
+    )
+    energy_degrees: tuple[int, ...] = setting(
+        (4, 6), low=4, high=6, any_size=True, doc="symmetric energy models"
+    )
+    energy_poses: tuple[int, ...] = setting(
+        (20, 50, 200), low=5, any_size=True, doc="numbers of poses that they are trained on"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("degrees", "thresholds"):
+            if not getattr(self, name):
+                raise InputError(f"{name} = []: expected at least one entry")
+        if list(self.degrees) != sorted(set(self.degrees)):
+            raise InputError(f"degrees = {list(self.degrees)}: expected increasing numbers")
+
+
+@dataclass(frozen=True)
+class DesignSettings(Checked):
+    """[design]: step 2, which poses are worth measuring."""
+
+    n: int = setting(200, low=1, doc="poses in each design")
+    starts: int = setting(10, low=1, doc="random starts of the exchange; the best is kept")
+
+
+@dataclass(frozen=True)
+class Config:
+    """A whole CONFIG file; the default is the neck at the paper's size."""
+
+    mechanism: Mechanism = field(default_factory=Mechanism)
+    workspace: Workspace = field(default_factory=Workspace)
+    simulate: SimulateSettings = field(default_factory=SimulateSettings)
+    select: SelectSettings = field(default_factory=SelectSettings)
+    design: DesignSettings = field(default_factory=DesignSettings)
+    rig: RigSettings = field(default_factory=RigSettings)
+    """The tables [rig] [instrument] [plant] [hidden]."""
+    source: str = ""
+    """File it was read from, for messages."""
+
+    def check_job(self) -> None:
+        """InputError where the tables of the whole job do not fit each other."""
+        pairs = self.simulate.n - self.simulate.n_test
+        if self.design.n > pairs:
+            raise InputError(
+                f"{self._where}[design] n = {self.design.n}: expected at most the {pairs} training "
+                "pairs of [simulate] (n - n_test)"
+            )
+        degree = max(self.select.degrees)
+        needed = math.comb(degree + 6, 6)
+        if pairs < needed:
+            raise InputError(
+                f"{self._where}[simulate] n - n_test = {pairs}: expected at least {needed}, the "
+                f"coefficients of [select] degrees {degree}"
+            )
+
+    @property
+    def _where(self) -> str:
+        return f"{self.source}: " if self.source else ""
+
+
+def config_from_dict(
+    document: Mapping[str, Any], where: str = "CONFIG", *, base: Path | None = None
+) -> Config:
+    """A parsed CONFIG; InputError naming file, table, key and the nearest known key.
+
+    Parameters
+    ----------
+    base
+        Directory of a relative mesh file.
+    """
+    check_keys(document, TABLES, where)
+    mechanism = Mechanism()
+    if "mechanism" in document:
+        mechanism = Mechanism.from_dict(document["mechanism"], f"{where} [mechanism]", base=base)
+        if not mechanism.has_body:
+            raise InputError(
+                f'{where} [mechanism]: expected a body for FEM: builtin = "cylinder" (or mesh = '
+                '"file.msh") with young_modulus_Pa'
+            )
+
+    def section(name: str) -> Any:
+        return document.get(name, {})
+
+    try:
+        return Config(
+            mechanism=mechanism,
+            workspace=read_settings(Workspace, section("workspace"), f"{where} [workspace]"),
+            simulate=read_settings(SimulateSettings, section("simulate"), f"{where} [simulate]"),
+            select=read_settings(SelectSettings, section("select"), f"{where} [select]"),
+            design=read_settings(DesignSettings, section("design"), f"{where} [design]"),
+            rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
+            source=where,
+        )
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+
+
+def read_config(path: str | Path) -> Config:
+    """CONFIG of a TOML file."""
+    file = Path(path)
+    return config_from_dict(read_toml(file, "configuration"), str(file), base=file.parent)
+
+
+def read_rig(path: str | Path) -> RigSettings:
+    """RIG.toml: the tables [rig] [instrument] [plant] [hidden] of a CONFIG."""
+    file = Path(path)
+    return RigSettings.from_dict(read_toml(file, "rig file"), str(file))
+
+
+def with_rig(config: Config, path: str | Path) -> Config:
+    """The job on the rig of another file; its own [hidden] stays where that file has none."""
+    file = Path(path)
+    document = read_toml(file, "rig file")
+    rig = RigSettings.from_dict(document, str(file))
+    if "hidden" not in document:
+        rig = replace(rig, hidden=config.rig.hidden)
+    return replace(config, rig=rig)
