@@ -1,0 +1,576 @@
+"""The command `ecm`: help, options that all share, results, and how it ends."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.cli.app import app
+from ecm.cli.console import Console
+from ecm.io.columns import POSE, STIFFNESS, WRENCH
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
+from ecm.models import PhysicsMap, fit_model
+from ecm.report.page import number
+from support.campaigns import campaign, physics
+from support.neck import LENGTH_M, Done, csv_text, neck_columns, neck_rows
+
+Command = Callable[..., Done]
+COMMANDS = sorted(str(command.name) for command in app.registered_commands)
+
+
+def test_the_commands_are_those_of_this_version() -> None:
+    assert (
+        sorted(
+            [
+                "identify",
+                "simulate",
+                "fit",
+                "predict",
+                "design",
+                "campaign",
+                "check",
+                "compare",
+                "diagnose",
+                "refit",
+                "reveal",
+                "effects",
+                "export",
+                "new",
+            ]
+        )
+        == COMMANDS
+    )
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
+    done = ecm_command(*([name] if name else []), "--help")
+    assert done.code == 0
+    lines = done.out.rstrip("\n").split("\n")
+    assert len(lines) <= 24, done.out
+    assert max(len(line) for line in lines) <= 80, done.out
+    assert "..." not in done.out.replace("...}", "").replace("ARGS]...", "").replace(
+        "DATA...", ""
+    ).replace("k_fx_x ...", "").replace("}...", ""), done.out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_takes_the_common_options(name: str) -> None:
+    from typer.main import get_command
+
+    group: Any = get_command(app)
+    options = {option for p in group.commands[name].params for option in p.opts}
+    assert {"--json", "--seed", "--threads", "--quiet"} <= options
+
+
+def test_version_and_no_arguments(ecm_command: Command) -> None:
+    from ecm._native import __version__
+
+    assert ecm_command("--version").out == f"ecm {__version__}\n"
+    assert "Usage: ecm" in ecm_command().err + ecm_command().out
+
+
+def read(path: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return document
+
+
+def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    done = ecm_command("check", neck_csv, "--json", tmp_path / "check.json")
+    assert done.code == 0
+    assert "60 rows" in done.out
+    document = read(tmp_path / "check.json")
+    assert document["rows"] == 60
+    assert {column["name"] for column in document["columns"]} == {*POSE, *WRENCH}
+    assert "anisotropy" in document["testable"]
+
+
+def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    done = ecm_command("check", neck_csv, "--quiet", "--json", tmp_path / "check.json")
+    assert (done.code, done.out, done.err) == (0, "", "")
+    assert (tmp_path / "check.json").exists()
+
+
+def test_fit_and_predict(tmp_path: Path, ecm_command: Command) -> None:
+    """Noise-free rows of a linear mechanism: the model gives wrench and stiffness back."""
+    poses, _ = neck_rows(80)
+    from support.neck import STIFFNESS as K
+
+    wrenches = (poses - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
+    (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
+    fitted = ecm_command(
+        "fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json",
+        "--json", tmp_path / "fit.json",
+    )  # fmt: skip
+    assert fitted.code == 0, fitted.err
+    assert read(tmp_path / "fit.json")["components"]["fx_N"]["rmse"] < 1e-9
+    new, _ = neck_rows(5, seed=3)
+    asked = {"pose_id": np.arange(5.0), **dict(zip(POSE, new.T, strict=True))}
+    asked |= {"fx_N": np.zeros(5), "humidity": np.full(5, 40.0)}
+    (tmp_path / "p.csv").write_text(csv_text(asked), encoding="utf-8")
+    done = ecm_command(
+        "predict", tmp_path / "m.json", tmp_path / "p.csv", "--out", tmp_path / "out.csv",
+        "--stiffness",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    table = read_table(tmp_path / "out.csv")
+    # The input's columns keep their order, fx_N its place; predicted ones follow.
+    assert list(table.columns)[: len(asked)] == list(asked)
+    assert table.column("humidity").tolist() == [40.0] * 5
+    expected = (new - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
+    np.testing.assert_allclose(table.wrenches, expected, atol=1e-8)
+    assert [name for name in table.columns if name.startswith("k_")] == list(STIFFNESS)
+    np.testing.assert_allclose(
+        table.matrix(STIFFNESS).reshape(5, 6, 6), np.broadcast_to(K, (5, 6, 6)), atol=1e-5
+    )
+    assert "sd_fx_N" in table.columns
+
+
+def test_predicting_far_away_warns(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", tmp_path / "m.json")
+    far = {name: np.full(3, 0.7) for name in POSE}
+    (tmp_path / "p.csv").write_text(csv_text(far), encoding="utf-8")
+    done = ecm_command("predict", tmp_path / "m.json", tmp_path / "p.csv", "--out",
+                       tmp_path / "o.csv")  # fmt: skip
+    assert done.code == 0
+    assert "3 of 3 poses are outside what the model was trained on" in done.err
+
+
+def test_bad_rows_are_skipped_on_request(tmp_path: Path, ecm_command: Command) -> None:
+    lines = csv_text(neck_columns()).splitlines()
+    lines[3] = lines[3].replace(lines[3].split(",")[0], "?", 1)
+    (tmp_path / "d.csv").write_text("\n".join(lines), encoding="utf-8")
+    assert ecm_command("check", tmp_path / "d.csv").code == 2
+    done = ecm_command("check", tmp_path / "d.csv", "--skip-bad-rows")
+    assert done.code == 0
+    assert "59 rows" in done.out
+    assert "left out 1 row(s)" in done.err
+    assert "line 4, column 'x_m'" in done.err
+
+
+def test_compare_prints_every_component(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", neck_csv, "--json", tmp_path / "c.json",
+        "--report", tmp_path / "c.html",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    for word in ("rmse", "bias", "noise floor", "excess", *WRENCH):
+        assert word in done.out
+    assert set(read(tmp_path / "c.json")["rmse"]) == set(WRENCH)
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "noise floor" in page
+    assert "http://" not in re.sub(r"http://www\.w3\.org[^\s\"']*", "", page.split("<main>")[1])
+
+
+def test_compare_sets_four_references_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    """Of an energy model as well: the physics base is that of the table's [mechanism]."""
+    asked: list[Mechanism] = []
+
+    def built(body: Mechanism, **_: object) -> PhysicsMap:
+        asked.append(body)
+        return physics()
+
+    for place in ("ecm.models", "ecm.models.physics.map"):
+        monkeypatch.setattr(f"{place}.physics_map", built)
+    table = campaign("base_compliance", 2.0, 1)
+    body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
+    elastic = {"young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}
+    table.with_meta(replace(table.meta, mechanism=body | elastic)).write(tmp_path / "d.csv")
+    fit_model(table, "linear").save(tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", tmp_path / "d.csv", "--json", tmp_path / "c.json",
+        "--report", tmp_path / "c.html",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert asked[0].radius_m == 0.033
+    document = read(tmp_path / "c.json")
+    known = document["references"]
+    page = (tmp_path / "c.html").read_text(encoding="utf-8").split("<main>")[1]
+    shown = ("physics base", "physics"), ("symmetric energy", "energy"), ("ceiling", "ceiling")
+    for name, key in (*shown, ("noise floor", "floor")):
+        assert f"{name} {known[key]:.2f}" in done.out
+        assert f"{name}</td>" in page
+        assert number(known[key]) in page
+    assert known["sentence"] in done.out
+    assert known["sentence"] in page
+    assert "elasticity or geometry that keeps the symmetry" in known["sentence"]
+    # Lack of fit of each component beside that of all.
+    for name in ("all", *WRENCH):
+        test = document["lack_of_fit"]
+        if name != "all":
+            test = next(c for c in document["components"] if c["name"] == name)["lack_of_fit"]
+        found = re.search(rf"^{name} +(\S+) +\S+ +\S+ +(\S+)$", done.out, re.MULTILINE)
+        assert found is not None
+        assert found.groups() == (f"{test['F']:.6g}", f"{test['p']:.2g}")
+
+
+def test_a_single_row_is_compared_and_drawn(tmp_path: Path, ecm_command: Command) -> None:
+    """Catches a report that takes for granted that something varies."""
+    (tmp_path / "d.csv").write_text(csv_text(neck_columns()), encoding="utf-8")
+    (tmp_path / "one.csv").write_text(csv_text(neck_columns(1)), encoding="utf-8")
+    ecm_command("fit", tmp_path / "d.csv", "--model", "linear", "--out", tmp_path / "m.json")
+    done = ecm_command(
+        "compare", tmp_path / "m.json", tmp_path / "one.csv", "--report", tmp_path / "c.html"
+    )
+    assert done.code == 0, done.err
+    assert "noise floor" in (tmp_path / "c.html").read_text(encoding="utf-8")
+
+
+def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> None:
+    listed = ecm_command("effects", "--json", tmp_path / "e.json")
+    ids = {effect["id"] for effect in read(tmp_path / "e.json")["effects"]}
+    assert {"fts_offset", "fts_drift", "payload", "base_compliance", "tip_frame_misalignment",
+            "hysteresis", "temperature_modulus", "anisotropy"} <= ids  # fmt: skip
+    assert all(id in listed.out for id in ids)
+    one = ecm_command("effects", "hysteresis")
+    assert one.code == 0
+    assert "parameter" in one.out
+    assert "confused with" in one.out
+    for line in ("needs: poses reached from both sides (approach)", "side: physics", "kind: time"):
+        assert f"\n{line}" in one.out
+    plain = ecm_command("effects", "fts_offset").out
+    assert "\nneeds: nothing beside pose and wrench\nside: measurement" in plain
+    effects = {effect["id"]: effect for effect in read(tmp_path / "e.json")["effects"]}
+    assert effects["hysteresis"]["needs"] == "poses reached from both sides (approach)"
+    assert effects["fts_offset"]["needs"] == ""
+    assert (effects["pose_noise"]["side"], effects["pose_noise"]["kind"]) == (
+        "measurement", "noise",
+    )  # fmt: skip
+
+
+def test_effects_of_installed_packages_are_known(
+    monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    from ecm.effects import LinearEffect, Parameter, unregister
+
+    class Draught(LinearEffect):
+        id = "draught"
+        physics = "A fan blows on the platform."
+        parameters = (Parameter("force", "N", 0.1),)
+
+    class Point:
+        def __init__(self, load: Callable[[], object]) -> None:
+            self.load = load
+
+    def broken() -> object:
+        raise ImportError("no module named fan")
+
+    def offer(load: Callable[[], object]) -> None:
+        monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [Point(load)])
+
+    offer(lambda: Draught)
+    try:
+        assert "A fan blows on the platform" in ecm_command("effects", "draught").out
+    finally:
+        unregister("draught")
+    offer(broken)
+    done = ecm_command("effects")
+    assert done.code == 2
+    assert "no module named fan" in done.err
+
+
+@pytest.mark.parametrize("what", ["config", "rig", "data"])
+def test_new_writes_a_file_once(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ecm_command("new", what).code == 0
+    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert written
+    assert ecm_command("new", what).code == 2
+    assert written == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+
+def test_from_candidates_to_a_refit_and_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    """design, campaign, fit, compare, refit and reveal pass their files on to each other."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))
+    poses, _ = neck_rows(40)
+    candidates = {"pose_id": np.arange(40.0) + 100, **dict(zip(POSE, poses.T, strict=True))}
+    Path("c.csv").write_text(csv_text(candidates), encoding="utf-8")
+    Path("c.toml").write_text(
+        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
+        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n",
+        encoding="utf-8",
+    )
+    Path("rig.toml").write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+
+    def done(*arguments: object) -> Done:
+        found = ecm_command(*arguments)
+        assert found.code == 0, found.err
+        return found
+
+    said = done("design", "c.csv", "--n", "14", "--model", "linear", "--out", "plan.csv",
+                "--json", "design.json")  # fmt: skip
+    assert "14 poses" in said.out
+    plan = read_table("plan.csv")
+    rows = read(Path("design.json"))["rows"]
+    assert len(set(rows)) == 14
+    # Rows count from 1; the plan is in visiting order.
+    assert sorted(plan.column("pose_id")) == [row - 1 + 100.0 for row in rows]
+    visited = plan.column("pose_id").astype(int) - 100
+    np.testing.assert_array_equal(plan.poses, poses[visited])
+    assert plan.meta.mechanism["radius_m"] == 0.033
+
+    done("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv", "--hide",
+         "fts_offset=5", "--seed", "3")  # fmt: skip
+    data = read_table("data.csv")
+    assert len(data) == 14
+    assert data.column("dwell_s").tolist() == [5.0] * 14
+    assert data.meta.instrument.force_sd_N == pytest.approx(0.3, rel=0.05)
+    assert "fts_offset" not in Path("data.csv").read_text(encoding="utf-8")
+    measured = Path("data.csv").read_bytes()
+    again = ecm_command("campaign", "plan.csv", "--rig", "rig.toml", "--out", "data.csv")
+    assert again.code == 2
+    assert "measurements are not overwritten" in again.err
+    assert Path("data.csv").read_bytes() == measured
+    assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
+
+    done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
+    for place in ("ecm.models", "ecm.models.physics.map"):  # no FEM for the references
+        monkeypatch.setattr(f"{place}.physics_map", lambda *_, **__: physics())
+    said = done("compare", "m.json", "data.csv", "--json", "before.json")
+    assert "physics base" in said.out
+    said = done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",
+                "refit.json")  # fmt: skip
+    assert "fts_offset (instruments)" in said.out
+    together = read(Path("refit.json"))["correlations"]
+    assert together
+    for pair in together:
+        assert "{} and {}: {:+.2f}".format(*pair["between"], pair["value"]) in said.out
+    done("compare", "n.json", "data.csv", "--json", "after.json")
+    before, after = read(Path("before.json")), read(Path("after.json"))
+    assert after["whitened_rms"] < 0.5 * before["whitened_rms"]
+    assert [effect["id"] for effect in read(Path("refit.json"))["effects"]] == ["fts_offset"]
+
+    Path("answer.json").write_text(
+        json.dumps({"schema": 1, "verdict": "named", "answer": [["fts_offset"]]}), encoding="utf-8"
+    )
+    told = done("reveal", "data.csv", "--answer", "answer.json", "--json", "truth.json")
+    assert "fts_offset" in told.out
+    assert "the answer is right" in told.out
+    assert read(Path("truth.json"))["effects"][0]["s"] == 5.0
+
+
+def test_a_plan_replaces_nothing_but_a_plan(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    """Catches measurements, or the description of a rig, that are lost to a wrong name."""
+    model, plan = tmp_path / "m.json", tmp_path / "plan.csv"
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
+    ways: tuple[tuple[object, ...], ...] = (
+        ("design", neck_csv, "--n", "14", "--time-limit", "0.2", "--model", "linear", "--out"),
+        ("diagnose", model, neck_csv, "--next"),
+    )
+    measured = neck_csv.read_bytes()
+    for way in ways:
+        done = ecm_command(*way, neck_csv)
+        assert done.code == 2
+        assert "no plan, and is not overwritten" in done.err
+        assert neck_csv.read_bytes() == measured
+    rig = tmp_path / "plan.toml"
+    rig.write_text("[rig]\ndwell_s = 5.0\n", encoding="utf-8")
+    for way in ways:
+        done = ecm_command(*way, plan)
+        assert done.code == 2
+        assert "plan.toml, which the plan's description would overwrite" in done.err
+        assert rig.read_text(encoding="utf-8") == "[rig]\ndwell_s = 5.0\n"
+    rig.unlink()
+    for _ in range(2):
+        assert ecm_command(*ways[0], plan).code == 0
+
+
+def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:
+    """An offset of the sensor in its own axes, against the energy model (only L is known)."""
+    from ecm._native import rotation_matrices
+
+    columns = neck_columns(80)
+    rotations = rotation_matrices(np.column_stack([columns[name] for name in POSE[3:]]))
+    for j, name in enumerate(WRENCH[:3]):
+        columns[name] = columns[name] + 3.0 * rotations[:, j, 1]
+    (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
+    (tmp_path / "d.toml").write_text(
+        "[mechanism]\nlength_m = 0.1034\n[instrument]\nforce_sd_N = 0.3\ntorque_sd_Nm = 0.01\n"
+        "pose_position_sd_m = 1e-7\npose_rotation_sd_rad = 1e-6\n",
+        encoding="utf-8",
+    )
+    data = tmp_path / "d.csv"
+    assert ecm_command("fit", data, "--model", "energy4", "--out", tmp_path / "m.json").code == 0
+    done = ecm_command(
+        "diagnose", tmp_path / "m.json", data, "--json", tmp_path / "d.json", "--report",
+        tmp_path / "d.html", "--seed", "7",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    document = read(tmp_path / "d.json")
+    assert document["seed"] == 7
+    assert document["verdict"] in ("none", "named", "ambiguous", "unknown")
+    assert document["sentence"] in done.out
+    assert document["not_testable"][0]["id"] in done.out
+    assert "verdict" in (tmp_path / "d.html").read_text(encoding="utf-8")
+
+
+# --- how it ends ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (OSError(errno.ENOSPC, "No space left on device", "d.csv"), 1, "the disk is full"),
+        (PermissionError(errno.EACCES, "Permission denied", "d.csv"), 1, "Permission denied"),
+        (MemoryError(), 1, "not enough memory"),
+        (RuntimeError("inner"), 1, "please report it"),
+        (ZeroDivisionError(), 1, "please report it"),
+    ],
+)
+def test_nobody_sees_a_traceback(  # noqa: PLR0917
+    error: BaseException,
+    code: int,
+    says: str,
+    neck_csv: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ecm_command: Command,
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(importlib.import_module("ecm.diagnosis.check"), "check", fail)
+    done = ecm_command("check", neck_csv)
+    assert done.code == code
+    assert says in done.err
+    assert "Traceback" not in done.err
+
+
+def test_errors_of_the_computation_and_of_the_input_differ(
+    neck_csv: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    from ecm.errors import ComputationError, FemError, InputError, ModelError
+
+    for error, code in (
+        (ComputationError("no convergence"), 1),
+        (InputError("wrong"), 2),
+        (ModelError("wrong model"), 2),
+        (FemError("wrong mesh"), 2),
+    ):
+
+        def fail(*_: object, error: Exception = error, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr(importlib.import_module("ecm.diagnosis.check"), "check", fail)
+        done = ecm_command("check", neck_csv)
+        assert done.code == code
+        assert done.err.startswith(f"error: {error}")
+
+
+INTERRUPTED = """
+import importlib, time
+from ecm.cli import main
+def endless(*args, progress=None, **more):
+    print("begun", flush=True)
+    while True:
+        time.sleep(0.01)
+importlib.import_module("ecm.fem.simulate").simulate = endless
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_with_130_and_says_what_is_kept(number: int, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text("", encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, "simulate", "c.toml", "--out", "s.csv"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    timer = threading.Timer(30.0, process.kill)  # a test that waits for ever tells nothing
+    timer.start()
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(number)
+    _, err = process.communicate()
+    timer.cancel()
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "s.parts" in err
+    assert "Traceback" not in err
+
+
+def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:
+    table = {f"own_{i}": np.arange(3.0) for i in range(3000)} | {"y_m": np.arange(3.0) / 10}
+    (tmp_path / "d.csv").write_text(csv_text(table), encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ecm.cli", "check", "d.csv"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    err = process.stderr.read()
+    assert process.wait(timeout=20) == 1
+    assert "Traceback" not in err
+    assert "Exception ignored" not in err
+    process.stderr.close()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="full disk: no /dev/full here")
+def test_a_full_disk_is_said(neck_csv: Path) -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "ecm.cli", "check", str(neck_csv)],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert "the disk is full" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_progress_off_a_terminal_is_plain_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    show = Console().bar("FEM poses")
+    assert show is not None
+    for done in range(0, 101, 25):
+        now[0] = 0.4 * done
+        show(done, 100, "solving")
+    show(100, 100, "solved")  # told once
+    for done in (0, 5, 10):
+        now[0] += 12.0
+        show(done, 10, "measuring")
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.splitlines() == [
+        "FEM poses, solving: 25 of 100, 30 s left",
+        "FEM poses, solving: 50 of 100, 20 s left",
+        "FEM poses, solving: 75 of 100, 10 s left",
+        "FEM poses, solving: 100 of 100",
+        "FEM poses, measuring: 0 of 10",
+        "FEM poses, measuring: 5 of 10, 12 s left",
+        "FEM poses, measuring: 10 of 10",
+    ]
+    assert Console(quiet=True).bar("FEM poses") is None

@@ -1,0 +1,375 @@
+"""Compare: certified lack of fit, noise from repeats, folds, the numbers of a comparison."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.comparison import Noise, compare, declared_noise, lack_of_fit, omnibus_test
+from ecm.diagnosis import diagnose
+from ecm.effects import Rows
+from ecm.errors import InputError
+from ecm.io.columns import WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import Model, fit_model
+from ecm.models.joint_fit import joint_fit
+from ecm.models.noise_estimate import estimate_noise, repeat_cells
+from ecm.regression import reml as floor
+from ecm.regression.folds import folds, is_pose_row, row_groups, without_zero_readings
+from ecm.regression.normal_equations import NormalEquations
+from support.campaigns import campaign, model, physics
+from support.neck import Done, csv_text
+
+
+def load_cell(shared_data: Path) -> tuple[np.ndarray, np.ndarray]:
+    data = np.loadtxt(shared_data / "nist_load_cell" / "load_cell.csv", delimiter=",", skiprows=1)
+    return data[:, 0], data[:, 1]
+
+
+def test_lack_of_fit_of_the_nist_load_cell(shared_data: Path) -> None:
+    """NIST/SEMATECH e-Handbook 4.6.1: F = 214.747 with 18 and 20 degrees of freedom."""
+    load, deflection = load_cell(shared_data)
+    design = np.stack([np.ones_like(load), load], axis=1)
+    residual = deflection - design @ np.linalg.lstsq(design, deflection, rcond=None)[0]
+    assert np.sqrt((residual**2).sum() / 38) == pytest.approx(0.0021712726, rel=1e-7)
+    _, cells = np.unique(load, return_inverse=True)
+    found = lack_of_fit(residual[:, None], cells, 2)
+    assert found is not None
+    assert pytest.approx(214.747, abs=5e-4) == found.F
+    assert (found.dof, found.dof_error) == (18, 20)
+    assert found.p < 1e-12
+
+
+def test_the_loop_on_the_nist_load_cell(shared_data: Path) -> None:
+    """A straight line fails, the quadratic has the certified residual standard deviation."""
+    load, deflection = load_cell(shared_data)
+    _, cells = np.unique(load, return_inverse=True)
+    # Deflection in inches as a displacement and load in pounds as a force: units do not matter.
+    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
+    table = Table(columns, Meta(), "load cell")
+    line = compare(fit_model(table, "linear"), table)
+    assert line.noise.source == "repeats"
+    assert line.excess_low > 0.0
+    assert line.lack_of_fit is not None
+    # The two coefficients of the line count, for they were fitted to this very table.
+    assert pytest.approx(214.747, abs=5e-4) == line.lack_of_fit.F
+    assert (line.lack_of_fit.dof, line.lack_of_fit.dof_error) == (18, 20)
+    alone = line.components[0].lack_of_fit
+    assert alone is not None
+    assert pytest.approx(line.lack_of_fit.F, rel=1e-9) == alone.F
+    # To other numbers nothing was fitted: all twenty loads speak.
+    other = compare(fit_model(table, "linear"), table.with_columns({"fx_N": deflection + 1e-9}))
+    assert other.lack_of_fit is not None
+    assert other.lack_of_fit.dof == 20
+    quadratic = fit_model(table, "quadratic")
+    found = compare(quadratic, table)
+    residual = deflection - quadratic.predict(table)[:, 0]
+    assert np.sqrt((residual**2).sum() / 37) == pytest.approx(0.000205177424076185, rel=1e-9)
+    assert found.excess_low == 0.0
+    assert found.whitened_rms < 1.1
+
+
+def test_the_command_says_the_certified_lack_of_fit(
+    shared_data: Path, tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    load, deflection = load_cell(shared_data)
+    _, cells = np.unique(load, return_inverse=True)
+    columns = {"x_m": load * 1e-7, "fx_N": deflection, "pose_id": cells.astype(float)}
+    data, fitted, found = (tmp_path / name for name in ("d.csv", "m.json", "c.json"))
+    data.write_text(csv_text(columns), encoding="utf-8")
+    assert ecm_command("fit", data, "--model", "linear", "--out", fitted).code == 0
+    done = ecm_command("compare", fitted, data, "--json", found)
+    assert re.search(r"^all +214\.747 +18 +20 ", done.out, re.MULTILINE)
+    document = json.loads(found.read_text(encoding="utf-8"))
+    own = document["components"][0]["lack_of_fit"]
+    assert own["F"] == pytest.approx(214.747, abs=5e-4)
+    assert document["lack_of_fit"]["F"] == pytest.approx(own["F"], rel=1e-9)
+
+
+def test_noise_from_repeats_is_the_noise_that_was_put_in() -> None:
+    table = campaign(seed=2)
+    noise = estimate_noise(Rows(table, physics()), physics().predict(table.poses))
+    truth = declared_noise(table)
+    assert noise.source == "repeats"
+    assert truth.source == "declared"
+    assert np.all(np.abs(noise.parameters() / truth.parameters() - 1.0) < 0.25)
+
+
+def test_a_few_wild_rows_do_not_widen_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1 % are off by thirty times their noise: contrasts that hold them are left out."""
+    table = campaign(seed=2)
+    random = np.random.default_rng(0)
+    rows = random.choice(np.flatnonzero(is_pose_row(table)), 3, replace=False)
+    wrenches = table.wrenches.copy()
+    wrenches[rows] += random.choice([-30.0, 30.0], (3, 6)) * np.repeat([0.3, 0.01], 3)
+    wild = table.with_columns(dict(zip(WRENCH, wrenches.T, strict=True)))
+
+    def found() -> np.ndarray:
+        noise = estimate_noise(Rows(wild, physics()), physics().predict(wild.poses))
+        return noise.parameters() / declared_noise(table).parameters()
+
+    assert np.all(np.abs(found() - 1.0) < 0.25)
+    monkeypatch.setattr(floor, "_OUTLIER", np.inf)
+    assert found().max() > 1.6
+
+
+@pytest.mark.parametrize("hidden", ["fts_drift", "temperature_modulus", "hysteresis"])
+def test_an_effect_of_time_does_not_hide_in_its_own_floor(hidden: str) -> None:
+    """At three times the noise the repeats spread threefold; the floor must not."""
+    table = campaign(hidden, 3.0, 1)
+    noise = estimate_noise(Rows(table, physics()), physics().predict(table.poses))
+    truth = declared_noise(table).parameters()
+    assert np.all(noise.parameters() < 1.6 * truth)
+
+
+def test_pose_noise_acts_through_the_stiffness() -> None:
+    table = campaign(seed=2)
+    rows = Rows(table, physics())
+    covariance = Noise(1e-5, 0.0, 1e-9, 1e-9).covariance(rows)
+    i = int(np.flatnonzero(is_pose_row(table))[3])
+    random = np.random.default_rng(0)
+    near = np.tile(rows.poses[i], (4000, 1))
+    near[:, :3] += 1e-5 * random.standard_normal((4000, 3))
+    sampled = np.cov(physics().predict(near).T)
+    np.testing.assert_allclose(covariance[i], sampled, atol=0.1 * np.abs(sampled).max())
+    off_axis = abs(covariance[i][0, 1]) / np.sqrt(covariance[i][0, 0] * covariance[i][1, 1])
+    assert off_axis > 0.05, "components are correlated: a diagonal floor would be wrong"
+
+
+def test_a_right_model_has_no_excess_and_a_wrong_one_has() -> None:
+    clean = compare(model(), campaign(seed=3))
+    assert clean.whitened_rms == pytest.approx(1.0, abs=0.05)
+    assert clean.excess_low == 0.0
+    assert "as good as the measurements can show" in clean.sentence()
+    assert clean.lack_of_fit is not None
+    assert clean.lack_of_fit.p > 0.01
+    table = campaign("payload", 1.0, 0)
+    wrong = compare(model(), table)
+    assert wrong.excess == pytest.approx(1.0, abs=0.1)
+    assert wrong.excess_low > 0.8
+    assert "is not noise" in wrong.sentence()
+    fx = wrong.components[0]
+    assert fx.name == "fx_N"
+    assert fx.rmse**2 == pytest.approx(fx.floor**2 + fx.excess**2, rel=1e-6)
+    assert fx.bias == pytest.approx(
+        float((table.wrenches - physics().predict(table.poses))[is_pose_row(table), 0].mean())
+    )
+    document = wrong.to_dict()
+    assert set(document["rmse"]) == set(WRENCH)
+    worst = document["where"]["worst_rows"]
+    assert len(worst) == 10
+    assert table.text("kind")[worst[0]["row"] - 1] == "pose"
+    lengths = np.sqrt((wrong.whitened**2).mean(axis=1))
+    assert worst[0]["row"] - 1 == wrong.row[lengths.argmax()]
+
+
+def test_lack_of_fit_points_at_the_component_that_misfits() -> None:
+    """A force along z that follows the pose: fz alone, though noise through K mixes components."""
+    table = campaign(seed=3)
+    clean = compare(model(), table)
+    y = table.column("y_m")
+    found = compare(model(), table.with_columns({"fz_N": table.column("fz_N") + y / y.std()}))
+    ratios = {}
+    for before, after in zip(clean.components, found.components, strict=True):
+        assert before.lack_of_fit is not None
+        assert after.lack_of_fit is not None
+        assert before.lack_of_fit.p > 1e-3
+        assert after.lack_of_fit.dof == before.lack_of_fit.dof
+        ratios[after.name] = after.lack_of_fit.F
+    assert ratios.pop("fz_N") > 5.0
+    assert max(ratios.values()) < 1.6
+    fz = found.to_dict()["components"][2]
+    assert fz["lack_of_fit"]["p"] < 1e-12
+
+
+def test_what_was_fitted_to_the_table_counts_once_in_its_lack_of_fit() -> None:
+    """Base and effects of a refit; frozen ones had no say, and another table saw no fit."""
+    table = campaign("payload", 1.0, 4)
+    better = model().add("payload").fit(table)
+    base, payload = len(better.base.coefficients), len(better.effects[0].values)
+
+    def dof(model: Model, table: Table) -> float:
+        found = compare(model, table)
+        assert found.lack_of_fit is not None
+        each = [c.lack_of_fit.dof for c in found.components if c.lack_of_fit is not None]
+        assert sum(each) == pytest.approx(found.lack_of_fit.dof)
+        return found.lack_of_fit.dof
+
+    whole = dof(model(), table)
+    assert whole == 6 * len(np.unique(table.column("pose_id")[is_pose_row(table)]))
+    assert dof(better, table) == whole - base - payload
+    assert dof(better.freeze("payload").fit(table), table) == whole - base
+    assert dof(better, campaign("payload", 1.0, 5)) == whole
+    # As many numbers as cells leave nothing to judge by.
+    assert compare(fit_model(table, "poly:4"), table).lack_of_fit is None
+
+
+def test_the_interval_of_an_excess_holds_it_as_often_as_it_says() -> None:
+    """Nearly: of many such tables 85 % with 40 poses and 88 % with 100, of the 90 % it says.
+
+    What misfits is shared by the five rows of a pose: drawing rows would hold it in 61 %.
+    """
+    sd, excess = 0.1, 0.15
+    line = fit_model(
+        Table({"x_m": np.linspace(-1e-3, 1e-3, 9), "fx_N": np.linspace(-1.0, 1.0, 9),
+               "fy_N": np.linspace(1.0, -1.0, 9)}, Meta(), "line"), "linear",
+    )  # fmt: skip
+    inside, clean = 0, 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        poses = np.repeat(random.uniform(-1e-3, 1e-3, 40), 5)
+        misfit = excess * np.repeat(random.standard_normal(40), 5)
+        noise = sd * random.standard_normal((2, 200))
+        forces = {"fx_N": 1e3 * poses + misfit + noise[0], "fy_N": -1e3 * poses + noise[1]}
+        columns = {"pose_id": np.repeat(np.arange(40.0), 5), "x_m": poses, **forces}
+        table = Table(columns, Meta(), "rows")
+        known = Noise(source="declared", components=(sd, sd))
+        fx, fy = compare(line, table, noise=known, seed=seed).components
+        inside += fx.excess_low <= excess <= fx.excess_high
+        clean += fy.excess_low == 0.0
+    assert 31 <= inside <= 39
+    assert clean >= 34
+
+
+def test_where_says_what_the_residual_follows() -> None:
+    """A payload is a constant force: no variable; a temperature effect follows temperature."""
+    weight = compare(model(), campaign("payload", 1.0, 0)).where()
+    assert weight.shares["constant_in_base"] > 0.3
+    warm = compare(model(), campaign("temperature_modulus", 3.0, 1)).where()
+    assert max(warm.shares, key=warm.shares.__getitem__) == "temperature_degC"
+    assert warm.shares["constant_in_base"] < 0.1
+    assert "temperature_degC explains most" in warm.sentence()
+    assert set(warm.variables) > {"bend_rad", "azimuth_rad", "force_N", "time_s", "approach_side"}
+    clean = compare(model(), campaign(seed=3)).where()
+    assert all(share < 0.15 for _, _, share in clean.follows)
+    assert max(clean.shares.values()) < 0.15
+
+
+def test_the_worst_rows_tell_the_leverage_that_the_model_has_there() -> None:
+    table = campaign("payload", 1.0, 0)
+    fitted = fit_model(table, "energy4")
+    listed = compare(fitted, table).where().worst()
+    at = fitted.leverage(np.ascontiguousarray(table.poses))
+    assert at is not None
+    assert [item["leverage"] for item in listed] == pytest.approx(
+        [at[item["row"] - 1] for item in listed], rel=1e-9
+    )
+    # A row far from all others is one on which the fit rests.
+    poses = table.poses.copy()
+    poses[listed[0]["row"] - 1, 1] += 0.05
+    far = compare(fitted, table.with_columns({"y_m": poses[:, 1]})).where().worst()
+    assert far[0]["row"] == listed[0]["row"]
+    assert far[0]["leverage"] > 3.0 * listed[0]["leverage"]
+    # A model that knows no covariance says nothing of it.
+    assert all("leverage" not in item for item in compare(model(), table).where().worst())
+
+
+def test_the_residual_stiffness_is_the_stiffness_that_was_put_in() -> None:
+    """A wrench of S (p - p0) added to clean rows: dK is S, within its errors."""
+    table = campaign(seed=3)
+    rng = np.random.default_rng(0)
+    lacking = rng.normal(size=(6, 6)) * np.outer([1, 1, 1, 0.05, 0.05, 0.05], [1e3] * 3 + [50] * 3)
+    wrench = table.wrenches + (table.poses - Rows(table, physics()).rest_pose) @ lacking.T
+    table = table.with_columns({name: wrench[:, j] for j, name in enumerate(WRENCH)})
+    found = compare(model(), table).where()
+    assert found.stiffness is not None
+    assert found.stiffness_sd is not None
+    deviation = (found.stiffness - lacking) / found.stiffness_sd
+    assert np.sqrt((deviation**2).mean()) < 1.6
+    assert np.abs(found.stiffness / found.stiffness_sd).max() > 20.0
+
+
+def test_maps_in_top_axes_are_the_turned_residuals() -> None:
+    table = campaign("fts_offset", 2.0, 0)
+    found = compare(model(), table)
+    maps = found.where()
+    turn = Rows(table, physics()).rotation[found.row]
+    top = np.einsum("nji,nj->ni", turn, found.physical[:, :3])
+    assert maps.physical["top"][:, :3] == pytest.approx(top)
+
+
+def test_compare_needs_the_columns_of_the_model() -> None:
+    with pytest.raises(InputError, match="no column fx_N"):
+        compare(model(), campaign(seed=3).drop("fx_N"))
+
+
+def test_repeats_stay_together_in_every_fold() -> None:
+    table = campaign(seed=3)
+    groups = row_groups(table)
+    for by in ("time", "pose"):
+        parts = folds(table, table.poses, groups, by)
+        assert len(np.unique(parts)) == 5
+        for group in np.unique(groups):
+            assert len(np.unique(parts[groups == group])) == 1
+    ids = table.column("pose_id")[is_pose_row(table)]
+    assert len(np.unique(groups[is_pose_row(table)])) == len(np.unique(ids))
+    assert len(np.unique(repeat_cells(table)[is_pose_row(table)])) == len(np.unique(ids))
+
+
+def test_unloaded_rows_that_gave_the_zero_are_left_out() -> None:
+    table = campaign(seed=3)
+    unloaded = table.text("kind") == "unloaded"
+    assert np.all(table.wrenches[unloaded] == 0.0)
+    assert len(without_zero_readings(table)) == len(table) - unloaded.sum()
+    read = table.with_columns({"fx_N": table.column("fx_N") + 0.1})
+    assert len(without_zero_readings(read)) == len(table)
+
+
+def test_omnibus_is_level_under_nothing_and_sees_structure() -> None:
+    random = np.random.default_rng(0)
+    design = random.standard_normal((200, 3, 20))
+    fitted = random.standard_normal((200, 3, 2))
+    p = [omnibus_test(random.standard_normal((200, 3)), design, fitted).p for _ in range(200)]
+    assert 0.02 < np.mean(np.array(p) < 0.1) < 0.2
+    structured = random.standard_normal((200, 3)) + 0.5 * design[:, :, 0]
+    assert omnibus_test(structured, design, fitted).p < 1e-6
+
+
+def test_held_out_squares_are_those_of_a_refit_without_the_fold() -> None:
+    random = np.random.default_rng(1)
+    design, response = random.standard_normal((60, 2, 3)), random.standard_normal((60, 2))
+    groups = np.arange(60) // 3
+    gram = NormalEquations.of(design, response, groups)
+    fold_of_group = np.arange(20) % 4
+    found = gram.held_out([0, 2], fold_of_group, np.ones(20))
+    expected = np.zeros(20)
+    for fold in range(4):
+        train = fold_of_group[groups] != fold
+        a = design[train][:, :, [0, 2]].reshape(-1, 2)
+        theta = np.linalg.lstsq(a, response[train].ravel(), rcond=None)[0]
+        left = (response - design[:, :, [0, 2]] @ theta) ** 2
+        for group in np.flatnonzero(fold_of_group == fold):
+            expected[group] = left[groups == group].sum()
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_joint_fit_of_the_factor_is_generalised_least_squares() -> None:
+    table = campaign(seed=3)
+    noise = declared_noise(table)
+    found = joint_fit(physics(), (), table, noise)
+    rows = Rows(table, physics())
+    inverse = np.linalg.inv(noise.covariance(rows, physics().error))
+    h = rows.wrench
+    top = np.einsum("ni,nij,nj->", h, inverse, table.wrenches)
+    bottom = np.einsum("ni,nij,nj->", h, inverse, h)
+    assert found.converged
+    assert found.base.coefficients[0] == pytest.approx(top / bottom, rel=1e-9)
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(bottom**-0.5, rel=1e-9)
+    assert Model(base=found.base).base.coefficients[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_table_without_the_mechanisms_length_is_compared_and_diagnosed() -> None:
+    """Effects that need the rest pose are not testable; nothing else stops."""
+    table = campaign("", 1.0, 1).measured().with_meta(Meta())
+    linear = fit_model(table, "linear")
+    assert compare(linear, table).whitened_rms > 1.0
+    found = diagnose(linear, table)
+    reasons = {item["id"]: item["reason"] for item in found.not_testable}
+    assert reasons["mullins_softening"] == "the mechanism's length is not known"
+    assert reasons["length_error"] == "the mechanism's length is not known"

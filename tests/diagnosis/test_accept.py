@@ -1,0 +1,186 @@
+"""Acceptance: each condition alone can refuse a name, and data that only it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.diagnosis import diagnose, search
+from ecm.diagnosis.accept import CHOSEN, LEVEL, AcceptanceCheck, acceptance_check
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.problem import Problem, assemble
+from ecm.diagnosis.search import LEAST_BIC, rank
+from ecm.effects import Rows, all_effects, get_effect
+from ecm.io.columns import WRENCH
+from ecm.io.description import FileMeta
+from ecm.io.table import Table
+from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
+from ecm.regression.noise import declared_noise, whiteners
+from ecm.regression.normal_equations import NormalEquations
+from support.campaigns import campaign, model, physics
+
+F = NDArray[np.float64]
+PASSES = AcceptanceCheck(
+    id="payload",
+    p_holm=1e-6,
+    delta_bic=40.0,
+    held_out_fall=4.0,
+    chosen_share=1.0,
+    winners={"payload": 1.0},
+    robust=True,
+    within_bounds=True,
+    own_seen=True,
+)
+FAILS = {
+    "p_holm": LEVEL,
+    "delta_bic": LEAST_BIC,
+    "held_out_fall": 1.0,
+    "chosen_share": CHOSEN - 1e-9,
+    "robust": False,
+    "within_bounds": False,
+    "own_seen": False,
+}
+
+
+def with_change(table: Table, change: F) -> Table:
+    return table.with_columns(
+        {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
+    )
+
+
+def effect_of(id: str, values: list[float], strength: float, table: Table) -> F:
+    """(N, 6) wrench of an effect, rms in units of the noise."""
+    rows = Rows(table, physics())
+    change = get_effect(id).correction(rows, np.array(values))
+    whitener = whiteners(declared_noise(table).covariance(rows))
+    white = np.einsum("nij,nj->ni", whitener, change)[is_pose_row(table)]
+    return np.asarray(change * strength / np.sqrt((white**2).mean()))
+
+
+def assembled(table: Table, *ids: str) -> Problem:
+    """With the whole library, or these effects alone."""
+    tested = [get_effect(id) for id in ids] or all_effects()
+    return assemble(choose_base(model(), table), table, tested, None)
+
+
+def evidence(problem: Problem) -> AcceptanceCheck:
+    """Of the first effect alone, as if the search had chosen it."""
+    first = rank(problem)[0].candidate
+    return acceptance_check(problem, [first], first, [first.id], 0)
+
+
+# --- conditions ---------------------------------------------------------------------------------
+@pytest.mark.parametrize("condition", FAILS)
+def test_each_condition_alone_refuses(condition: str) -> None:
+    assert PASSES.accepted
+    assert not replace(PASSES, **{condition: FAILS[condition]}).accepted
+
+
+def test_every_condition_of_a_check_is_tested_above() -> None:
+    assert {field.name for field in fields(AcceptanceCheck)} - {"id", "winners"} == set(FAILS)
+    assert (LEVEL, LEAST_BIC, CHOSEN) == (0.01, 6.0, 0.8)
+
+
+# --- data ---------------------------------------------------------------------------------------
+def test_an_effect_of_one_cluster_of_poses_only_does_not_generalise() -> None:
+    """All else speaks for a softer body in the heat; poses that the fit has not seen do not."""
+    table = campaign("", 1.0, 4)
+    parts = folds(table, table.poses, row_groups(table), "pose")
+    softer = effect_of("temperature_modulus", [0.03], 2.0, table) * (parts == 4)[:, None]
+    found = evidence(assembled(with_change(table, softer), "temperature_modulus"))
+    assert not found.accepted
+    assert found.held_out_fall < -1.0
+    assert replace(found, held_out_fall=2.0).accepted
+
+
+def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
+    """2 % of the rows hang on a weight: robust weights, and without these the last check."""
+    table = campaign("", 1.0, 4)
+    rows = np.flatnonzero(is_pose_row(table))
+    rows = np.random.default_rng(1).choice(rows, round(0.02 * len(table)), replace=False)
+    hung = np.zeros((len(table), 1))
+    hung[rows] = 1.0
+    weight = get_effect("payload").correction(Rows(table, physics()), np.array([3.0, 0, 0, 0]))
+    table = with_change(table, weight * hung)
+    diagnosis = diagnose(model(), table)
+    assert diagnosis.verdict == "none", diagnosis.sentence()
+    assert diagnosis.effects == ()
+    assert set(diagnosis.outliers) >= set(rows.tolist())
+    problem = assembled(table, "payload")
+    even = np.ones(len(table))
+    gram = NormalEquations.of(problem.design, problem.response, problem.groups, even)
+    found = evidence(replace(problem, weights=even, gram=gram))
+    assert not found.robust
+    elsewhere = replace(found, held_out_fall=2.0)
+    assert not elsewhere.accepted
+    assert replace(elsewhere, robust=True).accepted
+
+
+def test_no_more_than_four_effects_are_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of five that are all there, each as strong as the noise, and could be found."""
+    table = campaign("", 1.0, 4)
+    five = {
+        "temperature_modulus": [0.03],
+        "hysteresis": [1e-3],
+        "anisotropy": [0.06, -0.04],
+        "base_compliance": [4e-3, 4e-6, 1e-6],
+        "fts_offset": [1.0, -1.0, 1.0, 0.03, 0.03, -0.03],
+    }
+    change = [effect_of(id, values, 1.0, table) for id, values in five.items()]
+    problem = assembled(with_change(table, np.sum(change, axis=0)), *five)
+    assert len(search.search(problem)) == 4
+    monkeypatch.setattr(search, "_MOST_EFFECTS", 5)
+    assert len(search.search(problem)) == 5
+
+
+# --- folds --------------------------------------------------------------------------------------
+def test_effects_of_pose_are_held_out_in_contiguous_blocks_of_time() -> None:
+    """Without repeats no two blocks overlap; with them the mean times of the poses do not."""
+    table = campaign("", 1.0, 4)
+    assert held_out_by(table, "pose") == "time"
+    groups = row_groups(table)
+    when = table.column("time_s")
+    mean = (np.bincount(groups, when) / np.bincount(groups))[groups]
+    once = table.select(np.unique(groups, return_index=True)[1])
+    for rows, moment in ((table, mean), (once, once.column("time_s"))):
+        own = row_groups(rows)
+        parts = folds(rows, rows.poses, own, "time")
+        order = np.argsort(moment, kind="stable")
+        assert np.count_nonzero(np.diff(parts[order])) == 4
+        assert np.ptp(np.bincount(parts[np.unique(own, return_index=True)[1]])) <= 1
+        # Where the body was does not matter.
+        assert np.array_equal(parts, folds(rows, rows.poses[::-1], own, "time"))
+
+
+def test_effects_of_time_are_held_out_in_clusters_of_poses() -> None:
+    """Of equal size, each apart from the others, whenever they were visited."""
+    table = campaign("", 1.0, 4)
+    assert held_out_by(table, "time") == "pose"
+    first = np.unique(row_groups(table), return_index=True)[1]
+    rows = table.select(first).measured()
+    groups = row_groups(rows)
+    parts = folds(rows, rows.poses, groups, "pose")
+    assert np.ptp(np.bincount(parts)) <= 2
+    scaled = (rows.poses - rows.poses.mean(axis=0)) / rows.poses.std(axis=0)
+
+    def within(labels: NDArray[np.int64]) -> float:
+        return float(sum(scaled[labels == k].var(axis=0).sum() for k in range(5)))
+
+    at_random = [within(np.random.default_rng(i).permutation(parts)) for i in range(20)]
+    assert within(parts) < 0.85 * min(at_random)
+    shuffled = rows.with_columns({"time_s": rows.column("time_s")[::-1]})
+    assert np.array_equal(parts, folds(shuffled, shuffled.poses, groups, "pose"))
+
+
+def test_runs_of_a_continuous_test_are_held_out_one_at_a_time() -> None:
+    table = campaign("", 1.0, 4).measured()
+    run = np.arange(len(table)) // 100 + 1.0
+    table = table.with_columns({"run": run})
+    table = table.with_meta(replace(table.meta, file=FileMeta(kind="continuous")))
+    for kind in ("pose", "time"):
+        assert held_out_by(table, kind) == "run"
+    parts = folds(table, table.poses, row_groups(table), "run")
+    assert np.array_equal(parts, run - 1.0)

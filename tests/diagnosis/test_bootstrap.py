@@ -1,0 +1,59 @@
+"""Resampling of groups: many draws side by side, and how little a decision hangs on the seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.bootstrap import selection_shares
+from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.search import best_shapes, rank
+from ecm.effects import all_effects
+from support.campaigns import campaign, model
+
+DRAWS = 60
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    table = campaign("payload", 0.2, 4)
+    return assemble(choose_base(model(), table), table, all_effects(), None)
+
+
+def one_by_one(problem: Problem, others: list[Candidate], seed: int) -> dict[str, float]:
+    """The same from the whole normal equations of each draw."""
+    count = len(problem.gram.squares)
+    draws = np.random.default_rng([seed, 5]).multinomial(
+        count, np.full(count, 1.0 / count), size=DRAWS
+    )
+    won: dict[str, float] = {}
+    for weights in draws.astype(np.float64):
+        matrix, vector, _ = problem.gram.total(weights)
+        found = best_shapes(problem, (matrix / problem.scale, vector / problem.scale), others)
+        first = max(found, key=lambda item: item[2])
+        if first[2] > 0.0:
+            won[first[0].id] = won.get(first[0].id, 0.0) + 1.0 / DRAWS
+    return won
+
+
+def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
+    first = rank(problem)[0].candidate
+    for others in ([], [first]):
+        present = {other.id for other in others}
+        ids = {c.id for c in problem.candidates} - present
+        found = selection_shares(problem, others, ids, 3, DRAWS)
+        assert found == pytest.approx(one_by_one(problem, others, 3), rel=1e-9)
+    assert len(one_by_one(problem, [], 3)) > 2
+
+
+def test_a_share_is_the_same_to_a_few_hundredths_whatever_the_seed(problem: Problem) -> None:
+    ids = {item.candidate.id for item in rank(problem)[:8]}
+    found = [selection_shares(problem, [], ids, seed) for seed in range(3)]
+    assert 0.1 < found[0]["payload"] < 0.95
+    for other in found[1:]:
+        assert other["payload"] == pytest.approx(found[0]["payload"], abs=0.06)
+
+
+def test_without_contenders_nobody_wins(problem: Problem) -> None:
+    assert selection_shares(problem, [], set(), 0) == {}

@@ -1,0 +1,77 @@
+"""`ecm check`: what a table can and cannot tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ecm.diagnosis.check import check, never_excited
+from ecm.effects import all_effects
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import as_table
+from support.neck import LENGTH_M, neck_columns
+
+FULL = Meta(mechanism={"length_m": LENGTH_M})
+
+
+def test_every_effect_is_testable_or_has_a_reason_and_a_remedy() -> None:
+    found = check(as_table(neck_columns(), meta=FULL))
+    named = {*found.testable, *(id for id, _, _ in found.not_testable)}
+    assert named == {effect.id for effect in all_effects()}
+    assert all(reason and record for _, reason, record in found.not_testable)
+
+
+def test_a_column_makes_its_effect_testable() -> None:
+    columns = neck_columns()
+    reasons = {id: why for id, why, _ in check(as_table(columns, meta=FULL)).not_testable}
+    assert reasons["temperature_modulus"] == "no column temperature_degC"
+    assert "fts_drift" in reasons
+    columns["temperature_degC"] = 20.0 + 5.0 * np.sin(np.arange(60.0))
+    columns["time_s"] = 30.0 * np.arange(60.0)
+    testable = check(as_table(columns, meta=FULL)).testable
+    assert "temperature_modulus" in testable
+    assert "fts_drift" in testable
+
+
+def test_a_constant_temperature_does_not_test_it() -> None:
+    columns = neck_columns() | {"temperature_degC": np.full(60, 21.0)}
+    assert "temperature_modulus" not in check(as_table(columns, meta=FULL)).testable
+
+
+def test_what_is_never_excited_is_said() -> None:
+    columns = neck_columns()
+    columns["tau_z_Nm"] = np.zeros(60)
+    table = as_table(columns, meta=FULL)
+    assert never_excited(table) == ("tau_z_Nm",)
+    found = check(table)
+    assert "The z torque (tau_z_Nm) is never excited" in " ".join(found.sentences())
+    assert found.testable == ()
+
+
+def test_home_rows_do_not_count_as_excitation() -> None:
+    columns = neck_columns(10) | {"kind": np.array(["pose"] * 8 + ["home"] * 2, dtype=object)}
+    columns["fx_N"] = np.array([3.0] * 8 + [0.0, 0.1])
+    assert never_excited(as_table(columns)) == ("fx_N",)
+
+
+def test_where_the_noise_comes_from() -> None:
+    columns = neck_columns()
+    assert check(as_table(columns)).noise == "assumed"
+    meta = Meta(instrument=Instrument(force_sd_N=0.3))
+    assert check(as_table(columns, meta=meta)).noise == "declared"
+    repeated = columns | {"pose_id": np.repeat(np.arange(30.0), 2)}
+    found = check(as_table(repeated, meta=meta))
+    assert found.noise == "repeats"
+    assert found.repeated_poses == 30
+
+
+def test_units_and_spans_of_the_columns() -> None:
+    found = check(as_table(neck_columns() | {"humidity": np.full(60, 40.0)}))
+    columns = {column.name: column for column in found.columns}
+    assert columns["tau_x_Nm"].unit == "N m"
+    assert columns["theta_x_rad"].unit == "rad"
+    assert columns["x_m"].role == "pose"
+    assert columns["humidity"].role == "covariate"
+    assert columns["humidity"].constant
+    document = found.to_dict()
+    assert document["rows"] == 60
+    assert {"name", "unit", "role", "min", "max"} <= set(document["columns"][0])

@@ -1,0 +1,174 @@
+"""What `ecm diagnose` prints and draws for each verdict, with a column whose name is hostile."""
+
+from __future__ import annotations
+
+import html
+import io
+import json
+import re
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.cli import run
+from ecm.io.table import Table
+from support.browser import open_page
+from support.campaigns import campaign, model
+
+HOSTILE = '</script><b>"x*y'
+"""Ends a script, opens an element, ends a string of Python, and looks like a product."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What one run of the command left."""
+
+    document: dict[str, Any]
+    out: str
+    page: Path
+
+    def text(self) -> str:
+        """The page's own text without markup."""
+        body = self.page.read_text(encoding="utf-8").split("<main>")[1].split("</main>")[0]
+        return html.unescape(re.sub(r"<[^>]*>", "\n", body))
+
+    def section(self, title: str) -> str:
+        """The text from one section's heading on."""
+        before, heading, after = self.text().partition(f"\n{title}\n")
+        assert heading, f"no section {title} in {before[:200]}"
+        return after
+
+
+def tables() -> dict[str, Table]:
+    """Nothing hidden, a payload, and a torque that follows the hostile column."""
+    clean = campaign("", 1.0, 4)
+    own = np.random.default_rng(0).standard_normal(len(clean))
+    y = clean.column("y_m")
+    strange = clean.column("tau_x_Nm") + 0.03 * own * y / y.std()
+    return {
+        "none": clean.with_columns({HOSTILE: own}),
+        "named": campaign("payload", 1.0, 4).with_columns({HOSTILE: own}),
+        "unknown": clean.with_columns({HOSTILE: own, "tau_x_Nm": strange}),
+    }
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Told]:
+    folder = tmp_path_factory.mktemp("pages")
+    model().save(folder / "m.json")
+    found = {}
+    for name, table in tables().items():
+        table.write(folder / f"{name}.csv")
+        places = [str(folder / f"{name}.{kind}") for kind in ("csv", "json", "html")]
+        out = io.StringIO()
+        with redirect_stdout(out):
+            code = run(
+                ["diagnose", str(folder / "m.json"), places[0], "--json", places[1],
+                 "--report", places[2]]
+            )  # fmt: skip
+        assert code == 0
+        document = json.loads(Path(places[1]).read_text(encoding="utf-8"))
+        assert document["verdict"] == name, document["sentence"]
+        found[name] = Told(document, out.getvalue(), Path(places[2]))
+    return found
+
+
+@pytest.mark.parametrize("verdict", ["none", "named", "unknown"])
+def test_what_the_verdict_rests_on_and_the_errors_are_told(
+    verdict: str, told: dict[str, Told]
+) -> None:
+    found = told[verdict]
+    assert found.document["sentence"] in found.out
+    assert "base: physics, its own error 0.00 times the noise; noise: repeats" in found.out
+    text = found.text()
+    assert "the base's own error over the noise" in text
+    assert re.search(r"\nsource of the noise\s+repeats\n", text)
+    for step in ("before", "after", "floor", "ceiling", "held-out rows"):
+        assert f"\n{step}\n" in text
+    assert found.document["warnings"]
+    assert all(f"\n{warning}\n" in text for warning in found.document["warnings"])
+    limits = found.section("Would have been seen from")
+    assert all(f"\n{id}\n" in limits for id in found.document["detection_limits"])
+
+
+def test_none_tells_its_bound_and_the_size_that_would_have_been_seen(
+    told: dict[str, Told],
+) -> None:
+    found = told["none"]
+    bound = f"{found.document['upper_bound']:.2f}"
+    assert f"s < {bound}" in found.out
+    assert f"below {bound} times the noise" in found.text()
+    limits = found.document["detection_limits"]
+    assert len(limits) > 25
+    for id, item in limits.items():
+        line = next(line for line in found.out.splitlines() if line.startswith(f"{id} "))
+        for part in (f"{item['size']:.2g}", item["unit"], item["parameter"]):
+            assert part in line
+    assert "would have been seen" not in told["named"].out
+
+
+def test_unknown_tells_variables_nearest_effect_and_a_skeleton_that_runs(
+    told: dict[str, Told],
+) -> None:
+    found = told["unknown"]
+    unknown = found.document["unknown"]
+    assert {"y_m", HOSTILE} <= set(unknown["variables"])
+    line = next(line for line in found.out.splitlines() if line.startswith("variables that matter"))
+    section = found.section("Unknown")
+    for name in unknown["variables"]:
+        assert name in line
+        assert f"\n{name}\n" in section
+    for part in (unknown["words"], unknown["nearest"]["id"], f"{unknown['nearest']['share']:.0%}"):
+        assert part in found.out
+        assert part in section
+    assert unknown["skeleton"] in found.out
+    assert unknown["skeleton"].strip() in section
+    # The residual is drawn against the variables that matter, though it follows none alone.
+    figures = json.loads(found.page.read_text(encoding="utf-8").split("const figures = ")[1]
+                         .partition(";\nfigures.forEach")[0])  # fmt: skip
+    titles = {note["text"] for f in figures[:2] for note in f["layout"]["annotations"]}
+    against = {f"against {html.escape(name, quote=False)}" for name in ("y_m", HOSTILE)}
+    assert against <= titles
+    # The hostile name stays a string of Python.
+    code = compile(unknown["skeleton"], "skeleton", "exec")
+    constants = [c for part in code.co_consts if hasattr(part, "co_consts") for c in part.co_consts]
+    assert HOSTILE in constants
+
+
+OPEN = """<script>
+const say = (name, value) => { document.documentElement.dataset[name] = value; };
+const press = node => node.dispatchEvent(new MouseEvent("click", {bubbles: true}));
+press(document.querySelector(".updatemenu-header"));
+const buttons = [...document.querySelectorAll(".updatemenu-dropdown-button")];
+say("names", JSON.stringify(buttons.map(b => b.textContent)));
+press(buttons.find(b => b.textContent.includes("script")));
+setTimeout(() => {
+  const titles = [...document.querySelectorAll(".annotation-text")].map(t => t.textContent);
+  say("title", titles.find(t => t.startsWith("against")));
+}, 500);
+</script></body>"""
+"""After the page's own script: open the menu of variables and choose the hostile one."""
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("verdict", ["none", "named", "unknown"])
+def test_each_page_opens_without_error_or_request_and_the_name_stays_text(
+    verdict: str, told: dict[str, Told], tmp_path: Path
+) -> None:
+    """Plotly draws tags in its labels: a name that is not escaped loses them, or becomes bold."""
+    page = told[verdict].page
+    assert page.stat().st_size < 10e6
+    opened = tmp_path / "opened.html"
+    text = page.read_text(encoding="utf-8").replace("</body>", OPEN)
+    opened.write_text(text, encoding="utf-8")
+    seen = open_page(opened)
+    assert seen.attribute("error") is None
+    assert seen.attribute("blocked") is None
+    assert int(seen.attribute("figures") or 0) >= 5
+    assert HOSTILE in json.loads(html.unescape(seen.attribute("names") or ""))
+    assert html.unescape(seen.attribute("title") or "") == f"against {HOSTILE}"
+    assert re.search(r'<b[^>]*>\s*"x', seen.html) is None

@@ -1,0 +1,138 @@
+"""[run.N]: what was different in a run reaches the effects that it concerns, or is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.effects import Rows, get_effect
+from ecm.effects.load import needs_gravity
+from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.description import Instrument, Meta, Scene, read_meta
+from ecm.io.table import Table, read_table
+from support.campaigns import physics, workspace_poses
+
+HALF = 6
+
+
+def rows_of(meta: Meta, **more: Any) -> Rows:
+    """The same six poses in run 0 and in run 1."""
+    poses = np.tile(workspace_poses(HALF, 5), (2, 1))
+    columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+    columns |= {"run": np.repeat([0.0, 1.0], HALF), **more}
+    return Rows(Table(columns, meta, "two runs"), physics())
+
+
+def halves(id: str, meta: Meta, **more: Any) -> tuple[Any, Any]:
+    """Columns of an effect in either run."""
+    rows, effect = rows_of(meta, **more), get_effect(id)
+    found = np.asarray(effect.jacobian(rows, np.zeros(len(effect.parameters))))
+    assert np.abs(found[:HALF]).max() > 0.0
+    return found[:HALF], found[HALF:]
+
+
+@pytest.mark.parametrize("id", ["payload", "own_weight"])
+def test_a_rig_turned_over_turns_the_weight_over(id: str) -> None:
+    """Catches the gravity of the first campaign taken for all that are joined to it."""
+    upright, turned = halves(id, Meta(runs={1: {"gravity_m_s2": [9.81, 0.0, 0.0]}}))
+    np.testing.assert_allclose(turned, -upright, rtol=1e-12, atol=1e-12)
+    weightless, heavy = Scene((0.0, 0.0, 0.0)), {1: {"gravity_m_s2": [0.0, 0.0, -9.81]}}
+    assert needs_gravity(rows_of(Meta(scene=weightless)).table) is not None
+    assert needs_gravity(rows_of(Meta(scene=weightless, runs=heavy)).table) is None
+
+
+def test_a_dead_weight_pulls_along_the_gravity_of_its_run() -> None:
+    meta = Meta(runs={1: {"gravity_m_s2": [0.0, 0.0, -9.81], "payload_mass_kg": 2.0}})
+    rows = rows_of(meta, kind=np.repeat(np.array(["pose", "unloaded"], dtype=object), HALF))
+    np.testing.assert_allclose(rows.sensor_load[HALF:, :3], np.tile([0.0, 0.0, 19.62], (HALF, 1)))
+
+
+@pytest.mark.parametrize(
+    ("scene", "runs", "ratio"),
+    [
+        (0.1, {1: 0.2}, 2.0),
+        (None, {0: 0.1, 1: 0.2}, 2.0),
+        (0.4, {1: 0.1}, 0.25),
+        (0.4, {1: 0.0}, 0.0),
+        (None, {1: 0.0}, 0.0),
+        (None, {1: 0.3}, 1.0),
+        (0.0, {}, 1.0),
+    ],
+)
+def test_a_run_with_more_payload_weighs_as_much_more(
+    scene: float | None, runs: dict[int, float], ratio: float
+) -> None:
+    """Catches a mass of which only zero or not is seen."""
+    told = {run: {"payload_mass_kg": mass} for run, mass in runs.items()}
+    first, second = halves("payload", Meta(scene=Scene(payload_mass_kg=scene), runs=told))
+    np.testing.assert_allclose(second, ratio * first, rtol=1e-12)
+
+
+def test_the_mass_of_the_scene_is_the_unit_of_the_payload() -> None:
+    own, _ = halves("payload", Meta())
+    told = Meta(scene=Scene(payload_mass_kg=0.4), runs={1: {"payload_mass_kg": 0.1}})
+    np.testing.assert_array_equal(halves("payload", told)[0], own)
+
+
+def test_a_dead_weight_is_no_payload() -> None:
+    """Nor the unit of one: run 1 reads the free sensor alone."""
+    kind = np.repeat(np.array(["pose", "unloaded"], dtype=object), HALF)
+    own, _ = halves("payload", Meta(), kind=kind)
+    told, free = halves("payload", Meta(runs={1: {"payload_mass_kg": 2.0}}), kind=kind)
+    np.testing.assert_array_equal(told, own)
+    assert not free.any()
+
+
+def test_a_run_zeroed_with_the_payload_on_reads_nothing_of_it_at_rest() -> None:
+    meta = Meta(runs={1: {"zeroed_with_payload": True}})
+    free, with_payload = halves("payload", meta)
+    everywhere = Meta(instrument=Instrument(zeroed_with_payload=True))
+    np.testing.assert_array_equal(with_payload, halves("payload", everywhere)[1])
+    np.testing.assert_array_equal(free, halves("payload", Meta())[0])
+
+
+def test_slack_tendons_have_no_friction() -> None:
+    more = {
+        "tendon1_N": np.full(2 * HALF, 3.0),
+        "approach": np.full(2 * HALF, "initial", dtype=object),
+        "pose_id": np.tile(np.arange(HALF) * 1.0, 2),
+    }
+    taut, slack = halves("tendon_friction", Meta(runs={1: {"tendons_slack": True}}), **more)
+    assert not slack.any()
+    np.testing.assert_array_equal(taut, halves("tendon_friction", Meta(), **more)[0])
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("turned_end_for_end = true", "diagnose the table of that run alone"),
+        ("temperature_degC = 25.0", "a column of the table"),
+        ("free_length_m = 0.1", "[mechanism]"),
+        ("gravity_m_s2 = [0, -9.81]", "has 2 entries: expected 3"),
+        ("gravity_m_s2 = [0, 0, -9810]", "expected about 9.81 in size"),
+        ("payload_mass_kg = 'none'", "expected a number"),
+        ("payload_mass_kg = -1", "expected at least 0"),
+    ],
+)
+def test_what_no_effect_would_see_is_refused(line: str, expected: str, tmp_path: Path) -> None:
+    """Catches a key that is taken and then forgotten, and a value that fails later."""
+    path = tmp_path / "d.toml"
+    path.write_text(f"[run.1]\n{line}\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_meta(path)
+    assert "[run.1]" in str(caught.value)
+    assert expected in str(caught.value)
+
+
+def test_a_campaign_of_another_gravity_keeps_it_when_joined(tmp_path: Path) -> None:
+    for name, gravity in (("up", (-9.81, 0.0, 0.0)), ("down", (9.81, 0.0, 0.0))):
+        poses = workspace_poses(HALF, 5)
+        columns: dict[str, Any] = dict(zip(POSE, poses.T.copy(), strict=True))
+        columns["time_s"] = 10.0 * np.arange(HALF)
+        Table(columns, Meta(scene=Scene(gravity)), name).write(tmp_path / f"{name}.csv")
+    rows = Rows(read_table([tmp_path / "up.csv", tmp_path / "down.csv"]), physics())
+    assert rows.gravity_m_s2[:, 0].tolist() == [-9.81] * HALF + [9.81] * HALF

@@ -1,0 +1,89 @@
+"""Real continuous tests: a soft adhesive in shear at three rates (../shared/data)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.comparison import compare
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.table import Table, read_table
+from ecm.models import fit_model
+from support.neck import ROOT
+
+META = ROOT / "examples" / "viscoelastic_shear.toml"
+
+
+def runs(shared_data: Path, *names: str) -> Table:
+    folder = shared_data / "viscoelastic_shear"
+    return read_table([folder / f"shear_relaxation{name}.csv" for name in names], meta=META)
+
+
+@pytest.fixture(scope="module")
+def three(shared_data: Path) -> Table:
+    return runs(shared_data, "_1", "_2", "_5")
+
+
+@pytest.fixture(scope="module")
+def found(three: Table) -> Diagnosis:
+    return diagnose(fit_model(three, "poly:3"), three)
+
+
+def test_the_static_model_fails_and_relaxation_is_named(found: Diagnosis) -> None:
+    assert found.base["kind"] == "polynomial"
+    assert found.gate["p"] < 1e-6
+    assert found.verdict == "named"
+    assert found.answer == (("stress_relaxation",),)
+    assert 10.0 < found.effects[0].effect.shape["tau_s"] < 100.0
+    for run in found.held_out["by_run"]:
+        assert run["before"] > 2.8 * run["after"]
+
+
+def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
+    """Strictly: the time constant too is chosen without the rate that is scored."""
+    number = three.column("run")
+    falls = []
+    for rate in np.unique(number):
+        train, unseen = three.select(number != rate), three.select(number == rate)
+        static = fit_model(train, "poly:3")
+        relaxing = static.add("stress_relaxation").fit(train)
+        truth = unseen.column("fx_N")
+        before, after = (
+            float(np.sqrt(((truth - model.predict(unseen)[:, 0]) ** 2).mean()))
+            for model in (static, relaxing)
+        )
+        falls.append(before / after)
+    assert min(falls) >= 2.8, falls
+    assert falls == pytest.approx([3.07, 3.26, 4.25], abs=0.1)
+
+
+def test_a_second_branch_is_tried_and_not_kept(found: Diagnosis) -> None:
+    """It fits the rows better and foretells one of the rates worse."""
+    (tried,) = found.further
+    assert tried["id"] == "stress_relaxation"
+    assert "second_tau_s" in tried["shape"]
+    assert not tried["kept"]
+    worse = np.array(tried["held_out_richer"]) / np.array(tried["held_out_plain"])
+    assert worse.max() > 1.1
+
+
+@pytest.mark.parametrize("rate", ["_1", "_2", "_5"])
+def test_each_rate_alone_names_it_too(shared_data: Path, rate: str) -> None:
+    table = runs(shared_data, rate)
+    alone = diagnose(fit_model(table, "poly:3"), table)
+    assert alone.answer == (("stress_relaxation",),)
+    assert alone.held_out["before"] > 2.8 * alone.held_out["after"]
+
+
+def test_runs_that_are_unlike_the_others_are_noticed(shared_data: Path, three: Table) -> None:
+    assert not [w for w in compare(fit_model(three, "poly:3"), three).warnings if "unlike" in w]
+    table = runs(shared_data, "_1", "_2", "_5", "_0d1", "")
+    warnings = compare(fit_model(table, "poly:3"), table).warnings
+    swapped = next(text for text in warnings if text.startswith("run 3"))
+    assert "look exchanged" in swapped
+    strange = next(text for text in warnings if text.startswith("run 4"))
+    assert "unlike the others" in strange
+    assert "exchanged" not in strange
+    assert any("run 3" in text for text in diagnose(fit_model(table, "poly:3"), table).warnings)

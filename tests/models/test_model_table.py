@@ -1,0 +1,159 @@
+"""Baselines behind the same interface, and the table that compares them all."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError, MissingExtra
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import Model, fit_model, load_model
+from ecm.models.export import export_files
+from support.campaigns import workspace_poses
+from support.neck import ROOT
+from support.stand_in import L, wrench
+
+SECTIONS = np.array([1900.0, 700.0, 0.65, 0.42])
+
+
+def bench(name: str) -> ModuleType:
+    """A script of benches/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "benches" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def rod_table(count: int, seed: int) -> Table:
+    """Poses of an exact rod."""
+    from ecm._native import rod_poses
+
+    random = np.random.default_rng(seed)
+    low, high = np.array([-60, -30, -30, -2, -2, -2.0]), np.array([30, 30, 30, 2, 2, 2.0])
+    wrenches = random.uniform(low, high, (count, 6))
+    ea, ga, ei, gj = SECTIONS
+    poses, ok = rod_poses(
+        wrenches, length_m=L, axial_stiffness_N=ea, shear_stiffness_N=ga,
+        bending_stiffness_Nm2=ei, torsion_stiffness_Nm2=gj,
+    )  # fmt: skip
+    columns = dict(zip(POSE, poses[ok].T, strict=True))
+    columns |= dict(zip(WRENCH, wrenches[ok].T, strict=True))
+    return Table(columns, Meta(mechanism={"length_m": L}), "rod")
+
+
+def stand_in(count: int, seed: int) -> Table:
+    poses = workspace_poses(count, seed)
+    columns = dict(zip(POSE, poses.T, strict=True))
+    return Table(
+        columns | dict(zip(WRENCH, wrench(poses).T, strict=True)),
+        Meta(mechanism={"length_m": L}),
+        "exact",
+    )
+
+
+def test_a_rod_is_found_and_answers_in_wrenches() -> None:
+    train, test = rod_table(40, 1), rod_table(30, 2)
+    model = fit_model(train, "rod")
+    np.testing.assert_allclose(model.base.coefficients, SECTIONS, rtol=1e-5)
+    error = np.abs(model.predict(test.poses.copy()) - test.wrenches)
+    assert error.max() < 1e-3
+    k = model.base.stiffness(test.poses[:5].copy(), "generalised")
+    np.testing.assert_allclose(k, np.swapaxes(k, 1, 2), atol=1e-5 * np.abs(k).max())
+
+
+def test_constant_curvature_bends_and_stretches_but_does_not_shear() -> None:
+    model = fit_model(stand_in(60, 1), "constant-curvature")
+    base = model.base
+    assert len(base.coefficients) == 3
+    home = np.array([[L, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    h = base.stiffness(home, "generalised")[0]
+    # At rest: k_e along, k_b and k_t about; sideways at the mid frame nothing.
+    k_e, k_b, k_t = base.coefficients
+    np.testing.assert_allclose(np.diag(h)[[0, 3]], [k_e, k_t], rtol=1e-6)
+    np.testing.assert_allclose(np.diag(h)[[4, 5]], k_b, rtol=1e-6)
+    assert abs(h[1, 1]) < 1e-6 * k_e
+    np.testing.assert_allclose(
+        base.columns(home * 1.01) @ base.coefficients, base.predict(home * 1.01)
+    )
+
+
+@pytest.mark.parametrize("name", ["constant-curvature", "rod", "gp", "mlp"])
+def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> None:
+    if name in ("gp", "mlp"):
+        pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
+    table = rod_table(60, 3)
+    model = fit_model(table, name)
+    poses = table.poses[:10].copy()
+    model.save(tmp_path / "m.json")
+    again = load_model(tmp_path / "m.json")
+    assert again.name == name
+    np.testing.assert_array_equal(again.predict(poses), model.predict(poses))
+    step = np.zeros(6)
+    step[4] = 1e-5
+    slope = (model.predict(poses + step) - model.predict(poses - step)) / 2e-5
+    k = model.stiffness(poses)
+    np.testing.assert_allclose(k[:, :, 4], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max())
+    with pytest.raises(Exception, match="not exported"):
+        export_files(again, "c", "neck")
+    with pytest.raises(InputError, match="PCR"):
+        fit_model(table, name, pcr=0.1)
+
+
+def test_a_learned_map_takes_any_columns_and_refuses_effects() -> None:
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
+    table = stand_in(80, 4).drop("x_m", "fz_N", "tau_x_Nm")
+    model = fit_model(table, "gp")
+    assert model.inputs == POSE[1:]
+    with pytest.raises(InputError, match="cannot be refitted"):
+        model.base.columns(table.matrix(model.inputs))
+
+
+def test_without_scikit_learn_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("sklearn.gaussian_process", "sklearn.neural_network"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for name in ("gp", "mlp"):
+        with pytest.raises(MissingExtra, match=r"ecm-stiffness\[learn\]"):
+            fit_model(stand_in(40, 5), name)
+
+
+def test_the_table_ranks_what_it_should() -> None:
+    table = bench("models_table")
+    random = np.random.default_rng(6)
+    poses = workspace_poses(1500, 6)
+    poses[:, 3:] *= random.uniform(0.5, 2.5, (1500, 1))
+    lines = table.measure(poses, wrench(poses), ("constant-curvature", "cubic", "energy4"))
+    found = {line["model"]: line for line in lines}
+    assert found["energy4"]["coefficients"] == 22
+    assert found["energy4"]["skew"] < 1e-12
+    assert found["cubic"]["skew"] > 1e-4
+    assert found["energy4"]["inside"] < 1e-3 < found["cubic"]["inside"]
+    assert found["cubic"]["inside"] < found["constant-curvature"]["inside"]
+    assert found["cubic"]["beyond"] > found["cubic"]["inside"]
+    text = table.shown(lines)
+    assert text.count("\n") == 1 + len(lines)
+    assert "| energy4 | 22 |" in text
+
+
+def test_the_learning_bench_makes_its_rows() -> None:
+    learning = bench("models_learning")
+    data = stand_in(500, 7)
+    body = learning.Body(data.poses.copy(), data.wrenches.copy(), test=60)
+    few = body.line("energy4", 10, None, design=False)
+    many = body.line("cubic", 200, None, design=False)
+    assert few["whitened"] < 0.01 < many["whitened"]
+    noisy = [body.line("energy4", n, learning.RIG, design=False) for n in (10, 200)]
+    assert noisy[1]["whitened"] < noisy[0]["whitened"]
+    assert body.line("cubic", 50, None, design=False)["whitened"] == np.inf
+    assert "energy4: 200" in learning.floor_line(noisy) or "energy4: 10" in learning.floor_line(
+        noisy
+    )
+    assert isinstance(fit_model(data, "energy4"), Model)

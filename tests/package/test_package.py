@@ -1,0 +1,111 @@
+"""`import ecm`: every name is there, comes when it is asked for, and is what it says."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import ecm
+from support.neck import csv_text, neck_columns
+
+
+@pytest.mark.parametrize("name", ecm.__all__)
+def test_every_name_is_there(name: str) -> None:
+    assert getattr(ecm, name) is not None
+    assert name in dir(ecm)
+
+
+def test_the_names_and_their_homes_are_the_same_list() -> None:
+    assert set(ecm._MODULE_OF) == set(ecm.__all__)
+    assert ecm.__all__ == sorted(ecm.__all__)
+
+
+def test_a_name_is_looked_up_once_and_another_module_may_stand_in_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert ecm.simulate is vars(ecm)["simulate"]
+    stand_in = ModuleType("stand_in")
+    monkeypatch.setattr(ecm, "simulate", stand_in)
+    assert ecm.simulate is stand_in
+    monkeypatch.undo()
+    assert ecm.simulate is import_module("ecm.fem.simulate").simulate
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="'ecm' has no attribute 'measure'"):
+        _ = ecm.measure  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["compare", "diagnose", "identify", "simulate"])
+def test_a_verb_is_a_function_and_no_module_has_its_name(name: str) -> None:
+    assert callable(getattr(ecm, name))
+    assert importlib.util.find_spec(f"ecm.{name}") is None
+
+
+@pytest.mark.parametrize(
+    ("code", "not_loaded"),
+    [
+        ("import ecm", ("numpy", "scipy", "ecm._native")),
+        ("from ecm.cli import run; run(['--version'])", ("numpy", "scipy")),
+        (
+            "import ecm.rig, ecm.workflow.config",
+            ("scipy", "ecm.models", "ecm.diagnosis", "ecm.effects"),
+        ),
+    ],
+)
+def test_a_command_loads_only_what_it_uses(code: str, not_loaded: tuple[str, ...]) -> None:
+    script = f"{code}\nimport sys\nprint([n for n in {not_loaded!r} if n in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+THREADS = (
+    "import numpy, scipy.linalg, threadpoolctl; "
+    "print(sorted({p['num_threads'] for p in threadpoolctl.threadpool_info()}))"
+)
+"""What every BLAS of the process has, numpy's and scipy's."""
+
+
+def in_a_process(*code: str) -> list[str]:
+    """Lines that it prints, where BLAS would take two threads."""
+    wanted = {"OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(code)],
+        capture_output=True, text=True, check=True, env={**os.environ, **wanted},
+    )  # fmt: skip
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("before", ["", "import numpy", "import numpy, scipy.linalg"])
+def test_blas_has_one_thread_inside_a_command(before: str, tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text(csv_text(neck_columns(30)))
+    done = in_a_process(
+        before,
+        "import ecm.cli.console, ecm.cli",
+        # When the command has done its work, with all it loaded.
+        "close = ecm.cli.console.Console.__exit__",
+        f"def report(*a):\n    {THREADS}\n    return close(*a)",
+        "ecm.cli.console.Console.__exit__ = report",
+        f"print(ecm.cli.run(['check', {str(tmp_path / 'data.csv')!r}]))",
+    )
+    assert done[-1] == "0"
+    assert "[1]" in done
+
+
+def test_blas_has_one_thread_inside_a_function_and_its_own_after() -> None:
+    done = in_a_process(
+        "from ecm.regression.blas import one_blas_thread",
+        "@one_blas_thread()\ndef inside():\n    " + THREADS,
+        "inside()",
+        THREADS,
+    )
+    assert done == ["[1]", *in_a_process(THREADS)]

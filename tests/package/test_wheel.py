@@ -1,0 +1,55 @@
+"""The wheel, built once, installs and works in a clean environment without a Rust toolchain."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+from support.neck import ROOT
+
+
+def test_the_wheel_installs_and_identifies_without_rust(tmp_path: Path) -> None:
+    maturin = Path(sys.executable).parent / "maturin"
+    subprocess.run(
+        [maturin, "build", "--release", "--quiet", "--out", tmp_path / "dist"],
+        cwd=ROOT,
+        check=True,
+        timeout=900,
+    )
+    (wheel,) = (tmp_path / "dist").glob("ecm_stiffness-*-cp310-abi3-*.whl")
+    assert wheel.stat().st_size < 30e6
+
+    clean = tmp_path / "clean"
+    venv.create(clean, with_pip=True)
+    python = clean / "bin" / "python"
+    # Neither cargo nor this environment's packages are within reach.
+    environment = {"PATH": f"{clean / 'bin'}:/usr/bin:/bin", "HOME": str(tmp_path)}
+    for name in ("PIP_INDEX_URL", "PIP_CONFIG_FILE", "SSL_CERT_FILE", "PIP_EXTRA_INDEX_URL"):
+        if name in os.environ:
+            environment[name] = os.environ[name]
+    subprocess.run(
+        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", wheel],
+        check=True,
+        timeout=600,
+        env={**os.environ, "PYTHONPATH": ""},
+    )
+    small = (ROOT / "examples" / "quick.toml").read_text(encoding="utf-8")
+    (tmp_path / "quick.toml").write_text(small, encoding="utf-8")
+    done = subprocess.run(
+        [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert (tmp_path / "out" / "model.json").exists()
+    # The plain install is light: the report is an extra, and the command says so.
+    assert not (tmp_path / "out" / "report.html").exists()
+    assert "ecm-stiffness[report]" in done.stdout + done.stderr

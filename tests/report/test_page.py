@@ -1,0 +1,155 @@
+"""The report page: complete in itself, shown by a real browser, and safe with hostile text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.cli.reports import write_comparison
+from ecm.comparison import compare
+from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
+from ecm.report import figures as draw
+from ecm.report.page import number
+from support.browser import open_page
+from support.campaigns import campaign, model
+
+HOSTILE = '</script><script>document.documentElement.dataset.owned = "1"</script><b>&'
+
+
+def sections() -> list[Section]:
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.0, 0.1, (200, 6))
+    return [
+        Section(
+            HOSTILE,
+            [
+                TextBlock(HOSTILE, strong=True),
+                TableBlock(HOSTILE, ("a", HOSTILE), [[HOSTILE, "1"]]),
+                FigureBlock(
+                    HOSTILE,
+                    draw.histograms(
+                        {HOSTILE: values}, draw.COMPONENT_LABELS, limit=0.5, x_title=HOSTILE
+                    ),
+                ),
+            ],
+        ),
+        Section(
+            "Figures",
+            [
+                FigureBlock(
+                    "scatter",
+                    draw.actual_predicted(values, values + 0.01, draw.COMPONENT_LABELS),
+                ),
+                FigureBlock("one", draw.histogram(values[:, 0], x_title="x", y_title="n")),
+                FigureBlock("times", draw.times([0.1, 0.2], [1e-5, 2e-5])),
+                FigureBlock(
+                    "lines",
+                    draw.lines({"a": ([1, 2], [3, 4])}, x_title="x", y_title="y", log_y=True),
+                ),
+                FigureBlock("bars", draw.bars({"a": [1.0, 2.0]}, ["p", "q"], y_title="y")),
+                FigureBlock("map", draw.stiffness_map(np.diag(np.arange(1.0, 7.0)), "K")),
+                FigureBlock("cloud", draw.pose_cloud(values)),
+            ],
+        ),
+    ]
+
+
+@pytest.mark.browser
+def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_page(path, HOSTILE, HOSTILE, sections())
+    seen = open_page(path)
+    assert seen.attribute("error") is None
+    assert seen.attribute("blocked") is None
+    assert seen.attribute("owned") is None
+    assert seen.attribute("figures") == "8"
+    assert seen.html.count('class="main-svg"') >= 8
+
+
+def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_page(path, "title", "lead", sections())
+    text = path.read_text(encoding="utf-8")
+    own = text.replace(_plotly(), "")
+    assert "http:" not in own
+    assert "https:" not in own
+    assert len(text) < 10e6
+
+
+def _plotly() -> str:
+    from plotly.offline import get_plotlyjs
+
+    return str(get_plotlyjs())
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (24585.3, "24585"),
+        (3.14159, "3.14"),
+        (0.01234, "0.0123"),
+        (123.456, "123"),
+        (1.5e6, "1.50e+06"),
+        (float("nan"), "–"),
+        (-0.5, "-0.5"),
+    ],
+)
+def test_numbers_have_significant_digits(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_columns_of_words_stand_left_and_numbers_right() -> None:
+    rows = [["fts_gain", "1e-3", "1", "0.2 to 0.9"], ["payload", "–", "kg m", "1 to 2"]]
+    assert TableBlock("", ("effect", "size", "unit", "range"), rows).words == [
+        True, False, True, False,
+    ]  # fmt: skip
+
+
+PLAY = """<script>
+const graph = i => document.getElementById("figure-" + i);
+const marks = () => figures.flatMap((f, i) => graph(i).data.filter(t => t.meta).map(
+  t => (t.selectedpoints || []).map(k => t.customdata[k]).join())).join(" ");
+const rows = () => [...document.querySelectorAll("tr.marked")].map(r => r.dataset.row).join(" ");
+const say = (name, value) => { document.documentElement.dataset[name] = value; };
+const worst = document.querySelector("tr[data-row]");
+worst.click();
+say("worst", worst.dataset.row); say("seen", marks()); say("rows", rows());
+worst.click();
+say("after", marks().trim());
+// A point of the last linked figure, as plotly tells of a click on it.
+const last = figures.map((f, i) => i).filter(i => figures[i].data.some(t => t.meta)).pop();
+const trace = graph(last).data.find(t => t.meta);
+const row = document.querySelectorAll("tr[data-row]")[3].dataset.row;
+const at = trace.customdata.map(String).indexOf(row);
+const click = () => graph(last).emit("plotly_click",
+  {points: [{data: trace, pointNumber: at, customdata: trace.customdata[at]}]});
+click();
+say("point", row); say("seenpoint", marks()); say("rowspoint", rows());
+click();
+say("afterpoint", marks().trim() + rows());
+</script></body>"""
+"""After the page's own script: click a row, then a point, and say what each figure marks."""
+
+
+@pytest.mark.browser
+def test_a_row_or_point_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> None:
+    """A figure without the click, or a mark by place in the trace and not by row, would show."""
+    path = tmp_path / "compare.html"
+    write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
+    page = path.read_text(encoding="utf-8")
+    path.write_text(page.replace("</body>", PLAY), encoding="utf-8")
+    seen = open_page(path)
+    assert seen.attribute("error") is None
+    for clicked, marks, rows, after in (
+        ("worst", "seen", "rows", "after"),
+        ("point", "seenpoint", "rowspoint", "afterpoint"),
+    ):
+        row = seen.attribute(clicked)
+        marked = (seen.attribute(marks) or "").split(" ")
+        assert len(marked) >= 12
+        assert set(marked) == {row}
+        assert seen.attribute(rows) == row
+        assert seen.attribute(after) == ""

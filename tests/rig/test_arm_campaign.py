@@ -1,0 +1,372 @@
+"""A campaign of the arm: the table, resuming, processes, faults, strategies, what is hidden."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.errors import ComputationError, InputError
+from ecm.io.table import read_table
+from ecm.rig import Hidden
+from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.record import Line
+from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.measurement import row_covariance
+from support.arm_rig import REST, plan, run, settings
+from support.neck import ROOT
+from support.stand_in import StandIn, some_poses
+
+F = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+def record(out: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(out.with_suffix(".robot.json").read_text())
+    return document
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {f.name: f.read_bytes() for f in folder.iterdir()}
+
+
+def test_the_table_is_that_of_the_rig_with_the_joints_beside(cache: Path, tmp_path: Path) -> None:
+    poses = some_poses(8)
+    action = ["measure"] * 9
+    action[4] = "home"
+    poses = np.insert(poses, 4, REST, axis=0)
+    out = tmp_path / "data.csv"
+    table = run(cache, poses, out, columns={"action": action})
+    again = read_table(out)
+    assert again.poses == pytest.approx(table.poses, abs=0.0)
+    assert again.has("time_s", "dwell_s", "approach", "q1_rad", "q7_rad", "q7_dir", "sd_fx_N")
+    assert again.measured().poses == pytest.approx(np.delete(poses, 4, axis=0), abs=6e-3)
+    assert np.all(np.diff(again.column("time_s")) > 0.0)
+    assert set(again.column("q4_dir").tolist()) <= {-1.0, 0.0, 1.0}
+    found = record(out)
+    assert found["success"] == 1.0
+    assert found["phases"]["impedance"]["median_m"] > 1e-3
+    assert found["phases"]["position"]["largest_m"] < 1e-4
+    assert not list(tmp_path.glob("*.journal.csv"))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
+    table = run(cache, some_poses(count, seed=5))
+    assert len(table.measured()) == count, table.warnings
+
+
+def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
+    campaign = RobotCampaign(
+        plan(some_poses(24)), settings(), StandIn(), folder=cache, library_folder=cache
+    )
+    for _ in campaign.lines((), 1):
+        pass
+    table = campaign.finished().measured()
+    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
+    elastic = campaign.plant.elastic.wrench(campaign.course.anchor[rows], table.poses)
+    true = campaign.plant.elastic.wrench(
+        campaign.course.anchor[rows], campaign.course.reached[rows]
+    )
+    covariance = row_covariance(campaign.plant, campaign.course, campaign.settings)
+    strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
+    assert strength == pytest.approx(1.0, abs=0.25)
+
+
+def test_any_number_of_processes_gives_the_same_bytes(cache: Path, tmp_path: Path) -> None:
+    poses = some_poses(6, seed=2)
+    for n in (1, 2):
+        (tmp_path / str(n)).mkdir()
+        run(cache, poses, tmp_path / str(n) / "data.csv", rig={"processes": n}, seed=5)
+    assert files(tmp_path / "1") == files(tmp_path / "2")
+
+
+class Stopped(Exception):
+    pass
+
+
+@pytest.mark.parametrize("approach", ["initial", "previous"])
+def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
+    cache: Path, tmp_path: Path, approach: str
+) -> None:
+    poses = some_poses(8, seed=3)
+    common: dict[str, Any] = {
+        "rig": {"approach": approach, "offset_every": 5}, "hide": "hysteresis=2", "seed": 4,
+    }  # fmt: skip
+
+    def stop(done: int, total: int, word: str) -> None:
+        if word == "measuring" and done == 5:
+            raise Stopped
+
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    run(cache, poses, tmp_path / "a" / "data.csv", **common)
+    out = tmp_path / "b" / "data.csv"
+    with pytest.raises(Stopped):
+        run(cache, poses, out, progress=stop, **common)
+    journal = tmp_path / "b" / "data.journal.csv"
+    kept = journal.read_bytes()
+    assert kept.count(b"\n") == 2 + 5
+    journal.write_bytes(kept[:-30])  # a kill in the middle of a line loses that line only
+    taken: list[int] = []
+    run(
+        cache, poses, out,
+        progress=lambda d, n, w: taken.append(d) if w == "measuring" else None, **common,
+    )  # fmt: skip
+    assert taken[0] == 5
+    whole = files(tmp_path / "a")
+    assert set(whole) == {"data.csv", "data.toml", "data.truth.json", "data.robot.json"}
+    assert files(tmp_path / "b") == whole
+
+
+def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
+    poses = some_poses(4, seed=6)
+    poses = np.concatenate([poses, poses[:1]])
+    ids = np.array([0, 1, 2, 3, 0])
+    approach = ["initial", "initial", "initial", "initial", "2"]
+    campaign = RobotCampaign(
+        plan(poses, pose_id=ids, approach=approach), settings(), StandIn(),
+        folder=cache, library_folder=cache,
+    )  # fmt: skip
+    lines = list(campaign.lines((), 1))
+    last = [line for line in lines if campaign.planned.visits[line.visit].kind == "pose"][-1]
+    assert last.approach == "2"
+    way = np.asarray(last.way)
+    assert np.abs((way - poses[2])[:, :3]).sum(axis=1).min() < 2e-3
+    assert campaign.finished().text("approach").tolist() == approach
+
+
+def test_every_action_of_a_plan_is_done(cache: Path) -> None:
+    poses = some_poses(8, seed=9)
+    action = [
+        "measure",
+        "home",
+        "measure",
+        "unload",
+        "warm_up:10",
+        "measure",
+        "remount:90",
+        "measure",
+    ]
+    table = run(cache, poses, columns={"action": action}, rig={"approach": "previous"})
+    kinds = table.text("kind").tolist()
+    assert kinds == ["pose", "home", "pose", "unloaded", "pose", "pose"]
+    times = table.column("time_s")
+    assert np.all(np.diff(times) > 0.0)
+    assert times[4] - times[3] > 600.0
+    warmer = table.column("temperature_degC")
+    assert warmer[4] > warmer[2] + 3.0
+    assert table.meta.runs[1]["mount_angle_rad"] == pytest.approx(np.pi / 2.0)
+    home = table.select(table.text("kind") == "home")
+    assert home.poses[0] == pytest.approx(REST, abs=5e-3)
+
+
+# --- strategies and time ----------------------------------------------------------
+
+
+def test_direct_saves_time_and_tells_how_far_it_leaves_what_is_known(
+    cache: Path, tmp_path: Path
+) -> None:
+    poses = some_poses(8, seed=7)
+    found = {}
+    for approach in ("initial", "previous"):
+        out = tmp_path / f"{approach}.csv"
+        run(cache, poses, out, rig={"approach": approach, "dwell_s": 0.5})
+        found[approach] = record(out)
+    assert found["previous"]["success"] == found["initial"]["success"] == 1.0
+    assert found["previous"]["minutes"] < found["initial"]["minutes"]
+    away = {k: v["off_known_m"]["mean"] for k, v in found.items()}
+    assert away["previous"] > 1.2 * away["initial"]
+
+
+def test_the_time_is_known_beforehand(cache: Path) -> None:
+    from ecm.rig import campaign_minutes
+
+    table = plan(some_poses(6, seed=7))
+    rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
+    campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache, library_folder=cache)
+    planned = campaign.minutes
+    assert len(list(campaign.lines((), 1))) == 8
+    assert campaign.minutes > planned + 0.1
+    assert campaign.minutes == pytest.approx(campaign_minutes(table, settings(**rig)), rel=0.05)
+
+
+# --- faults ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("sensor_dropout", "gave no samples"),
+        ("sensor_nan", "gave nan on axis 1"),
+        ("saturation", "saturated on axis 1"),
+        ("led_loss", "3 of 9 LEDs"),
+    ],
+)
+def test_one_useless_reading_costs_one_pose(cache: Path, fault: str, words: str) -> None:
+    poses = some_poses(5, seed=1)
+    table = run(cache, poses, rig={"fault": f"{fault}@2"})
+    whole = run(cache, poses)
+    assert len(table) == 4
+    (warning,) = table.warnings
+    assert words in warning
+    assert "pose 2" in warning
+    kept = [0, 1, 3, 4]
+    assert table.wrenches == pytest.approx(whole.select(np.asarray(kept)).wrenches, abs=1e-9)
+    assert np.isfinite(table.wrenches).all()
+
+
+def test_a_fault_that_lasts_stops_the_campaign_which_goes_on_later(
+    cache: Path, tmp_path: Path
+) -> None:
+    poses = some_poses(7, seed=1)
+    out = tmp_path / "b" / "data.csv"
+    with pytest.raises(ComputationError, match=r"3 poses in a row.*2 poses are kept"):
+        run(cache, poses, out, rig={"fault": "led_loss@2+"})
+    assert not out.exists()
+    run(cache, poses, out)
+    run(cache, poses, tmp_path / "a" / "data.csv")
+    assert files(tmp_path / "b") == files(tmp_path / "a")
+
+
+def test_the_arms_own_limits_cost_poses_and_not_the_campaign(cache: Path, tmp_path: Path) -> None:
+    poses = some_poses(6, seed=1)
+    out = tmp_path / "data.csv"
+    table = run(cache, poses, out, rig={"torque_limit_Nm": 8.5})
+    found = record(out)
+    assert len(table) == 5
+    assert found["reasons"][0][0] == 4
+    assert "torque" in found["reasons"][0][2]
+    assert found["success"] == pytest.approx(5 / 6)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [("sensor_nan", "NAME@VISIT"), ("sensr_nan@3", "did you mean 'sensor_nan'")],
+)
+def test_faults_are_read_with_care(cache: Path, fault: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        run(cache, some_poses(6), rig={"fault": fault})
+
+
+SMALL_DISK = """
+import resource, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from ecm.errors import ComputationError
+from support.arm_rig import run
+from support.stand_in import some_poses
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (8000, resource.RLIM_INFINITY))
+try:
+    run(Path({cache!r}), some_poses(8, seed=4), Path({out!r}))
+except ComputationError as error:
+    print(error)
+"""
+"""In a process of its own: no file may grow beyond 8 kB, as on a full disk."""
+
+
+def test_a_full_disk_keeps_all_poses_before_it(cache: Path, tmp_path: Path) -> None:
+    poses = some_poses(8, seed=4)
+    run(cache, poses, tmp_path / "a" / "data.csv")
+    out = tmp_path / "b" / "data.csv"
+    script = SMALL_DISK.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert "All readings before it are kept" in done.stdout
+    journal = out.with_name("data.journal.csv").read_bytes()
+    complete = [json.loads(line) for line in journal.split(b"\n")[2:-1]]
+    assert 2 <= len(complete) < 10
+    taken: list[int] = []
+    run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
+    assert taken[0] == len(complete) + 1
+    assert files(tmp_path / "b") == files(tmp_path / "a")
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from support.arm_rig import run
+from support.stand_in import some_poses
+run(Path({cache!r}), some_poses(8, seed=5), Path({out!r}), rig={{"processes": 2}})
+"""
+
+
+def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
+    poses = some_poses(8, seed=5)
+    run(cache, poses, tmp_path / "a" / "data.csv")
+    out = tmp_path / "b" / "data.csv"
+    text = KILLED.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
+    process = subprocess.Popen([sys.executable, "-c", text], env=os.environ | {"PYTHONPATH": ""})
+    journal = out.with_name("data.journal.csv")
+    until = time.monotonic() + 120.0
+    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 4):
+        assert time.monotonic() < until
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    lines = journal.read_text().split("\n")[2:-1]
+    done = [Line.parse(line, "journal") for line in lines]
+    assert [line.visit for line in done] == list(range(len(done)))
+    assert len(done) >= 2
+    taken: list[int] = []
+    run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
+    assert taken[0] == len(done) + 1
+    assert files(tmp_path / "b") == files(tmp_path / "a")
+
+
+def test_what_is_hidden_acts_and_is_sealed(cache: Path, tmp_path: Path) -> None:
+    from ecm.rig import reveal
+
+    poses = some_poses(7, seed=2)
+    out = tmp_path / "data.csv"
+    hidden = run(cache, poses, out, hide="payload=3", seed=1)
+    plain = run(cache, poses, seed=1)
+    assert np.abs(hidden.wrenches - plain.wrenches).max() > 0.5
+    (effect,) = reveal(out).effects
+    assert effect["id"] == "payload"
+
+
+@pytest.mark.parametrize("effect", ["payload", "hysteresis", "base_compliance"])
+def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> None:
+    poses = some_poses(8, seed=2)
+    ends = {}
+    for hide in ((), Hidden.parse(f"{effect}=3")):
+        campaign = RobotCampaign(
+            plan(poses),
+            settings(dwell_s=1.0),
+            StandIn(),
+            hide=hide,
+            folder=cache,
+            library_folder=cache,
+        )
+        ends[bool(hide)] = campaign.job.machine().sortie(campaign.tours[0].stops).outcomes[0]
+        if hide:
+            around = campaign.job.effects
+            assert around is not None
+            beside = around.around(campaign.settings, campaign.mechanism)
+            beside.leave(REST, 0.0)
+            beside.towards(campaign.tours[0].stops[0].visit)
+            at_rest = beside.wrench(REST, 0.0, 0.1, moving=False)
+            size = np.linalg.norm(at_rest)
+            assert (size > 0.1) == (effect == "payload")
+    assert ends[True].reason == ends[False].reason == ""
+    moved = np.linalg.norm(ends[True].after_impedance[:3] - ends[False].after_impedance[:3])
+    assert 1e-6 < moved < 5e-3
+    # The position phase ends where it is told, whatever pulls.
+    assert ends[True].reached == pytest.approx(ends[False].reached, abs=1e-5)

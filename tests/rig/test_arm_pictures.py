@@ -1,0 +1,164 @@
+"""The film, Fig. 7, and the command that writes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.errors import ComputationError, InputError, MissingExtra
+from ecm.report.page import FigureBlock
+from ecm.rig.arm.film import Film, centre_line, film
+from ecm.rig.arm.procedure import Stop
+from ecm.rig.arm.scene import mujoco
+from ecm.rig.arm.show import need_robot, pose_on_its_way, show
+from ecm.workflow.report_arm import arm_section
+from support.arm_rig import REST, job, library, machine, plan, settings
+from support.neck import Done
+from support.stand_in import L, StandIn, some_poses
+
+GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
+
+
+def need_drawing() -> None:
+    try:
+        Film(L, 0.033).close()
+    except ComputationError as error:
+        pytest.skip(str(error))
+
+
+def test_a_film_shows_the_arm_and_what_it_bends(tmp_path: Path) -> None:
+    need_drawing()
+    image = pytest.importorskip("PIL.Image", reason="pillow is missing: see the extra robot")
+    out = tmp_path / "film.gif"
+    count = film(job(), [Stop(0, GOAL, (), 0.2, 0.2)], out, 0.033)
+    frames = []
+    with image.open(out) as moving:
+        assert moving.n_frames == count > 5
+        for i in (0, count // 2):
+            moving.seek(i)
+            frames.append(np.asarray(moving.convert("RGB"), dtype=float))
+    assert frames[0].std() > 20.0  # something is drawn
+    assert np.abs(frames[0] - frames[1]).mean() > 0.5  # and it moves
+
+
+def test_the_centre_line_meets_both_frames() -> None:
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    line = centre_line(np.array([0.06, 0.05, 0.0]), turn, L)
+    assert line[0] == pytest.approx(np.zeros(3))
+    assert line[-1] == pytest.approx([0.06, 0.05, 0.0])
+    assert abs(line[1, 1]) < 0.2 * line[1, 0]
+    last = line[-1] - line[-2]
+    assert abs(last[0]) < 0.3 * last[1]
+
+
+def test_phases_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    from ecm.rig.arm.figure import figure_7
+
+    stop = Stop(0, GOAL, (), 0.2, 0.2)
+    result = machine().sortie([stop])
+    out = tmp_path / "fig7.svg"
+    figure_7(result, stop, L, out)
+    text = out.read_text(encoding="utf-8")
+    assert "<svg" in text
+    assert len(text) > 20_000
+
+
+def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    out = tmp_path / "fig7.png"
+    (line,) = show(
+        plan(some_poses(7)), settings(), phases=out, source=StandIn(), folder=tmp_path / "cache"
+    )
+    assert str(out) in line
+    assert out.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    monkeypatch.setattr("ecm.rig.arm.show._TRIED", 2)
+    common: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    weak = settings(force_limit_N=1.0)
+    (line,) = show(plan(some_poses(7)), weak, phases=tmp_path / "fig7.png", **common)
+    assert "does not reach: while in phase impedance: force" in line
+    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), weak, **common)
+    assert "limit 1 N" in reason
+    assert "reading" not in [name for name, _, _ in phases]
+    record: dict[str, Any] = {"reached": 0, "poses": 7, "reasons": []}
+    step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
+    figures = {f"arm_{name}": values for name, values in arrays.items()}
+    section = arm_section(step, figures, {"d": "D-optimal"})
+    (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
+    assert "not reached: while in phase impedance: force" in figure.caption
+    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), settings(), **common)
+    assert reason == ""
+    step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
+    section = arm_section(step, figures, {"d": "D-optimal"})
+    (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
+    assert "the first pose that was reached" in figure.caption
+
+
+def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
+    library()  # skips where there is no compiler at all
+    common: dict[str, Any] = {"phases": tmp_path / "fig7.png", "source": StandIn()}
+    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
+    monkeypatch.setattr("ecm.rig.arm.feed_forward.shutil.which", lambda _name: None)
+    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
+    with pytest.raises(ComputationError, match="no C compiler"):
+        show(plan(some_poses(7)), settings(), folder=tmp_path / "bare", **common)
+    assert not (tmp_path / "bare").exists()
+    with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
+        show(plan(some_poses(8, seed=5)), settings(), folder=tmp_path / "kept", **common)
+
+
+def test_pictures_are_of_the_arm_alone() -> None:
+    from ecm.rig import RigSettings
+
+    with pytest.raises(InputError, match=r"--film.*mode"):
+        need_robot(RigSettings(), ("--film", Path("a.gif")))
+    with pytest.raises(InputError, match=r"expected a file ending in \.gif"):
+        need_robot(settings(), ("--film", Path("a.mp4")))
+
+
+def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtra, match=r"ecm-stiffness\[robot\]"):
+        mujoco()
+
+
+def test_the_command_drives_the_arm_on_fem(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    poses = some_poses(6, seed=2)
+    names = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
+    rows = "\n".join(",".join(f"{v:.9g}" for v in pose) for pose in poses)
+    (tmp_path / "plan.csv").write_text(",".join(names) + "\n" + rows + "\n")
+    (tmp_path / "plan.toml").write_text(
+        '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1034\nradius_m = 0.033\n'
+        "young_modulus_Pa = 0.65e6\npoisson_ratio = 0.49\n"
+    )
+    (tmp_path / "rig.toml").write_text(
+        '[rig]\nmode = "robot"\nspeed_m_s = 0.05\nspeed_rad_s = 0.4\nprocesses = 1\n'
+    )
+    out = tmp_path / "data.csv"
+    done = ecm_command(
+        "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out", out
+    )
+    assert done.code == 0, done.err
+    assert "6 of 6 poses reached" in done.out
+    assert "after the impedance phase" in done.out
+    found: dict[str, Any] = json.loads((tmp_path / "data.robot.json").read_text())
+    assert found["phases"]["position"]["largest_m"] < 1e-6
+    assert len(out.read_text().splitlines()) == 7

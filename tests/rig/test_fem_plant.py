@@ -1,0 +1,101 @@
+"""The plant's elastic truth is the FEM: what the surrogate adds between anchors, and anisotropy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import read_table
+from ecm.rig import Campaign, RigSettings, run_campaign
+from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic
+from ecm.rig.fem_source import FemSource
+from ecm.rig.frames import turn_wrench
+from ecm.rig.instruments import displaced
+from support.stand_in import plan_of, some_poses
+
+NECK: dict[str, Any] = {
+    "builtin": "cylinder",
+    "length_m": 0.1034,
+    "radius_m": 0.033,
+    "young_modulus_Pa": 0.65e6,
+    "poisson_ratio": 0.49,
+}
+REST = np.array([[0.1034, 0.0, 0.0, 0.0, 0.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def source() -> FemSource:
+    return FemSource(Mechanism.from_dict(NECK))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("anchors")
+
+
+def test_between_anchor_and_reached_pose_the_error_is_below_a_hundredth_of_the_noise(
+    source: FemSource,
+) -> None:
+    poses = np.concatenate([REST, some_poses(40)])
+    anchors = source.solve(poses, UNIFORM)
+    assert set(anchors.status) == {"solved"}
+    size = np.repeat([1.5e-4, 1e-3], 3)  # [rig] pose_error
+    near = displaced(poses, size * np.random.default_rng(0).standard_normal(poses.shape))
+    direct = source.solve(near, UNIFORM).wrenches
+    index = np.arange(len(poses))
+    full = Elastic(anchors, source.surrogate(anchors)).wrench(index, near) - direct
+    noise = np.repeat([0.3, 0.01], 3)
+    assert np.sqrt(np.mean((full / noise) ** 2)) < 0.01
+    # It is the surrogate's curvature that does it, not its value.
+    linear = Elastic(anchors).wrench(index, near) - direct
+    assert np.abs(linear).max() > 3.0 * np.abs(full).max()
+    smooth = source.surrogate(anchors)
+    assert smooth is not None
+    assert np.std(smooth.predict(near) - direct) > 3.0 * np.std(full)
+
+
+def test_a_graded_modulus_stiffens_one_side_and_softens_the_other(source: FemSource) -> None:
+    plain = source.solve(REST, UNIFORM).stiffness[0]
+    cos2 = source.solve(REST, COS2).stiffness[0] - plain
+    sin2 = source.solve(REST, SIN2).stiffness[0] - plain
+    # phi = 0 is y: fibres there bend in the x-y plane, about z.
+    assert cos2[1, 1] > 0.0 > cos2[2, 2]
+    assert cos2[5, 5] > 0.0 > cos2[4, 4]
+    assert cos2[5, 5] == pytest.approx(-cos2[4, 4], rel=0.1)
+    assert sin2[1, 2] > 0.0
+    assert abs(sin2[1, 1]) < 0.2 * sin2[1, 2]
+    assert sin2[1, 2] == pytest.approx(cos2[1, 1], rel=0.2)
+
+
+def test_the_grade_turns_with_the_axes(source: FemSource) -> None:
+    """cos 2 phi of a pose is minus that of the pose turned by 90 degrees about x."""
+    quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    pose = REST + np.array([[-0.001, 0.006, 0.002, 0.05, -0.1, 0.25]])
+    turned = turn_wrench(quarter[None], pose)
+    change = [
+        source.solve(p, COS2).wrenches - source.solve(p, UNIFORM).wrenches for p in (pose, turned)
+    ]
+    assert np.abs(change[0]).max() > 0.05
+    left = turn_wrench(quarter[None], change[0]) + change[1]
+    # Second order in the contrast does not change its sign.
+    assert np.abs(left[0, :3]).max() < 0.1 * np.abs(change[0][0, :3]).max()
+    assert np.abs(left[0, 3:]).max() < 0.1 * np.abs(change[0][0, 3:]).max()
+
+
+def test_a_plan_with_a_mechanism_is_measured_from_end_to_end(folder: Path, tmp_path: Path) -> None:
+    plan = plan_of(some_poses(25))
+    plan = plan.with_meta(replace(plan.meta, mechanism=NECK))
+    out = tmp_path / "data.csv"
+    run_campaign(plan, RigSettings(), out, hide="anisotropy=1", seed=1, folder=folder)
+    table = read_table(out)
+    assert len(table) == 25
+    assert table.meta.mechanism["radius_m"] == 0.033
+    assert len(list(folder.glob("anchors-*.npz"))) == 3  # plain, cos 2 phi, sin 2 phi
+    campaign = Campaign(plan, RigSettings(), FemSource(Mechanism.from_dict(NECK)), folder=folder)
+    elastic = campaign.plant.elastic.wrench(np.arange(1, 26), table.poses)
+    assert np.std(table.wrenches - elastic, axis=0)[1] < 2.0

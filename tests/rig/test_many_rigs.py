@@ -1,0 +1,206 @@
+"""One plan on many rigs: the same bytes here and on workers; what is done is not done again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table, read_table
+from ecm.rig import RigSettings, reveal, run_campaigns
+from ecm.rig.many import rig_paths
+from support.neck import Done
+from support.programs import need_program
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+RIGS = 3
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ECM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def plan() -> Table:
+    """Four small poses of the neck, one of them twice."""
+    poses = np.zeros((5, 6))
+    poses[:, 0] = 0.1034
+    poses[:, 1] = [0.002, -0.002, 0.003, 0.0, 0.002]
+    poses[:, 4] = [0.05, 0.0, -0.05, 0.08, 0.05]
+    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+    return Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    here, there = tmp_path / "here", tmp_path / "there"
+    hide = "payload=20"
+    paths = run_campaigns(plan(), RigSettings(), here / "d.csv", rigs=RIGS, hide=hide, seed=5)
+    wrenches = [read_table(path).wrenches for path in paths]
+    assert not np.allclose(wrenches[0], wrenches[1])
+    assert [reveal(path).seed for path in paths] == [5, 6, 7]
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        run_campaigns(
+            plan(), RigSettings(), there / "d.csv", rigs=RIGS, hide=hide, seed=5,
+            scheduler=cluster.scheduler_address,
+        )  # fmt: skip
+    assert files(there) == files(here)
+
+
+def test_what_is_done_is_not_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "d.csv"
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
+    before = files(tmp_path)
+    rig_paths(out, RIGS)[1].unlink()
+    measured: list[int] = []
+    run_campaigns(
+        plan(), RigSettings(), out, rigs=RIGS, progress=lambda done, n, word: measured.append(done)
+    )
+    assert len(measured) == 1
+    assert files(tmp_path) == before
+    with pytest.raises(InputError, match="another plan, rig, seed"):
+        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1)
+    assert files(tmp_path) == before
+    # More rigs of the same job go on; nothing that is there is touched.
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS + 1)
+    assert before.items() - files(tmp_path).items() == {("d.rigs.json", before["d.rigs.json"])}
+
+
+def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
+    out = tmp_path / "d.csv"
+    theirs = rig_paths(out, RIGS)[1]
+    theirs.write_text("measured yesterday\n")
+    theirs.with_suffix(".truth.json").write_text("sealed yesterday")
+    for journal in (False, True):  # a journal is somebody else's, whatever it says
+        if journal:
+            theirs.with_name("d-0001.journal.csv").write_text("# campaign 12\n")
+        with pytest.raises(InputError, match=r"d-0001\.csv: a table stands there.*--overwrite"):
+            run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
+    assert theirs.read_text() == "measured yesterday\n"
+    assert not out.with_name("d.rigs.json").exists()
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, overwrite=True)
+    assert len(read_table(theirs)) == 5
+    assert not theirs.with_suffix(".truth.json").exists()
+    # Other settings need the same word; the same settings and that word measure anew.
+    measured: list[int] = []
+
+    def count(done: int, total: int, word: str) -> None:
+        measured.append(done)
+
+    with pytest.raises(InputError, match="--overwrite"):
+        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1)
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
+    assert measured == [1, 2, 3, 1, 2, 3]
+    # Fewer of them anew: the others stay done.
+    measured.clear()
+    run_campaigns(plan(), RigSettings(), out, rigs=1, seed=1, overwrite=True, progress=count)
+    run_campaigns(plan(), RigSettings(), out, rigs=RIGS + 1, seed=1, progress=count)
+    assert measured == [1, 4]
+
+
+class Stop(Exception):
+    pass
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
+    whole, out = tmp_path / "whole" / "d.csv", tmp_path / "cut" / "d.csv"
+    run_campaigns(plan(), RigSettings(), whole, rigs=RIGS)
+    taken: list[int] = []
+
+    def stop(done: int, total: int, word: str) -> None:
+        if done == 2:
+            raise Stop
+
+    if overwrite:
+        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=9)
+    with pytest.raises(Stop):
+        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, progress=stop, overwrite=overwrite)
+    # A kill between the table of a rig and the note that it is done.
+    out.with_name("d-0002.csv").write_text("half a job\n")
+    run_campaigns(
+        plan(), RigSettings(), out, rigs=RIGS, overwrite=overwrite,
+        progress=lambda done, n, word: taken.append(done),
+    )  # fmt: skip
+    assert taken == [3]
+    assert files(out.parent) == files(whole.parent)
+
+
+def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra `robot`")
+    distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    need_program("cc", "gcc")
+    fast = {"mode": "robot", "speed_rad_s": 0.6, "speed_m_s": 0.08, "dwell_s": 0.1}
+    arm = RigSettings.from_dict({"rig": {**fast, "processes": 1}})
+    poses = np.zeros((3, 6))
+    poses[:, 0] = [0.1014, 0.1024, 0.1044]
+    poses[:, 1:3] = [[0.008, -0.006], [-0.01, 0.004], [0.006, 0.012]]
+    poses[:, 3:] = [[0.3, 0.05, 0.1], [-0.2, 0.1, -0.15], [0.1, -0.2, -0.1]]
+    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+    three = Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
+    here, there = tmp_path / "here", tmp_path / "there"
+    paths = run_campaigns(three, arm, here / "d.csv", rigs=2, hide="payload=20", seed=5)
+    tables = [read_table(path) for path in paths]
+    assert all(len(table.measured()) == 3 for table in tables)
+    assert all(table.has("q1_rad", "q7_dir") for table in tables)
+    assert not np.allclose(tables[0].poses, tables[1].poses)
+    assert (here / "d-0001.robot.json").exists()
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        run_campaigns(
+            three, arm, there / "d.csv", rigs=2, hide="payload=20", seed=5,
+            scheduler=cluster.scheduler_address,
+        )  # fmt: skip
+    assert files(there) == files(here)
+
+
+def test_the_command_runs_many_rigs(tmp_path: Path, ecm_command: Callable[..., Done]) -> None:
+    plan().write(tmp_path / "plan.csv")
+    (tmp_path / "rig.toml").write_text('[hidden]\neffect = "none"\n', encoding="utf-8")
+    done = ecm_command(
+        "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out",
+        tmp_path / "d.csv", "--rigs", 2,
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert "2 rigs" in done.out
+    assert reveal(tmp_path / "d-0001.csv").effects == ()
+
+
+@pytest.mark.parametrize("many", [(), ("--rigs", 2)])
+def test_the_command_overwrites_nothing_unasked(
+    tmp_path: Path, ecm_command: Callable[..., Done], many: tuple[object, ...]
+) -> None:
+    plan().write(tmp_path / "plan.csv")
+    (tmp_path / "rig.toml").write_text("", encoding="utf-8")
+    theirs = tmp_path / ("d-0001.csv" if many else "d.csv")
+    theirs.write_text("measured yesterday\n")
+    command = (
+        "campaign", tmp_path / "plan.csv", "--rig", tmp_path / "rig.toml", "--out",
+        tmp_path / "d.csv", *many,
+    )  # fmt: skip
+    done = ecm_command(*command)
+    assert done.code == 2
+    assert f"{theirs.name}: a table stands there" in done.err.replace("\n", "")
+    assert "--overwrite" in done.err
+    assert theirs.read_text() == "measured yesterday\n"
+    assert ecm_command(*command, "--overwrite").code == 0
+    assert len(read_table(theirs)) == 5

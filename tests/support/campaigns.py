@@ -1,0 +1,69 @@
+"""A diagnosable campaign of the closed-form mechanism, and the physics map that belongs to it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.designs import Design, diagnosable_plan
+from ecm.diagnosis import Diagnosis
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import Model, PhysicsMap, surrogate_of
+from ecm.rig import RigSettings, run_campaign
+from support.stand_in import L, StandIn, wrench
+
+F = NDArray[np.float64]
+
+
+def workspace_poses(count: int, seed: int) -> F:
+    """Poses with bending, shear, twist and some compression, as a neck takes them."""
+    random = np.random.default_rng(seed)
+    poses = np.zeros((count, 6))
+    poses[:, 1:3] = random.uniform(-0.02, 0.02, (count, 2))
+    poses[:, 3:] = random.uniform(-0.35, 0.35, (count, 3))
+    poses[:, 5] += 8.0 * poses[:, 1]
+    poses[:, 4] -= 8.0 * poses[:, 2]
+    shortened = 0.25 * L * 0.5 * ((poses[:, 1:3] / 0.05) ** 2).sum(axis=1)
+    poses[:, 0] = L + random.uniform(-0.004, 0.001, count) - shortened
+    return poses
+
+
+@lru_cache(maxsize=1)
+def physics() -> PhysicsMap:
+    """The physics base: an energy surrogate of the closed form."""
+    train, test = workspace_poses(200, 1), workspace_poses(80, 2)
+    return surrogate_of(
+        train, wrench(train), L, test_poses=test, test_wrenches=wrench(test),
+        mechanism={"length_m": L},
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def plan() -> Table:
+    """100 poses in 290 visits with repeats, both sides, three dwells, home and unloaded checks."""
+    poses = workspace_poses(100, 3)
+    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
+    candidates = Table(columns, Meta(mechanism={"length_m": L}), "candidates")
+    chosen = Design(np.arange(100), "maximin", 0.0, 0.0, 1.0, "converged")
+    return diagnosable_plan(candidates, chosen, 290, seed=0)
+
+
+@lru_cache(maxsize=16)
+def campaign(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Table:
+    """What the simulated rig measures with an effect inside its plant."""
+    hide = f"{hidden}={strength!r}" if hidden else None
+    return run_campaign(plan(), RigSettings(), None, hide=hide, seed=seed, source=StandIn())
+
+
+def model() -> Model:
+    """The physics model before any measurement."""
+    return Model(base=physics())
+
+
+def found_in(diagnosis: Diagnosis, id: str) -> bool:
+    answer = diagnosis.answer
+    return len(answer) == 1 and id in answer[0] and len(answer[0]) <= 3

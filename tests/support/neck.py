@@ -1,0 +1,62 @@
+"""A small mechanism in closed form, the repository's root, and what a command leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.io.columns import POSE, WRENCH
+
+F = NDArray[np.float64]
+
+
+ROOT = Path(__file__).parents[2]
+
+
+SHARED_DATA = ROOT.parent / "shared" / "data"
+
+
+LENGTH_M = 0.1034
+
+
+# The paper's equation (11), signs of our frame.
+STIFFNESS = np.diag([24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0])
+STIFFNESS[1, 5] = STIFFNESS[5, 1] = -179.0
+STIFFNESS[2, 4] = STIFFNESS[4, 2] = 178.0
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a command left: exit code and both streams."""
+
+    code: int
+    out: str
+    err: str
+
+
+def neck_rows(n: int, seed: int = 0) -> tuple[F, F]:
+    """Poses (n, 6) and wrenches (n, 6) of a body that hardens a little with deflection."""
+    random = np.random.default_rng(seed)
+    poses = random.uniform(-1.0, 1.0, (n, 6)) * [0.002, 0.01, 0.01, 0.4, 0.3, 0.3]
+    wrenches = poses @ STIFFNESS * (1.0 + 0.1 * np.sum(poses[:, 3:] ** 2, axis=1))[:, None]
+    poses[:, 0] += LENGTH_M
+    return poses, wrenches
+
+
+def neck_columns(n: int = 60, seed: int = 0) -> dict[str, F]:
+    """The twelve columns of such rows with a little noise."""
+    poses, wrenches = neck_rows(n, seed)
+    random = np.random.default_rng([seed, 1])
+    noise = random.standard_normal((n, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
+    columns = dict(zip(POSE, poses.T, strict=True))
+    return columns | dict(zip(WRENCH, (wrenches + noise).T, strict=True))
+
+
+def csv_text(columns: dict[str, F]) -> str:
+    """A CSV as a user's program writes it."""
+    lines = [",".join(columns)]
+    lines += [",".join(repr(float(v)) for v in row) for row in zip(*columns.values(), strict=True)]
+    return "\n".join(lines) + "\n"

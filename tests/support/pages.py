@@ -1,0 +1,73 @@
+"""Runs the code blocks of a page.
+
+```python            executed; a ```text block right after it is its exact output
+```python NAME       written to NAME
+```sh                executed line by line with the package's commands
+```toml NAME         written to NAME
+```csv NAME          written to NAME
+```text              only right after a block that prints, or it is refused
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+FENCE = re.compile(r"^```(\w+)(?: +(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    name: str
+    text: str
+    line: int
+
+
+def blocks(path: Path) -> list[Block]:
+    text = path.read_text(encoding="utf-8")
+    return [
+        Block(m.group(1), m.group(2) or "", m.group(3), text.count("\n", 0, m.start()) + 1)
+        for m in FENCE.finditer(text)
+    ]
+
+
+def run(command: list[str], cwd: Path, where: str) -> str:
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "COLUMNS": "100",
+    }
+    done = subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, env=environment, timeout=600, check=False
+    )
+    assert done.returncode == 0, f"{where} failed:\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def follow(found: list[Block], page: str, folder: Path) -> str | None:
+    """Run the blocks of a page in a folder; what the last one prints, where nothing checked it."""
+    printed: str | None = None
+    for block in found:
+        where = f"{page}:{block.line}"
+        if block.language == "python" and not block.name:
+            printed = run([sys.executable, "-c", block.text], folder, where)
+        elif block.language == "sh":
+            printed = run(["bash", "-euc", block.text], folder, where)
+        elif block.language in ("toml", "csv", "python"):
+            assert block.name, f"{where}: a {block.language} block needs a file name"
+            (folder / block.name).write_text(block.text, encoding="utf-8")
+            printed = None
+        elif block.language == "text":
+            assert printed is not None, f"{where}: no block before it prints"
+            assert printed.rstrip() == block.text.rstrip(), f"{where} prints something else"
+            printed = None
+        else:
+            pytest.fail(f"{where}: unknown language {block.language!r}")
+    return printed

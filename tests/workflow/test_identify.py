@@ -1,0 +1,226 @@
+"""The main job from mesh to report, small: resumable, the same on any number of threads."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError
+from ecm.fem.simulate import simulate
+from ecm.io.table import Table
+from ecm.rig import RigSettings
+from ecm.workflow.campaign_files import require_free
+from ecm.workflow.config import Config
+from ecm.workflow.identify import Console, Job, measure
+from support.browser import open_page
+from support.neck import ROOT, Done
+
+CONFIG = ROOT / "examples" / "quick.toml"
+
+
+def command(out: Path, *options: str) -> list[str]:
+    ecm = Path(sys.executable).parent / "ecm"
+    return [str(ecm), "identify", str(CONFIG), "--out", str(out), *options]
+
+
+def identify(out: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        command(out, *options), capture_output=True, text=True, timeout=900, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One whole run on two threads."""
+    out = tmp_path_factory.mktemp("identify") / "two"
+    identify(out, "--threads", "2")
+    return out
+
+
+def test_the_results_are_there_and_hang_together(finished: Path) -> None:
+    summary = json.loads((finished / "summary.json").read_text())
+    counts = summary["simulate"]["counts"]
+    assert counts["kept"] == 240
+    assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
+    with (finished / "simulated.csv").open() as file:
+        assert sum(1 for _ in csv.reader(file)) == 241
+    degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
+    for component in (1, 2):
+        assert degrees[2]["rmse"][component] > 3.0 * degrees[3]["rmse"][component]
+    assert degrees[1]["kappa"] < degrees[2]["kappa"] < degrees[3]["kappa"]
+    assert degrees[3]["kappa_raw"] > 1e6
+    for design in summary["select"]["designs"].values():
+        assert design["n"] == 100
+        assert 0.5 < design["efficiency"] <= 1.0
+    assert (finished / "model.json").exists()
+
+
+def test_the_hidden_effect_is_found_and_the_error_falls(finished: Path) -> None:
+    loop = json.loads((finished / "summary.json").read_text())["loop"]
+    assert any("base_compliance" in names for names in loop["diagnosis"]["answer"])
+    held_out = [step["held_out"] for step in loop["history"]]
+    assert held_out[-1] < 0.8 * held_out[0]
+
+
+def test_one_thread_gives_the_same_bytes(finished: Path, tmp_path: Path) -> None:
+    identify(tmp_path / "one", "--threads", "1", "--quiet")
+    for name in ("summary.json", "model.json", "simulated.csv", "measured-d.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (finished / name).read_bytes(), name
+
+
+def test_a_killed_run_goes_on_and_ends_the_same(finished: Path, tmp_path: Path) -> None:
+    out = tmp_path / "killed"
+    for how, kept in ((signal.SIGINT, 1), (signal.SIGKILL, 3)):
+        run = subprocess.Popen(
+            command(out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        wait_for(lambda kept=kept: len(chunks(out)) >= kept)  # type: ignore[misc]
+        os.kill(run.pid, how)
+        _, errors = run.communicate(timeout=60)
+        if how == signal.SIGINT:
+            assert run.returncode == 130, errors
+            assert "Traceback" not in errors
+    before = {path: path.stat().st_mtime_ns for path in chunks(out)}
+    identify(out)
+    assert (out / "summary.json").read_bytes() == (finished / "summary.json").read_bytes()
+    assert before == {path: path.stat().st_mtime_ns for path in before}, "chunks were solved again"
+
+
+def chunks(out: Path) -> list[Path]:
+    """Chunks of FEM cases that are kept."""
+    return sorted((out / "stages").glob("simulate-*.parts/*.part"))
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Until it holds, or two minutes."""
+    end = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < end, "nothing was kept in two minutes"
+        time.sleep(0.05)
+
+
+class Stops(Console):
+    """Ctrl-C after so many readings; counts those that were taken."""
+
+    def __init__(self, after: int = 1000) -> None:
+        self.taken = 0
+        self.after = after
+
+    def bar(self, title: str) -> Callable[..., None]:
+        def tell(_done: int, _total: int, word: str = "") -> None:
+            self.taken += word == "measuring"
+            if self.taken >= self.after:
+                raise KeyboardInterrupt
+
+        return tell
+
+
+@pytest.fixture(scope="module")
+def plan() -> Table:
+    """Three poses of the job's mechanism."""
+    config = Config()
+    return simulate(config.mechanism, 3, config.workspace, seed=2, threads=2).table()
+
+
+OTHER = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
+
+
+def job(out: Path, console: Console | None = None) -> Job:
+    """A job on the default rig."""
+    return Job(Config(), out, seed=1, threads=1, console=console or Console())
+
+
+@pytest.mark.parametrize("change", ["edited", "of a real rig", "no table"])
+def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
+    plan: Table, tmp_path: Path, change: str
+) -> None:
+    measure(job(tmp_path), plan, "measured-d", RigSettings())
+    measure(job(tmp_path), plan, "measured-d", OTHER)  # its own: that it may replace
+    path = tmp_path / "measured-d.csv"
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(
+        {"edited": b"".join(lines[:-1]), "of a real rig": b"a,b\n1,2\n", "no table": b""}[change]
+    )
+    before = {file: file.read_bytes() for file in tmp_path.glob("measured-d*")}
+    for rig in (RigSettings(), OTHER):
+        with pytest.raises(InputError, match=r"measured-d\.csv: .*Move it away, or .* --out"):
+            measure(job(tmp_path), plan, "measured-d", rig)
+        with pytest.raises(InputError, match="Move it away"):
+            require_free(tmp_path, tmp_path / "stages", ("measured-d",), rig, 1)
+    assert {file: file.read_bytes() for file in tmp_path.glob("measured-d*")} == before
+    path.rename(tmp_path / "mine.csv")
+    assert len(measure(job(tmp_path), plan, "measured-d", OTHER).measured()) == 3
+
+
+def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: Path) -> None:
+    whole = Stops()
+    table = measure(job(tmp_path / "whole", whole), plan, "measured-d", OTHER)
+    out = tmp_path / "cut"
+    measure(job(out), plan, "measured-d", RigSettings())
+    with pytest.raises(KeyboardInterrupt):
+        measure(job(out, Stops(3)), plan, "measured-d", OTHER)
+    assert (out / "measured-d.journal.csv").exists()
+    require_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
+    assert len(measure(job(out), plan, "measured-d", RigSettings()).measured()) == 3
+    third = RigSettings.from_dict({"rig": {"dwell_s": 3.0}})
+    for refused in (
+        lambda: require_free(out, out / "stages", ("measured-d",), third, 1),
+        lambda: measure(job(out), plan, "measured-d", third),
+    ):
+        with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
+            refused()
+    with pytest.raises(InputError, match="another seed"):
+        require_free(out, out / "stages", ("measured-d",), OTHER, 2)
+    (out / "stages" / "measured-d.begun.json").unlink()
+    with pytest.raises(InputError, match="journal of another campaign"):
+        measure(job(out), plan, "measured-d", third)
+    require_free(out, out / "stages", ("measured-d",), OTHER, 1)
+    rest = Stops()
+    again = measure(job(out, rest), plan, "measured-d", OTHER)
+    assert rest.taken == whole.taken - 3
+    assert np.array_equal(again.wrenches, table.wrenches)
+    assert (out / "measured-d.csv").read_bytes() == (
+        tmp_path / "whole" / "measured-d.csv"
+    ).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"), [("robot", "the arm keeps no raw stream"), ("quasi_static", "pyarrow")]
+)
+def test_a_stream_that_cannot_be_kept_is_refused_before_any_work(
+    mode: str,
+    words: str,
+    tmp_path: Path,
+    ecm_command: Callable[..., Done],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    (tmp_path / "rig.toml").write_text(f'[rig]\nmode = "{mode}"\nstream_Hz = 50.0\n')
+    out = tmp_path / "out"
+    done = ecm_command("identify", CONFIG, "--rig", tmp_path / "rig.toml", "--out", out)
+    assert done.code == 2
+    assert words in done.err
+    assert not (out / "stages").exists()
+
+
+@pytest.mark.browser
+def test_the_report_opens_in_a_browser(finished: Path) -> None:
+    seen = open_page(finished / "report.html")
+    assert seen.attribute("error") is None
+    assert seen.attribute("blocked") is None
+    figures = int(seen.attribute("figures") or 0)
+    assert figures >= 12
+    assert seen.html.count('class="main-svg"') >= figures
+    assert (finished / "report.html").stat().st_size < 10e6
