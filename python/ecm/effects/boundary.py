@@ -58,12 +58,12 @@ class BaseCompliance(EffectBase):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "robot_compliance": "the same pose with another elbow",
-            "taper": "turn the mechanism end for end",
-            "camera_scale": "gauge bar",
-            "debonding": "dial gauge on the base plate under load",
+            "robot_compliance": "other_elbow",
+            "taper": "end_for_end",
+            "camera_scale": "gauge_bar",
+            "debonding": "dial_gauge",
             "diameter_error": "calliper",
-            "payload": "remove the payload",
+            "payload": "remove_payload",
         }
 
     def correction(self, rows: Rows, values: F) -> F:

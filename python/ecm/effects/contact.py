@@ -82,7 +82,7 @@ class ContactStop(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"strain_stiffening": "fine sweep through the kink"}
+        return {"strain_stiffening": "fine_sweep"}
 
     def columns(self, rows: Rows) -> F:
         """Moment and push per unit of each."""
@@ -174,9 +174,9 @@ class Debonding(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "strain_stiffening": "a pair of push and pull poses",
-            "mullins_softening": "repeat the first 10 poses",
-            "ageing": "repeat the first 10 poses",
+            "strain_stiffening": "push_and_pull",
+            "mullins_softening": "repeat_first_poses",
+            "ageing": "repeat_first_poses",
         }
 
     def missing(self, table: Table) -> Missing | None:

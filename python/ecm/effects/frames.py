@@ -57,9 +57,9 @@ class TipFrameMisalignment(_FrameMisalignment):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_offset": "unloaded zero",
+            "fts_offset": "unloaded_zero",
             "length_error": "calliper",
-            "base_frame_misalignment": "re-seat the marker",
+            "base_frame_misalignment": "reseat_marker",
         }
 
     def correction(self, rows: Rows, values: F) -> F:
@@ -86,8 +86,8 @@ class BaseFrameMisalignment(_FrameMisalignment):
         """Effects that look like it, and what separates them."""
         return {
             "length_error": "calliper",
-            "face_tilt": "survey the base",
-            "tip_frame_misalignment": "re-seat the marker",
+            "face_tilt": "base_survey",
+            "tip_frame_misalignment": "reseat_marker",
         }
 
     def correction(self, rows: Rows, values: F) -> F:
@@ -112,7 +112,7 @@ class CameraScale(EffectBase):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"base_compliance": "gauge bar", "diameter_error": "gauge bar"}
+        return {"base_compliance": "gauge_bar", "diameter_error": "gauge_bar"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """h at positions shrunk by s about the rest position."""

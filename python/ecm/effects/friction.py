@@ -60,9 +60,9 @@ class Hysteresis(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "stress_relaxation": "the same pose from both sides, again after 60 s",
-            "backlash": "joint-wise reversal",
-            "fts_hysteresis": "load and unload dead weights",
+            "stress_relaxation": "both_sides",
+            "backlash": "joint_reversal",
+            "fts_hysteresis": "load_and_unload_weights",
         }
 
     @property

@@ -41,7 +41,7 @@ class LengthError(EffectBase):
         return {
             "tip_frame_misalignment": "calliper",
             "base_frame_misalignment": "calliper",
-            "pretension": "measure the detached length",
+            "pretension": "detached_length",
         }
 
     def correction(self, rows: Rows, values: F) -> F:
@@ -116,8 +116,8 @@ class Taper(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "tip_frame_misalignment": "turn the mechanism end for end",
-            "base_compliance": "turn the mechanism end for end",
+            "tip_frame_misalignment": "end_for_end",
+            "base_compliance": "end_for_end",
         }
 
     def columns(self, rows: Rows) -> F:
@@ -141,9 +141,9 @@ class Pretension(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "length_error": "measure the detached length",
-            "fts_offset": "unloaded zero",
-            "own_weight": "measure the detached length",
+            "length_error": "detached_length",
+            "fts_offset": "unloaded_zero",
+            "own_weight": "detached_length",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -191,9 +191,9 @@ class FaceTilt(EffectBase):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "base_frame_misalignment": "remount turned by 180 degrees",
-            "tip_frame_misalignment": "remount turned by 180 degrees",
-            "pre_curvature": "turn the mechanism end for end",
+            "base_frame_misalignment": "remount_180",
+            "tip_frame_misalignment": "remount_180",
+            "pre_curvature": "end_for_end",
         }
 
     def correction(self, rows: Rows, values: F) -> F:

@@ -49,9 +49,9 @@ class Payload(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "own_weight": "remove the payload",
-            "fts_offset": "zero the sensor without the payload",
-            "pre_curvature": "remount turned by 180 degrees",
+            "own_weight": "remove_payload",
+            "fts_offset": "zero_without_payload",
+            "pre_curvature": "remount_180",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -108,9 +108,9 @@ class OwnWeight(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "payload": "remove the payload",
-            "pretension": "measure the detached length",
-            "fts_offset": "unloaded zero",
+            "payload": "remove_payload",
+            "pretension": "detached_length",
+            "fts_offset": "unloaded_zero",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -212,9 +212,9 @@ class CableDrag(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_offset": "detach the cable",
-            "payload": "detach the cable",
-            "own_weight": "detach the cable",
+            "fts_offset": "detach_cable",
+            "payload": "detach_cable",
+            "own_weight": "detach_cable",
         }
 
     def columns(self, rows: Rows) -> F:
@@ -279,7 +279,7 @@ class TendonFriction(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"cable_drag": "slack the tendons", "hysteresis": "slack the tendons"}
+        return {"cable_drag": "slack_tendons", "hysteresis": "slack_tendons"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs tendon tensions and the side of approach."""

@@ -66,7 +66,7 @@ class Anisotropy(EffectBase):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"fts_gain": "remount the mechanism turned by 90 degrees"}
+        return {"fts_gain": "remount_90"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""
@@ -119,9 +119,9 @@ class StrainStiffening(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "contact_stop": "fine sweep through the kink",
-            "debonding": "larger pure axial and torsion poses",
-            "length_error": "larger pure axial and torsion poses",
+            "contact_stop": "fine_sweep",
+            "debonding": "larger_axial_and_torsion",
+            "length_error": "larger_axial_and_torsion",
         }
 
     def columns(self, rows: Rows) -> F:
@@ -198,8 +198,8 @@ class Compressibility(EffectBase):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "diameter_error": "pure torsion and pure axial poses",
-            "strain_stiffening": "pure torsion and pure axial poses",
+            "diameter_error": "pure_torsion_and_axial",
+            "strain_stiffening": "pure_torsion_and_axial",
         }
 
     def correction(self, rows: Rows, values: F) -> F:

@@ -43,7 +43,7 @@ class TemperatureModulus(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"ageing": "repeat 10 poses warm and cold", "stress_relaxation": "hold 60 s"}
+        return {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
     @property
     def shape(self) -> Shape:
@@ -79,8 +79,8 @@ class Ageing(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "temperature_modulus": "repeat the first set at the end, and next day",
-            "mullins_softening": "repeat the first 10 poses",
+            "temperature_modulus": "repeat_next_day",
+            "mullins_softening": "repeat_first_poses",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -133,10 +133,10 @@ class MullinsSoftening(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "ageing": "5 conditioning cycles, then repeat the first 10 poses",
-            "stress_relaxation": "hold 60 s",
-            "hysteresis": "5 conditioning cycles, then repeat the first 10 poses",
-            "strain_stiffening": "5 conditioning cycles, then repeat the first 10 poses",
+            "ageing": "conditioning_cycles",
+            "stress_relaxation": "hold_60_s",
+            "hysteresis": "conditioning_cycles",
+            "strain_stiffening": "conditioning_cycles",
         }
 
     def missing(self, table: Table) -> Missing | None:

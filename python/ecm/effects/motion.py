@@ -77,9 +77,9 @@ class ViscousDamping(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "hysteresis": "two approach speeds",
-            "time_skew": "two approach speeds",
-            "inertia": "settle 2 s more",
+            "hysteresis": "two_speeds",
+            "time_skew": "two_speeds",
+            "inertia": "settle_longer",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -107,7 +107,7 @@ class Inertia(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"viscous_damping": "settle 2 s more", "time_skew": "settle 2 s more"}
+        return {"viscous_damping": "settle_longer", "time_skew": "settle_longer"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the raw stream."""
@@ -132,7 +132,7 @@ class TimeSkew(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"viscous_damping": "log while moving, cross-correlation"}
+        return {"viscous_damping": "moving_log"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the raw stream."""

@@ -60,7 +60,7 @@ class Outliers(NoiseEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"led_occlusion": "repeat those poses"}
+        return {"led_occlusion": "repeat_those_poses"}
 
     def variance(self, rows: Rows, values: F) -> F:
         """Nothing that is the same in all rows."""
@@ -83,7 +83,7 @@ class HeteroscedasticNoise(NoiseEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"pose_noise": "repeats at small and large poses"}
+        return {"pose_noise": "repeat_small_and_large"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -115,7 +115,7 @@ class PoseNoise(NoiseEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a static stream of 60 s"}
+        return {"heteroscedastic_noise": "static_stream"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -141,7 +141,7 @@ class FtsQuantisation(NoiseEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a longer average"}
+        return {"heteroscedastic_noise": "longer_average"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the resolution."""

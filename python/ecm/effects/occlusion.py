@@ -92,7 +92,7 @@ class LedOcclusion(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"outliers": "a second place of the camera"}
+        return {"outliers": "second_camera_place"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the number of visible markers."""

@@ -72,9 +72,9 @@ class PermanentSet(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "marker_motion": "home pose after every sample",
-            "fts_drift": "home pose after every sample",
-            "mullins_softening": "repeat the first 10 poses",
+            "marker_motion": "home_after_every_sample",
+            "fts_drift": "home_after_every_sample",
+            "mullins_softening": "repeat_first_poses",
         }
 
     def missing(self, table: Table) -> Missing | None:

@@ -53,9 +53,9 @@ class PreCurvature(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "payload": "remount turned by 180 degrees",
-            "fts_offset": "remount turned by 180 degrees",
-            "face_tilt": "turn the mechanism end for end",
+            "payload": "remount_180",
+            "fts_offset": "remount_180",
+            "face_tilt": "end_for_end",
         }
 
     def columns(self, rows: Rows) -> F:

@@ -78,7 +78,7 @@ class Effect(Protocol):
 
     @property
     def rivals(self) -> dict[str, str]:
-        """Rival id -> the measurement that separates the two."""
+        """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
 
     @property
     def side(self) -> Side:
@@ -121,7 +121,7 @@ class EffectBase:
 
     @property
     def rivals(self) -> dict[str, str]:
-        """Rival id -> the measurement that separates the two."""
+        """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
         return {}
 
     @property

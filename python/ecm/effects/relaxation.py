@@ -57,10 +57,10 @@ class StressRelaxation(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "ageing": "hold one pose for 60 s",
-            "hysteresis": "dwell of 2, 8 and 60 s",
-            "mullins_softening": "hold one pose for 60 s",
-            "viscous_damping": "hold one pose for 60 s",
+            "ageing": "hold_one_pose",
+            "hysteresis": "three_dwells",
+            "mullins_softening": "hold_one_pose",
+            "viscous_damping": "hold_one_pose",
         }
 
     @property

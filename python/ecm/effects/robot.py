@@ -115,8 +115,8 @@ class RobotCompliance(_OfJoints):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "base_compliance": "the same pose with another elbow",
-            "joint_offset": "calibrate with the camera",
+            "base_compliance": "other_elbow",
+            "joint_offset": "camera_calibration",
         }
 
     def correction(self, rows: Rows, values: F) -> F:
@@ -148,7 +148,7 @@ class Backlash(_OfJoints, LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"hysteresis": "joint-wise reversal", "fts_hysteresis": "joint-wise reversal"}
+        return {"hysteresis": "joint_reversal", "fts_hysteresis": "joint_reversal"}
 
     def columns(self, rows: Rows) -> F:
         """One per joint."""
@@ -169,8 +169,8 @@ class JointOffset(_OfJoints, LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "tip_frame_misalignment": "calibrate with the camera",
-            "base_frame_misalignment": "calibrate with the camera",
+            "tip_frame_misalignment": "camera_calibration",
+            "base_frame_misalignment": "camera_calibration",
         }
 
     def columns(self, rows: Rows) -> F:

@@ -74,8 +74,8 @@ class FtsOffset(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "payload": "unloaded zero at two orientations",
-            "tip_frame_misalignment": "unloaded zero",
+            "payload": "zero_at_two_orientations",
+            "tip_frame_misalignment": "unloaded_zero",
         }
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
@@ -112,8 +112,8 @@ class FtsDrift(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_thermal_drift": "warm-up log of the sensor's temperature",
-            "marker_motion": "unloaded zero every 10 poses",
+            "fts_thermal_drift": "warm_up_log",
+            "marker_motion": "zero_every_ten_poses",
         }
 
     @property
@@ -176,8 +176,8 @@ class FtsThermalDrift(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_drift": "warm-up log of the sensor's temperature",
-            "temperature_modulus": "unloaded zero warm and cold",
+            "fts_drift": "warm_up_log",
+            "temperature_modulus": "zero_warm_and_cold",
         }
 
     def missing(self, table: Table) -> Missing | None:

@@ -61,7 +61,7 @@ class FtsGain(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"anisotropy": "dead weights", "fts_crosstalk": "dead weights on a lever"}
+        return {"anisotropy": "dead_weights", "fts_crosstalk": "dead_weights_on_lever"}
 
     def columns(self, rows: Rows) -> F:
         """B A e_j (A^-1 B' h)_j."""
@@ -106,9 +106,9 @@ class FtsCrosstalk(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_frame": "dead weights on a lever",
-            "tip_frame_misalignment": "dead weights on a lever",
-            "fts_gain": "dead weights",
+            "fts_frame": "dead_weights_on_lever",
+            "tip_frame_misalignment": "dead_weights_on_lever",
+            "fts_gain": "dead_weights",
         }
 
     def columns(self, rows: Rows) -> F:
@@ -141,8 +141,8 @@ class FtsFrame(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "tip_frame_misalignment": "pure force at 3 points",
-            "fts_crosstalk": "pure force at 3 points",
+            "tip_frame_misalignment": "force_at_three_points",
+            "fts_crosstalk": "force_at_three_points",
         }
 
     def columns(self, rows: Rows) -> F:
@@ -193,7 +193,7 @@ class FtsSaturation(LinearEffect):
     @property
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
-        return {"contact_stop": "look at the raw counts", "fts_gain": "dead weights"}
+        return {"contact_stop": "raw_counts", "fts_gain": "dead_weights"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the range."""
@@ -263,9 +263,9 @@ class FtsHysteresis(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "hysteresis": "load and unload dead weights",
-            "fts_gain": "load and unload dead weights",
-            "stress_relaxation": "load and unload dead weights",
+            "hysteresis": "load_and_unload_weights",
+            "fts_gain": "load_and_unload_weights",
+            "stress_relaxation": "load_and_unload_weights",
         }
 
     def missing(self, table: Table) -> Missing | None:

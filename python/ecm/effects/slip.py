@@ -81,9 +81,9 @@ class PlatformSlip(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "marker_motion": "return home, repeat the first pose",
-            "permanent_set": "return home, repeat the first pose",
-            "fts_drift": "unloaded zero every 10 poses",
+            "marker_motion": "return_home",
+            "permanent_set": "return_home",
+            "fts_drift": "zero_every_ten_poses",
         }
 
     def missing(self, table: Table) -> Missing | None:
@@ -145,9 +145,9 @@ class MarkerMotion(LinearEffect):
     def rivals(self) -> dict[str, str]:
         """Effects that look like it, and what separates them."""
         return {
-            "fts_drift": "look at the base marker",
-            "permanent_set": "look at the base marker",
-            "platform_slip": "look at the base marker",
+            "fts_drift": "base_marker",
+            "permanent_set": "base_marker",
+            "platform_slip": "base_marker",
         }
 
     def missing(self, table: Table) -> Missing | None:
