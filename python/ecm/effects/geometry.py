@@ -34,15 +34,11 @@ class LengthError(EffectBase):
     physics = "The mechanism is longer than stated, so that the stated rest pose compresses it."
     parameters = (Parameter("length", "m", 1e-4, -0.02, 0.02),)
     signature = "axial preload at home, m = 0, conservative"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "calliper",
-            "base_frame_misalignment": "calliper",
-            "pretension": "measure the detached length",
-        }
+    rivals = {
+        "tip_frame_misalignment": "calliper",
+        "base_frame_misalignment": "calliper",
+        "pretension": "measure the detached length",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the longer body, or of the shifted energy, minus that of the base."""
@@ -69,6 +65,7 @@ class DiameterError(EffectBase):
     physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
     parameters = (Parameter("relative_diameter", "1", 5e-3, -0.2, 0.2),)
     signature = "m = 0, conservative; axial < lateral < bending < torsion"
+    rivals = {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
     def __init__(self, body: str = "stubby") -> None:
         self._body = body
@@ -81,11 +78,6 @@ class DiameterError(EffectBase):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both; where the base knows its body they are one."""
         return (DiameterError(), DiameterError("beam"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the thicker body, or of the stretched energy, minus that of the base."""
@@ -111,14 +103,10 @@ class Taper(LinearEffect):
     physics = "The mechanism is stiffer at one end than at the other."
     parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
     signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "turn the mechanism end for end",
-            "base_compliance": "turn the mechanism end for end",
-        }
+    rivals = {
+        "tip_frame_misalignment": "turn the mechanism end for end",
+        "base_compliance": "turn the mechanism end for end",
+    }
 
     def columns(self, rows: Rows) -> F:
         """psi = -s (e^2 + gamma^2 / 3) / 2."""
@@ -136,15 +124,11 @@ class Pretension(LinearEffect):
     parameters = (Parameter("tension", "N", 1.0, -500.0, 500.0),)
     signature = "h is not 0 at home, the lateral stiffness shifts; m = 0, conservative"
     needs = "the detached length ([mechanism] free_length_m)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "length_error": "measure the detached length",
-            "fts_offset": "unloaded zero",
-            "own_weight": "measure the detached length",
-        }
+    rivals = {
+        "length_error": "measure the detached length",
+        "fts_offset": "unloaded zero",
+        "own_weight": "measure the detached length",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the detached length; without it the preload is a `length_error`."""
@@ -174,6 +158,11 @@ class FaceTilt(EffectBase):
         Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
     )
     signature = "m = 1, base axes, turns with the mechanism; conservative"
+    rivals = {
+        "base_frame_misalignment": "remount turned by 180 degrees",
+        "tip_frame_misalignment": "remount turned by 180 degrees",
+        "pre_curvature": "turn the mechanism end for end",
+    }
 
     def __init__(self, rest: str = "loaded") -> None:
         self._rest = rest
@@ -186,15 +175,6 @@ class FaceTilt(EffectBase):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Mounted askew, or cast as a wedge."""
         return (FaceTilt("loaded"), FaceTilt("free"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "base_frame_misalignment": "remount turned by 180 degrees",
-            "tip_frame_misalignment": "remount turned by 180 degrees",
-            "pre_curvature": "turn the mechanism end for end",
-        }
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-w) p) turned by w, less the pose error that w makes at rest where it is free."""

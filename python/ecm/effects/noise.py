@@ -56,11 +56,7 @@ class Outliers(NoiseEffect):
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
     signature = "few rows, no covariate"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"led_occlusion": "repeat those poses"}
+    rivals = {"led_occlusion": "repeat those poses"}
 
     def variance(self, rows: Rows, values: F) -> F:
         """Nothing that is the same in all rows."""
@@ -79,11 +75,7 @@ class HeteroscedasticNoise(NoiseEffect):
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"pose_noise": "repeats at small and large poses"}
+    rivals = {"pose_noise": "repeats at small and large poses"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -111,11 +103,7 @@ class PoseNoise(NoiseEffect):
     )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a static stream of 60 s"}
+    rivals = {"heteroscedastic_noise": "a static stream of 60 s"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -137,11 +125,7 @@ class FtsQuantisation(NoiseEffect):
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a longer average"}
+    rivals = {"heteroscedastic_noise": "a longer average"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the resolution."""

@@ -8,7 +8,9 @@ out. An effect knows its rows, never the diagnosis that uses it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -77,7 +79,7 @@ class Effect(Protocol):
         """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
 
     @property
-    def rivals(self) -> dict[str, str]:
+    def rivals(self) -> Mapping[str, str]:
         """Rival id -> the measurement that separates the two."""
 
     @property
@@ -118,11 +120,7 @@ class EffectBase:
     needs: str = ""
     side: Side = "physics"
     kind: Kind = "pose"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Rival id -> the measurement that separates the two."""
-        return {}
+    rivals: Mapping[str, str] = MappingProxyType({})
 
     @property
     def shape(self) -> Shape:
