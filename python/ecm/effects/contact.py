@@ -157,7 +157,7 @@ class Debonding(LinearEffect):
             found += [Debonding("torn", t) for t in step_times(table, 5)]
         return tuple(found)
 
-    def plainer(self) -> Effect | None:
+    def plain_form(self) -> Effect | None:
         """A joint that gives way in push as in pull is no open bond but a base that yields."""
         return None if self._opens == "torn" else BaseCompliance()
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import of_another_body
+from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import stretched, wrench_of
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
@@ -46,7 +46,7 @@ class LengthError(EffectBase):
         def longer(body: dict[str, float]) -> dict[str, float]:
             return body | {"length_m": body["length_m"] + values[0]}
 
-        exact = of_another_body(rows, longer)
+        exact = wrench_of_other_body(rows, longer)
         if exact is not None:
             return exact - rows.wrench
         shift = np.zeros(6)
@@ -85,7 +85,7 @@ class DiameterError(EffectBase):
         def thicker(body: dict[str, float]) -> dict[str, float]:
             return body | {"diameter_m": body["diameter_m"] * (1.0 + values[0])}
 
-        exact = of_another_body(rows, thicker)
+        exact = wrench_of_other_body(rows, thicker)
         if exact is not None:
             return exact - rows.wrench
         if self._body == "beam":

@@ -201,7 +201,7 @@ class CableDrag(LinearEffect):
         step = np.pi / _SIDES * 0.5**round_
         return tuple(CableDrag(self._azimuth_rad + turn) for turn in (-step, step))
 
-    def plainer(self) -> Effect | None:
+    def plain_form(self) -> Effect | None:
         """A spring to the rest place pulls to no side: any softer or stiffer body does as much."""
         return CableDrag(slack=True) if self._azimuth_rad is None and not self._slack else None
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import of_another_body
+from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
@@ -196,7 +196,7 @@ class Compressibility(EffectBase):
         def other(body: dict[str, float]) -> dict[str, float]:
             return body | {"poisson_ratio": (1.0 + body["poisson_ratio"]) / (1.0 + values[0]) - 1.0}
 
-        exact = of_another_body(rows, other)
+        exact = wrench_of_other_body(rows, other)
         if exact is not None:
             return exact - rows.wrench
         share = rest_stiffness(rows).bending_share

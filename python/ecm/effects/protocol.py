@@ -103,6 +103,12 @@ class Effect(Protocol):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shapes beside this one, nearer with each round from 0; none where it is exact."""
 
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """Richer forms, kept once the effect is accepted and held-out rows agree; often none."""
+
+    def plain_form(self) -> Effect | None:
+        """A plainer effect without this one's own sign, which may explain as much; often none."""
+
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) change of the predicted wrench for parameter values (k,)."""
 
@@ -138,6 +144,14 @@ class EffectBase:
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """The variants are enough."""
         return ()
+
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """No richer form."""
+        return ()
+
+    def plain_form(self) -> Effect | None:
+        """No plainer form."""
+        return None
 
     def correction(self, rows: Rows, values: F) -> F:
         """Zero; a subclass overrides it, or `columns` of `LinearEffect`."""

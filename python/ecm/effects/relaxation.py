@@ -115,7 +115,7 @@ class StressRelaxation(LinearEffect):
             StressRelaxation(self._tau_s * factor, self._overstress) for factor in (1 / step, step)
         )
 
-    def further(self, table: Table) -> tuple[Effect, ...]:
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""
         if not self._overstress or self._second_tau_s > 0.0:
             return ()
