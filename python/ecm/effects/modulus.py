@@ -36,14 +36,10 @@ class TemperatureModulus(LinearEffect):
     signature = "proportional to h, follows T"
     needs = "temperature that varies (temperature_degC)"
     kind = "time"
+    rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
     def __init__(self, reference_degC: float | None = None) -> None:
         self._reference_degC = reference_degC
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
     @property
     def shape(self) -> Shape:
@@ -74,14 +70,10 @@ class Ageing(LinearEffect):
     signature = "proportional to h, monotone in t"
     needs = "time (time_s), and poses that are measured again"
     kind = "time"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "temperature_modulus": "repeat_next_day",
-            "mullins_softening": "repeat_first_poses",
-        }
+    rivals = {
+        "temperature_modulus": "repeat_next_day",
+        "mullins_softening": "repeat_first_poses",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time, and poses that are measured again: else time and pose are one."""
@@ -109,6 +101,12 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     needs = "order (time_s), and poses that are measured again"
     kind = "time"
+    rivals = {
+        "ageing": "conditioning_cycles",
+        "stress_relaxation": "hold_60_s",
+        "hysteresis": "conditioning_cycles",
+        "strain_stiffening": "conditioning_cycles",
+    }
 
     def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:
         self._width, self._measure, self._history = width, measure, history
@@ -128,16 +126,6 @@ class MullinsSoftening(LinearEffect):
             for measure in ("energy", "bend", "reach")
             for w in (0.0, 0.25, 0.7, 2.0)
         )
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "ageing": "conditioning_cycles",
-            "stress_relaxation": "hold_60_s",
-            "hysteresis": "conditioning_cycles",
-            "strain_stiffening": "conditioning_cycles",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time, and poses that are measured again: else order and size are one."""

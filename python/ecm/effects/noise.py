@@ -56,11 +56,7 @@ class Outliers(NoiseEffect):
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
     signature = "few rows, no covariate"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"led_occlusion": "repeat_those_poses"}
+    rivals = {"led_occlusion": "repeat_those_poses"}
 
     def variance(self, rows: Rows, values: F) -> F:
         """Nothing that is the same in all rows."""
@@ -79,11 +75,7 @@ class HeteroscedasticNoise(NoiseEffect):
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"pose_noise": "repeat_small_and_large"}
+    rivals = {"pose_noise": "repeat_small_and_large"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -111,11 +103,7 @@ class PoseNoise(NoiseEffect):
     )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "static_stream"}
+    rivals = {"heteroscedastic_noise": "static_stream"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -137,11 +125,7 @@ class FtsQuantisation(NoiseEffect):
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "longer_average"}
+    rivals = {"heteroscedastic_noise": "longer_average"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the resolution."""
