@@ -10,7 +10,6 @@ import typer
 from ecm.cli.console import Console
 from ecm.cli.options import HiddenSeed, HiddenThreads, Json, Quiet, load_effects, output, save_json
 from ecm.cli.text import columns
-from ecm.effects.experiments import get_experiment
 
 if TYPE_CHECKING:
     from ecm.effects import Effect
@@ -73,6 +72,8 @@ def _print(effect: Effect, console: Console) -> None:
 
 def _rivals(effect: Effect) -> dict[str, str]:
     """Return what separates the effect from each rival, in words."""
+    from ecm.effects.experiments import get_experiment
+
     return {rival: get_experiment(name).action for rival, name in effect.rivals.items()}
 
 
