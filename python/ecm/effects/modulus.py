@@ -17,7 +17,8 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.io.arrays import F
-from ecm.regression.approach import largest_so_far, memory_options, memory_shape, repeat_visits
+from ecm.regression.approach import largest_so_far, memory_options, memory_shape
+from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import numpy as np
 from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
-from ecm.regression.approach import repeat_visits
+from ecm.regression.noise import covariance_parts, declared_noise
+from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
@@ -83,8 +84,6 @@ class HeteroscedasticNoise(NoiseEffect):
 
     def variance(self, rows: Rows, values: F) -> F:
         """Diagonal (sigma g h)^2."""
-        from ecm.regression.noise import declared_noise
-
         noise = declared_noise(rows.table)
         sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
         growth = np.repeat(np.asarray(values, dtype=np.float64), 3)
@@ -111,8 +110,6 @@ class PoseNoise(NoiseEffect):
 
     def variance(self, rows: Rows, values: F) -> F:
         """K_s diag(position^2, rotation^2) K_s'."""
-        from ecm.regression.noise import covariance_parts
-
         parts = covariance_parts(rows)
         return np.asarray(values[0] ** 2 * parts[0] + values[1] ** 2 * parts[1])
 
