@@ -14,11 +14,11 @@ from ecm.cli.models import open_model, prepare_physics
 from ecm.cli.outputs import check_output_plan
 from ecm.comparison import compare
 from ecm.designs import can_be_run, follow_up_plan
-from ecm.designs.follow_up import experiment_parts
 from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.page import write_diagnosis
 from ecm.effects import load_installed
+from ecm.effects.experiments import session_of
 from ecm.io.table import Table
 from ecm.models import Model
 
@@ -62,6 +62,7 @@ def diagnose(options: Options, session: Session) -> None:
 def _write_report(
     path: Path, document: dict[str, Any], model: Model, table: Table, result: Diagnosis
 ) -> None:
+<<<<<<< HEAD
     compared = compare(model, table, seed=result.seed)
     predicted = None
     # A model of fewer columns has no rows on which the effects could act.
@@ -70,6 +71,11 @@ def _write_report(
         after = replace(model, effects=(*model.effects, *result.effects))
         predicted = (after.predict(table) - model.predict(table))[compared.row]
     write_diagnosis(path, document, compared, predicted)
+=======
+    """The first proposed experiment, or of a session what a campaign can drive."""
+    from ecm.designs import can_be_run, follow_up_plan
+    from ecm.effects.experiments import session_of
+>>>>>>> main
 
 
 def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:
@@ -81,7 +87,12 @@ def _write_next(path: Path, table: Table, document: dict[str, Any], session: Ses
         return
     plan = follow_up_plan(table, action)
     plan.write(path)
+<<<<<<< HEAD
     session.print(f"{path}: {len(plan)} visits, to {action}")
-    by_hand = [part for part in experiment_parts(action) if not can_be_run(part)]
+    by_hand = [part.action for part in session_of(action) if not part.can_be_driven]
+=======
+    console.say(f"{path}: {len(plan)} visits, to {chosen}")
+    by_hand = [part.action for part in session_of(chosen) if not part.can_be_driven]
+>>>>>>> main
     if by_hand:
         session.print(f"  by hand in the same session: {', '.join(by_hand)}")

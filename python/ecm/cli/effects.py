@@ -12,6 +12,7 @@ import typer
 from ecm.cli.command import Session, command
 from ecm.cli.text import columns
 from ecm.effects import Effect, all_effects, get_effect, load_installed
+from ecm.effects.experiments import get_experiment
 
 _SIDES = {
     "physics": "acts on the controller as well",
@@ -57,8 +58,13 @@ def _print(effect: Effect, session: Session) -> None:
         ends = (f"{item.lower:g}", f"{item.upper:g}")
         rows.append((item.name, item.unit, f"{item.scale:g}", *ends))
     session.print(columns(rows))
-    for rival, separates in effect.rivals.items():
-        session.print(f"confused with {rival}: {separates}")
+    for rival, action in _rivals(effect).items():
+        session.print(f"confused with {rival}: {action}")
+
+
+def _rivals(effect: Effect) -> dict[str, str]:
+    """What separates the effect from each rival, in words."""
+    return {rival: get_experiment(name).action for rival, name in effect.rivals.items()}
 
 
 def _first_sentence(text: str) -> str:
@@ -78,5 +84,5 @@ def _document(effect: Effect) -> dict[str, Any]:
             }
             for item in effect.parameters
         ],
-        "rivals": dict(effect.rivals),
+        "rivals": _rivals(effect),
     }
