@@ -62,7 +62,6 @@ def diagnose(options: Options, session: Session) -> None:
 def _write_report(
     path: Path, document: dict[str, Any], model: Model, table: Table, result: Diagnosis
 ) -> None:
-<<<<<<< HEAD
     compared = compare(model, table, seed=result.seed)
     predicted = None
     # A model of fewer columns has no rows on which the effects could act.
@@ -71,11 +70,6 @@ def _write_report(
         after = replace(model, effects=(*model.effects, *result.effects))
         predicted = (after.predict(table) - model.predict(table))[compared.row]
     write_diagnosis(path, document, compared, predicted)
-=======
-    """The first proposed experiment, or of a session what a campaign can drive."""
-    from ecm.designs import can_be_run, follow_up_plan
-    from ecm.effects.experiments import session_of
->>>>>>> main
 
 
 def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:
@@ -87,12 +81,7 @@ def _write_next(path: Path, table: Table, document: dict[str, Any], session: Ses
         return
     plan = follow_up_plan(table, action)
     plan.write(path)
-<<<<<<< HEAD
     session.print(f"{path}: {len(plan)} visits, to {action}")
     by_hand = [part.action for part in session_of(action) if not part.can_be_driven]
-=======
-    console.say(f"{path}: {len(plan)} visits, to {chosen}")
-    by_hand = [part.action for part in session_of(chosen) if not part.can_be_driven]
->>>>>>> main
     if by_hand:
         session.print(f"  by hand in the same session: {', '.join(by_hand)}")
