@@ -14,13 +14,13 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 
 _HIDDEN = (32, 32)
 
 
 @dataclass(frozen=True)
-class _Learned:
+class _Learned(MapDefaults):
     """Inputs and outputs scaled to zero mean and unit variance; what both maps share."""
 
     inputs: tuple[str, ...]
