@@ -6,21 +6,21 @@ Their stiffness is the derivative of what they predict; nothing makes it symmetr
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.io.extras import require
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 
 _HIDDEN = (32, 32)
 
 
 @dataclass(frozen=True)
-class _Learned:
+class _Learned(MapDefaults):
     """Inputs and outputs scaled to zero mean and unit variance; what both maps share."""
 
     inputs: tuple[str, ...]
@@ -240,7 +240,4 @@ def _scales(values: F) -> F:
 
 
 def _sklearn(module: str) -> Any:
-    try:
-        return importlib.import_module(f"sklearn.{module}")
-    except ImportError:
-        raise MissingExtra("scikit-learn", "learn", "fitting gp and mlp models") from None
+    return require(f"sklearn.{module}", "learn", "fitting gp and mlp models")

@@ -19,7 +19,7 @@ from ecm._native import EnergyModel, left_jacobians, mid_frame, rod_poses, rotat
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 
 _ITERATIONS = 15
 _WALK = 8
@@ -29,7 +29,7 @@ _STEP = np.array([1e-3] * 3 + [1e-5] * 3)
 
 
 @dataclass(frozen=True)
-class _Backbone:
+class _Backbone(MapDefaults):
     """What both share: all six columns, a length, few parameters."""
 
     length: float
