@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
+    from ecm.designs.settings import DesignSettings
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.verdict import Diagnosis
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
@@ -35,6 +36,7 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
+    "designs.settings": ("DesignSettings",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.verdict": ("Diagnosis",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
@@ -56,6 +58,7 @@ __all__ = [
     "Comparison",
     "ComputationError",
     "Design",
+    "DesignSettings",
     "Diagnosis",
     "EcmError",
     "InputError",

@@ -25,23 +25,12 @@ from ecm.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ecm.designs import NominalModel, Size
+    from ecm.designs import DesignSettings, NominalModel, Size
     from ecm.diagnosis.identifiability import Identifiability
     from ecm.effects import Effect
     from ecm.io.table import Table
     from ecm.regression.noise import Noise
     from ecm.rig import RigSettings
-
-
-class Criterion(str, Enum):
-    """What the design is to be good at."""
-
-    d = "d"
-    i = "i"
-    a = "a"
-    g = "g"
-    di = "di"
-    maximin = "maximin"
 
 
 class Preset(str, Enum):
@@ -69,9 +58,8 @@ def design(
     n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")],
     out: Out,
     criterion: Annotated[
-        Criterion,
-        typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin."),
-    ] = Criterion.d,
+        str, typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin.")
+    ] = "d",
     model: Annotated[
         str | None,
         typer.Option("--model", metavar="NAME", help="cubic, poly:D, energyD, physics."),
@@ -121,7 +109,13 @@ def design(
     quiet: Annotated[bool, typer.Option("--quiet", hidden=True)] = False,
 ) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md)."""
-    from ecm.designs import diagnosable_plan, optimal_design, paper_plan, plain_plan
+    from ecm.designs import (
+        DesignSettings,
+        diagnosable_plan,
+        optimal_design,
+        paper_plan,
+        plain_plan,
+    )
 
     with Console(quiet=quiet) as console:
         output_plan(out)
@@ -145,31 +139,32 @@ def design(
         names = table.pose_columns
         poses = table.matrix(names)
         weighed = base is not None or rig is not None or name == "physics" or effects
-        options: dict[str, Any] = {
-            "criterion": criterion.value,
-            "model": name,
-            "length_m": table.meta.length_m,
-            "base": nominal if weighed else None,
-            "seed": seed,
-            "threads": threads,
-        }
-        chosen = optimal_design(
-            poses,
-            n,
-            **options,
-            starts=starts,
-            iterations=iterations,
-            time_limit_s=time_limit,
-            include=_included(include, table),
-            exclude=_excluded(exclude, table),
-            measured=_measured(augment, table, console),
+        weights = nominal if weighed else None
+        choice = DesignSettings(
+            criterion=criterion,
+            model=name,
+            length_m=table.meta.length_m,
             effects=wanted if effects else (),
-            replicates=replicates,
             ridge=ridge,
-            method="paper" if search is Search.paper else "search",
             share=share,
             metres_per_radian=metres_per_radian,
             columns=names,
+            replicates=replicates,
+            method="paper" if search is Search.paper else "search",
+            starts=starts,
+            iterations=iterations,
+            time_limit_s=time_limit,
+            seed=seed,
+            threads=threads,
+        )
+        chosen = optimal_design(
+            poses,
+            n,
+            choice,
+            include=_included(include, table),
+            exclude=_excluded(exclude, table),
+            measured=_measured(augment, table, console),
+            base=weights,
             progress=console.bar("design"),
         )
         if preset is Preset.diagnosable:
@@ -181,14 +176,14 @@ def design(
         plan.write(out)
         told = _told(plan, nominal, wanted, preset, settings)
         minutes = _minutes(plan, settings)
-        sizes = _sizes(poses, n, options, how_many, console)
+        sizes = _sizes(poses, n, choice, weights, console) if how_many else []
         save_json(
             json,
             {
                 "schema": 1,
                 "seed": seed,
                 "criterion": chosen.criterion,
-                "model": None if criterion is Criterion.maximin else name,
+                "model": None if criterion == "maximin" else name,
                 "n": len(chosen.indices),
                 "rows": (chosen.indices + 1).tolist(),
                 "value": chosen.value,
@@ -332,17 +327,21 @@ def _told(
 
 
 def _sizes(
-    poses: Any, n: int, options: dict[str, Any], wanted: bool, console: Console
+    poses: Any, n: int, design: DesignSettings, base: NominalModel | None, console: Console
 ) -> list[Size]:
     """n against expected error up to N, printed with its knee."""
-    from ecm.designs import design_sizes
+    from ecm.designs import DesignSettings, design_sizes
 
-    if not wanted:
-        return []
-    model_options = dict(options)
-    if model_options["criterion"] == "maximin":
-        model_options["criterion"] = "d"
-    sizes = design_sizes(poses, most=n, **model_options, progress=console.bar("how many"))
+    settings = DesignSettings(
+        criterion="d" if design.criterion == "maximin" else design.criterion,
+        model=design.model,
+        length_m=design.length_m,
+        iterations=60,
+        seed=design.seed,
+        threads=design.threads,
+    )
+    bar = console.bar("how many")
+    sizes = design_sizes(poses, (), settings, most=n, base=base, progress=bar)
     console.say("     n   error of h   of K (in units of one reading's noise)")
     for size in sizes:
         mark = "  <- knee" if size.knee else ""

@@ -18,7 +18,7 @@ import numpy as np
 
 from ecm._native import PolynomialModel, __version__
 from ecm.comparison import compare
-from ecm.designs import Design, diagnosable_plan, optimal_design, paper_plan
+from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arrays import F, I
@@ -274,15 +274,11 @@ def _design(job: Job, poses: F, name: str, *, title: str = "", **search: Any) ->
     stage = job.stage(name, settings.n, settings.starts, poses)
 
     def compute() -> Mapping[str, Any]:
-        found = optimal_design(
-            poses,
-            settings.n,
-            seed=job.seed,
-            threads=job.threads,
-            starts=settings.starts,
-            progress=job.console.bar(title) if title else None,
-            **search,
+        design = DesignSettings(
+            starts=settings.starts, seed=job.seed, threads=job.threads, **search
         )
+        bar = job.console.bar(title) if title else None
+        found = optimal_design(poses, settings.n, design, progress=bar)
         return dict(vars(found))
 
     return Design(**stage.run(compute))
@@ -451,14 +447,13 @@ def _loop(
     candidates = pairs.table().select(train)
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
     count = max(20, job.config.design.n // 2)
-    chosen = optimal_design(
-        candidates.poses,
-        count,
+    settings = DesignSettings(
         criterion="maximin",
+        iterations=_BUDGET["maximin"],
         seed=job.seed,
         threads=job.threads,
-        iterations=_BUDGET["maximin"],
     )
+    chosen = optimal_design(candidates.poses, count, settings)
     plan = diagnosable_plan(candidates, chosen, seed=job.seed)
     plan.write(job.out / "plan-loop.csv")
     data = measure(job, plan, _LOOP, job.config.rig)
