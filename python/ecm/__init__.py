@@ -23,8 +23,15 @@ if TYPE_CHECKING:
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
+    from ecm.models.cross_validation import cross_validate
+    from ecm.models.energy import EnergyModel
+    from ecm.models.estimator import ModelEstimator
     from ecm.models.fit import fit_model
+    from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
     from ecm.models.model import Model, load_model
+    from ecm.models.physics.refit import PhysicsModel
+    from ecm.models.polynomial import PolynomialModel
+    from ecm.models.rod import ConstantCurvatureModel, RodModel
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
     from ecm.rig.settings import RigSettings
@@ -41,8 +48,15 @@ _NAMES = {
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
+    "models.cross_validation": ("cross_validate",),
+    "models.energy": ("EnergyModel",),
+    "models.estimator": ("ModelEstimator",),
     "models.fit": ("fit_model",),
+    "models.learned": ("GaussianProcessModel", "NeuralNetworkModel"),
     "models.model": ("Model", "load_model"),
+    "models.physics.refit": ("PhysicsModel",),
+    "models.polynomial": ("PolynomialModel",),
+    "models.rod": ("ConstantCurvatureModel", "RodModel"),
     "rig.hidden.truth": ("reveal",),
     "rig.run": ("run_campaign",),
     "rig.settings": ("RigSettings",),
@@ -55,20 +69,29 @@ _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names
 __all__ = [
     "Comparison",
     "ComputationError",
+    "ConstantCurvatureModel",
     "Design",
     "Diagnosis",
     "EcmError",
+    "EnergyModel",
+    "GaussianProcessModel",
     "InputError",
     "Mechanism",
     "MissingExtra",
     "Model",
+    "ModelEstimator",
+    "NeuralNetworkModel",
+    "PhysicsModel",
+    "PolynomialModel",
     "RigSettings",
+    "RodModel",
     "Simulated",
     "Table",
     "Workspace",
     "__version__",
     "as_table",
     "compare",
+    "cross_validate",
     "diagnosable_plan",
     "diagnose",
     "fem_poses",

@@ -12,23 +12,25 @@ from ecm.io.columns import POSE, WRENCH
 if TYPE_CHECKING:
     from ecm.cli.console import Console
     from ecm.io.table import Table
+    from ecm.models import ModelSpecification
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
 
 def chosen_model(
     table: Table, pcr: str | None, seed: int, console: Console
-) -> tuple[str, str | None, dict[str, Any]]:
-    """Name, PCR threshold, and what cross-validation says of all candidates (for --json)."""
-    from ecm.models.selection import Candidate, choose_model
+) -> tuple[str, ModelSpecification, dict[str, Any]]:
+    """Name and specification of the best model, and the errors of all candidates (for --json)."""
+    from ecm.models import choose_model, parse_model
 
     if pcr is not None:
         raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
-    candidates = [Candidate(name) for name in ("linear", "quadratic", "cubic")]
-    candidates += [Candidate("cubic", "press"), Candidate("cubic", "0.01/sqrtN")]
+    candidates: list[tuple[str, str | None]]
+    candidates = [("linear", None), ("quadratic", None), ("cubic", None)]
+    candidates += [("cubic", "press"), ("cubic", "0.01/sqrtN")]
     if table.pose_columns == POSE and table.wrench_columns == WRENCH:
         if table.meta.length_m is not None:
-            candidates += [Candidate(f"energy{degree}") for degree in (4, 5, 6)]
+            candidates += [(f"energy{degree}", None) for degree in (4, 5, 6)]
         else:
             console.say("energies are left out: no [mechanism] length_m in the data's TOML")
     else:
@@ -36,10 +38,11 @@ def chosen_model(
             "--model choose needs all six pose and wrench columns: its errors are over the noise "
             "of a row; name a model instead"
         )
-    found = choose_model(table, candidates, seed=seed)
+    models = [parse_model(name, pcr=threshold) for name, threshold in candidates]
+    found = choose_model(table, models, seed=seed)
     listed = []
-    for i, candidate in enumerate(found.candidates):
-        name = candidate.name + ("" if candidate.pcr is None else f" --pcr {candidate.pcr}")
+    for i, (model, threshold) in enumerate(candidates):
+        name = model + ("" if threshold is None else f" --pcr {threshold}")
         error = float(found.error[i])
         if np.isfinite(error):
             console.say(
@@ -48,21 +51,20 @@ def chosen_model(
             )
         listed.append(
             {
-                "model": candidate.name,
-                "pcr": candidate.pcr,
+                "model": model,
+                "pcr": threshold,
                 "coefficients": found.coefficients[i],
                 "error": error if np.isfinite(error) else None,
                 "chosen": i == found.chosen,
             }
         )
-    best = found.best
     console.say("chosen: the fewest coefficients within one standard error of the smallest error")
-    return best.name, None if best.pcr is None else str(best.pcr), {"candidates": listed}
+    return candidates[found.chosen][0], found.best, {"candidates": listed}
 
 
 def how_many_poses(table: Table, name: str, seed: int, console: Console) -> dict[str, Any]:
     """The learning curve of the model, said and for --json."""
-    from ecm.models.selection import learning_curve
+    from ecm.models import learning_curve
 
     curve = learning_curve(table, name, _SIZES, seed=seed)
     for n, error in zip(curve.sizes, curve.error, strict=True):

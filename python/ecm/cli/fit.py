@@ -66,26 +66,26 @@ def fit(
 ) -> None:
     """Fit a model to a table and write its file."""
     from ecm.cli.choose import chosen_model, how_many_poses
-    from ecm.cli.models import fit_named, fit_summary
+    from ecm.cli.models import fit_named, fit_summary, named_model
 
     with Console(quiet=quiet) as console:
         output(out, json)
         table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
         choice = None
         if model == "choose":
-            model, pcr, choice = chosen_model(table, pcr, seed, console)
+            model, specification, choice = chosen_model(table, pcr, seed, console)
+        else:
+            specification = named_model(model, pcr, threads)
         fitted = fit_named(
             table,
-            model,
-            pcr=pcr,
-            threads=threads,
+            specification,
             console=console,
             zero_at_home=zero_at_home,
             stable=stable,
             weights=weights,
         )
         fitted.save(out)
-        summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
+        summary = fit_summary(fitted, table, specification, seed=seed)
         enough = how_many_poses(table, model, seed, console) if curve else None
         more = {"choice": choice, "curve": enough, "warnings": list(table.warnings)}
         save_json(json, summary | more)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from ecm.cli.console import Console
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table
-    from ecm.models import Model, PhysicsMap
-    from ecm.models.fit import Weights
+    from ecm.models import Model, ModelSpecification, PhysicsMap
+    from ecm.models.specification import Weights
 
 _FOLDS = 10
 _HALVINGS = 25
@@ -82,39 +83,42 @@ def _mechanism(path: Path) -> Mechanism:
     return Mechanism.from_dict(document["mechanism"], where, base=path.parent)
 
 
+def named_model(name: str, pcr: str | None, threads: int) -> ModelSpecification:
+    """Specification of `--model NAME`; NAME may be a TOML with [mechanism]."""
+    from ecm.models import PhysicsModel, parse_model
+
+    found = PhysicsModel(threads=threads)
+    if name.lower().endswith(".toml"):
+        found = replace(found, mechanism=_mechanism(Path(name)))
+    elif name != found.name:
+        return parse_model(name, pcr=pcr)
+    if pcr is not None:
+        raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
+    return found
+
+
 def fit_named(
     table: Table,
-    name: str,
+    model: ModelSpecification,
     *,
-    pcr: float | str | None,
-    threads: int,
     console: Console,
     zero_at_home: bool = False,
     stable: bool = False,
     weights: str = "auto",
 ) -> Model:
-    """`ecm fit --model NAME`; NAME may be a TOML with [mechanism]."""
-    from ecm.models import fit_model, physics_map
+    """Fit a model; the physics of a body is built under a progress bar where it is new."""
+    from ecm.models import PhysicsModel, fit_model, physics_map
     from ecm.models.physics.map import reach_of
 
-    if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
-        raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
-    mechanism = physics = None
-    if name.lower().endswith(".toml"):
-        name, mechanism = "physics", _mechanism(Path(name))
-    if name == "physics":
-        body = table.meta.body() if mechanism is None else mechanism
+    if isinstance(model, PhysicsModel):
+        body = model.mechanism or table.meta.body()
         if body is not None:
-            reach = reach_of(table)
-            bar = build_bar(console)
-            physics = physics_map(body, threads=threads, progress=bar, reach_rad=reach)
+            reach, bar = reach_of(table), build_bar(console)
+            base = physics_map(body, threads=model.threads, progress=bar, reach_rad=reach)
+            model = replace(model, base=base)
     return fit_model(
         table,
-        name,
-        pcr=pcr,
-        mechanism=mechanism,
-        physics=physics,
-        threads=threads,
+        model,
         zero_at_home=zero_at_home,
         stable=stable,
         weights=cast("Weights", weights),
@@ -122,7 +126,7 @@ def fit_named(
 
 
 def fit_summary(
-    fitted: Model, table: Table, name: str, *, pcr: float | str | None = None, seed: int = 0
+    fitted: Model, table: Table, model: ModelSpecification, *, seed: int = 0
 ) -> dict[str, Any]:
     """Error on the fitted and on held-out rows, absolute and as a share of the spread."""
     measured = table.measured()
@@ -141,7 +145,7 @@ def fit_summary(
         else:
             sentences.append(f"{column}: rmse {rmse:.3g} {unit} on the fitted rows, "
                              f"{100.0 * share:.2g} % of its spread")  # fmt: skip
-    held_out = _held_out(table, name, seed) if pcr is None else None
+    held_out = _held_out(table, model, seed)
     if held_out is not None:
         sentences += held_out.pop("sentences")
     parameters = _parameters(fitted)
@@ -178,25 +182,26 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
     }
 
 
-def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
+def _held_out(table: Table, model: ModelSpecification, seed: int) -> dict[str, Any] | None:
     """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
 
     Groups are few, so the parts are halves and the figure is the median over many divisions.
-    None for the physics model, and where a part of the rows is too few for the model.
+    None for the physics model and PCR, and where a part of the rows is too few for the model.
     """
     from ecm.errors import EcmError
+    from ecm.models import PhysicsModel
 
-    if name == "physics" or name.lower().endswith(".toml"):
+    if isinstance(model, PhysicsModel) or getattr(model, "pcr", None) is not None:
         return None
     try:
         if not table.meta.group:
-            found = {"folds": _shares(table, name, _FOLDS, True, [seed])}
+            found = {"folds": _shares(table, model, _FOLDS, True, [seed])}
             return found | {
                 "sentences": [f"held out, share of the spread: {_list(found['folds'])}"]
             }
         seeds = [seed + i for i in range(_HALVINGS)]
-        own = _shares(table, name, 2, True, seeds)
-        random = _shares(table, name, 2, False, seeds)
+        own = _shares(table, model, 2, True, seeds)
+        random = _shares(table, model, 2, False, seeds)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -213,13 +218,13 @@ def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
 
 
 def _shares(
-    table: Table, name: str, folds: int, grouped: bool, seeds: Sequence[int]
+    table: Table, model: ModelSpecification, folds: int, grouped: bool, seeds: Sequence[int]
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
     from ecm.models import cross_validate
 
     found = [
-        cross_validate(table, name, folds=folds, grouped=grouped, seed=number) for number in seeds
+        cross_validate(table, model, folds=folds, grouped=grouped, seed=number) for number in seeds
     ]
     return {
         column: float(np.median([result.rmse[column] for result in found])) / spread
