@@ -96,7 +96,7 @@ def _write_next(
 ) -> None:
     """The first proposed experiment, or of a session what a campaign can drive."""
     from ecm.designs import can_be_run, follow_up_plan
-    from ecm.designs.follow_up import experiment_parts
+    from ecm.effects.experiments import session_of
 
     chosen = next((item["action"] for item in proposed if can_be_run(item["action"])), None)
     if chosen is None:
@@ -105,6 +105,6 @@ def _write_next(
     plan = follow_up_plan(table, chosen)
     plan.write(path)
     console.say(f"{path}: {len(plan)} visits, to {chosen}")
-    by_hand = [part for part in experiment_parts(chosen) if not can_be_run(part)]
+    by_hand = [part.action for part in session_of(chosen) if not part.can_be_driven]
     if by_hand:
         console.say(f"  by hand in the same session: {', '.join(by_hand)}")

@@ -66,8 +66,15 @@ def _print(effect: Effect, console: Console) -> None:
         ends = (f"{item.lower:g}", f"{item.upper:g}")
         rows.append((item.name, item.unit, f"{item.scale:g}", *ends))
     console.say(columns(rows))
-    for rival, separates in effect.rivals.items():
-        console.say(f"confused with {rival}: {separates}")
+    for rival, action in _rivals(effect).items():
+        console.say(f"confused with {rival}: {action}")
+
+
+def _rivals(effect: Effect) -> dict[str, str]:
+    """Return what separates the effect from each rival, in words."""
+    from ecm.effects.experiments import get_experiment
+
+    return {rival: get_experiment(name).action for rival, name in effect.rivals.items()}
 
 
 def _needs(effect: Effect) -> str:
@@ -96,7 +103,7 @@ def _document(effect: Effect) -> dict[str, Any]:
             }
             for item in effect.parameters
         ],
-        "rivals": dict(effect.rivals),
+        "rivals": _rivals(effect),
     }
 
 

@@ -19,6 +19,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap
 from ecm.models.mujoco import mujoco_text
+from ecm.models.physics.map import PhysicsMap
 
 if TYPE_CHECKING:
     from ecm.models.model import Model
@@ -143,7 +144,7 @@ def poses_in_domain(model: Model, count: int) -> F:
     because their corners combine what no mechanism does.
     """
     random = np.random.default_rng(_SEED)
-    base = getattr(model.base, "surrogate", model.base)
+    base = model.base.surrogate if isinstance(model.base, PhysicsMap) else model.base
     if isinstance(base, EnergyMap):
         directions = random.standard_normal((2, count, 3))
         directions /= np.linalg.norm(directions, axis=2, keepdims=True)

@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import InputError, MissingExtra
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import (
     FittedMap,
@@ -29,7 +29,7 @@ _HIDDEN = (32, 32)
 
 
 @dataclass(frozen=True)
-class _Learned:
+class _Learned(MapDefaults):
     """Inputs and outputs scaled to zero mean and unit variance; what both maps share."""
 
     inputs: tuple[str, ...]

@@ -15,6 +15,7 @@ from ecm._native import EnergyModel, PolynomialModel, convert_stiffness, polynom
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.regression.rows import BaseMap, BodyChange
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
@@ -64,12 +65,32 @@ class StiffnessMap(Protocol):
     def with_coefficients(self, coefficients: F) -> StiffnessMap:
         """The same map with other coefficients."""
 
+    @property
+    def bounds(self) -> tuple[F, F] | None:
+        """(k,) lower and upper limits of the coefficients; None where there are none."""
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        """The map of a changed body (regression/rows.py); None where it knows one body only."""
+
     def document(self) -> dict[str, Any]:
         """The map's part of a model file."""
 
 
+class MapDefaults:
+    """What most maps share: coefficients without limits, and one body only."""
+
+    @property
+    def bounds(self) -> tuple[F, F] | None:
+        """None: no limits."""
+        return None
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        """None: one body only."""
+        return None
+
+
 @dataclass(frozen=True)
-class PolynomialMap:
+class PolynomialMap(MapDefaults):
     """A polynomial from any pose columns to any wrench columns (the paper's equation (4))."""
 
     model: PolynomialModel
@@ -152,7 +173,7 @@ class PolynomialMap:
 
 
 @dataclass(frozen=True)
-class EnergyMap:
+class EnergyMap(MapDefaults):
     """A polynomial energy of mid-frame coordinates: every such map has a potential."""
 
     model: EnergyModel

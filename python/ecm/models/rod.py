@@ -20,7 +20,7 @@ from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap, partial_to
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
@@ -32,7 +32,7 @@ _STEP = np.array([1e-3] * 3 + [1e-5] * 3)
 
 
 @dataclass(frozen=True)
-class _Backbone:
+class _Backbone(MapDefaults):
     """What both share: all six columns, a length, few parameters."""
 
     length: float
