@@ -65,9 +65,14 @@ class PolynomialModel(ModelSpecification):
         return f"poly:{self.degree}"
 
     @property
+    def alias(self) -> str:
+        """linear, quadratic or cubic; `poly:D` for other degrees."""
+        return next((alias for alias, d in _ALIASES.items() if d == self.degree), self.name)
+
+    @property
     def title(self) -> str:
-        """`poly:D`, with the threshold where there is one."""
-        return self.name if self.pcr is None else f"{self.name} --pcr {self.pcr}"
+        """The alias, with the threshold where there is one."""
+        return self.alias if self.pcr is None else f"{self.alias} --pcr {self.pcr}"
 
     @classmethod
     def from_name(cls, name: str) -> PolynomialModel | None:

@@ -16,11 +16,14 @@ import numpy as np
 from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models.cross_validation import random_folds
+from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
 from ecm.regression.folds import row_groups
@@ -44,13 +47,35 @@ class ModelChoice:
         """The one to take."""
         return self.candidates[self.chosen]
 
-    def __str__(self) -> str:
+    def sentences(self) -> list[str]:
+        """The held-out error of each candidate, and the rule of the choice."""
         lines = [
-            f"{'*' if i == self.chosen else ' '} {candidate.title}: {self.coefficients[i]} "
-            f"coefficients, held-out error {self.error[i]:.3g} +- {self.standard_error[i]:.2g}"
+            f"{candidate.title}: {size} coefficients, held-out error {error:.3g} +- {sd:.2g} "
+            "of the noise"
+            for candidate, size, error, sd in zip(
+                self.candidates, self.coefficients, self.error, self.standard_error, strict=True
+            )
+            if np.isfinite(error)
+        ]
+        rule = "the fewest coefficients within one standard error of the smallest error"
+        return [*lines, f"chosen: {rule}"]
+
+    def __str__(self) -> str:
+        return "\n".join([*self.sentences(), f"that is {self.best.title}"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The candidates as plain values."""
+        listed = [
+            {
+                "model": candidate.alias,
+                "pcr": getattr(candidate, "pcr", None),
+                "coefficients": self.coefficients[i],
+                "error": float(self.error[i]) if np.isfinite(self.error[i]) else None,
+                "chosen": i == self.chosen,
+            }
             for i, candidate in enumerate(self.candidates)
         ]
-        return "\n".join(lines)
+        return {"candidates": listed}
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each candidate; needs the extra `data`."""
@@ -61,6 +86,26 @@ class ModelChoice:
         }
         pandas = require("pandas", "data", "ModelChoice.to_pandas")
         return pandas.DataFrame(columns, [candidate.title for candidate in self.candidates])
+
+
+def default_candidates(table: Table) -> list[ModelSpecification]:
+    """Models of `ecm fit --model choose`: polynomials, and energies where the length is known.
+
+    Raises
+    ------
+    InputError
+        The table has not all six pose and wrench columns.
+    """
+    if table.pose_columns != POSE or table.wrench_columns != WRENCH:
+        raise InputError(
+            "--model choose needs all six pose and wrench columns: its errors are over the noise "
+            "of a row; name a model instead"
+        )
+    candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
+    candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]
+    if table.meta.length_m is not None:
+        candidates += [EnergyModel(degree) for degree in (4, 5, 6)]
+    return candidates
 
 
 def choose_model(
@@ -131,6 +176,8 @@ def free_coefficients(base: StiffnessMap) -> int:
 class LearningCurve:
     """Held-out error against the number of poses."""
 
+    model: str
+    """Short name of the model."""
     sizes: tuple[int, ...]
     error: F
     """(s,) median over draws of the whitened held-out error; infinite where no fit was possible."""
@@ -143,14 +190,32 @@ class LearningCurve:
     one_standard_error: int | None
     """The fewest poses whose mean error over draws is within one standard error of the best's."""
 
-    def __str__(self) -> str:
+    def sentences(self) -> list[str]:
+        """The error at each number of poses, and how many are enough."""
         lines = [
-            f"{n} poses: held-out error {error:.3g} of the noise ({low:.3g} to {high:.3g})"
-            for n, error, low, high in zip(
-                self.sizes, self.error, self.lower, self.upper, strict=True
-            )
+            f"{self.model} from {n} poses: held-out error {error:.3g} of the noise"
+            for n, error in zip(self.sizes, self.error, strict=True)
+            if np.isfinite(error)
         ]
-        return "\n".join([*lines, f"enough: {self.enough or 'more than these'}"])
+        enough = "not enough: the curve still falls at the last of these; measure more poses"
+        if self.enough is not None:
+            enough = (
+                f"enough: {self.enough} poses are within 5 %, {self.one_standard_error} within "
+                "one standard error of the best"
+            )
+        return [*lines, enough]
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The curve as plain values."""
+        return {
+            "sizes": list(self.sizes),
+            "error": [float(e) if np.isfinite(e) else None for e in self.error],
+            "enough": self.enough,
+            "one_standard_error": self.one_standard_error,
+        }
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
@@ -231,7 +296,7 @@ def learning_curve(
         best = int(np.argmin(mean))
         spread = float(errors[best].std(ddof=1)) / np.sqrt(draws)
         few = usable[int(np.argmax(mean <= mean[best] + spread))]
-    return LearningCurve(tuple(usable), middle, lower, upper, enough, few)
+    return LearningCurve(specification.alias, tuple(usable), middle, lower, upper, enough, few)
 
 
 def _standard_error(squares: Sequence[float]) -> float:

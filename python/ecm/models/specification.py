@@ -50,9 +50,14 @@ class ModelSpecification(Checked, ABC):
         return self.kind
 
     @property
-    def title(self) -> str:
-        """The name with whatever else was chosen, for tables and messages."""
+    def alias(self) -> str:
+        """The short name that people use: `cubic` for `poly:3`."""
         return self.name
+
+    @property
+    def title(self) -> str:
+        """The alias with all else that was chosen, as options of the command line."""
+        return self.alias
 
     @classmethod
     def from_name(cls, name: str) -> ModelSpecification | None:
