@@ -11,7 +11,6 @@ from ecm.cli.command import Data, ModelFile, Out, Session, command
 from ecm.cli.models import open_model
 from ecm.cli.outputs import check_output
 from ecm.effects import load_installed
-from ecm.errors import InputError
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary
 
@@ -38,13 +37,15 @@ class Options:
 def refit(options: Options, session: Session) -> None:
     """Fit a model again with an effect more or less: fit report and fit history."""
     check_output(options.out)
-    changes = {"add": options.add, "remove": options.remove, "freeze": options.freeze}
-    if not any(changes.values()):
-        raise InputError("nothing to change: give --add EFFECT, --remove EFFECT or --freeze NAME")
     table = session.read(options.data, need="fit")
     load_installed()
-    model = open_model(options.model, session, table)
-    fitted = refit_model(model, table, **{name: ids or () for name, ids in changes.items()})
+    fitted = refit_model(
+        open_model(options.model, session, table),
+        table,
+        add=options.add or (),
+        remove=options.remove or (),
+        freeze=options.freeze or (),
+    )
     fitted.save(options.out)
     summary = refit_summary(fitted)
     session.write_json(summary)

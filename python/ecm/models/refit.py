@@ -47,15 +47,22 @@ def refit(
     Examples
     --------
     >>> import numpy as np, ecm
-    >>> y = np.linspace(-0.01, 0.01, 30)
-    >>> table = ecm.as_table({"y_m": y, "fy_N": 3e3 * y + 0.1 * np.sin(9e3 * y)})
-    >>> model = ecm.refit(ecm.fit(table, "linear"), table, freeze=["base"])
-    Traceback (most recent call last):
-    ...
-    ecm.errors.InputError: the model has no effect base; it has: none
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> time_s = np.arange(20.0)
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 6))
+    >>> wrenches = 1000.0 * poses
+    >>> wrenches[:, 1] += 0.05 * time_s
+    >>> rows = np.column_stack([poses, wrenches, time_s]).T
+    >>> table = ecm.as_table(dict(zip([*POSE, *WRENCH, "time_s"], rows)))
+    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add=["fts_drift"])
+    >>> print(model.fit_report().splitlines()[3])
+        fy_rate = 0.05 +- 0.016 N/s
     """
     if not (add or remove or freeze):
-        raise InputError("nothing to change: give --add EFFECT, --remove EFFECT or --freeze")
+        raise InputError(
+            "refit: nothing to change; give add, remove or freeze "
+            "(--add EFFECT, --remove EFFECT, --freeze NAME)"
+        )
     return model.remove(*remove).add(*add).freeze(*freeze).fit(table)
 
 
