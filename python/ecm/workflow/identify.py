@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import PolynomialModel, __version__
+from ecm import _native
 from ecm.comparison import compare
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
@@ -24,7 +24,16 @@ from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arrays import F, I
 from ecm.io.cache import Stage, hash_of, write_json
 from ecm.io.table import Table, read_table
-from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models import (
+    EnergyModel,
+    Model,
+    PhysicsMap,
+    PhysicsModel,
+    PolynomialModel,
+    fit_model,
+    load_model,
+    physics_map,
+)
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report
@@ -58,7 +67,9 @@ class Job:
 
     def stage(self, name: str, *inputs: Any) -> Stage:
         """The stage of a step; its key holds seed, version and inputs."""
-        return Stage(self.out / "stages", name, {"seed": self.seed, "version": __version__}, inputs)
+        return Stage(
+            self.out / "stages", name, {"seed": self.seed, "version": _native.__version__}, inputs
+        )
 
     @contextmanager
     def step(self, name: str, title: str) -> Iterator[None]:
@@ -105,7 +116,7 @@ def identify(
     summary: dict[str, Any] = {
         "format": "ecm-identify",
         "version": 1,
-        "program": __version__,
+        "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
     }
@@ -195,7 +206,7 @@ def _select(
             f"  degree {row['degree']}: RMSE fx {row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, "
             f"fz {row['rmse'][2]:.3g} N; kappa {row['kappa']:.4g}"
         )
-    b01 = PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = selection.relative_error(predicted, test[1])
     energy = selection.energy_learning(
@@ -371,7 +382,7 @@ def _identify(
         job.figures[f"observed_{name}"] = arrays["observed"]
         job.figures[f"predicted_{name}"] = arrays["predicted"]
 
-    cubic = fit_model(tables["d"], f"poly:{settings.degrees[-1]}", pcr=0.1)
+    cubic = fit_model(tables["d"], PolynomialModel(settings.degrees[-1], pcr=0.1))
     poses = np.concatenate([table.measured().poses for table in tables.values()])
     share = validation.symmetric_share(cubic.stiffness(poses))
     rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -402,10 +413,10 @@ def _model_table(
     few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
     candidates = [
         (f"degree {job.config.select.degrees[-1]} polynomial, b = 0.1", cubic, len(train)),
-        ("energy4", fit_model(few, "energy4"), len(few)),
-        ("energy4", fit_model(train, "energy4"), len(train)),
-        ("energy6", fit_model(train, "energy6"), len(train)),
-        ("physics, E and nu free", fit_model(few, "physics", physics=physics), len(few)),
+        ("energy4", fit_model(few, EnergyModel(4)), len(few)),
+        ("energy4", fit_model(train, EnergyModel(4)), len(train)),
+        ("energy6", fit_model(train, EnergyModel(6)), len(train)),
+        ("physics, E and nu free", fit_model(few, PhysicsModel(base=physics)), len(few)),
     ]
     rows: list[dict[str, Any]] = []
     floor: list[float] = []
