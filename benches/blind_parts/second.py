@@ -9,7 +9,6 @@ two says nothing.
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,22 +20,23 @@ import numpy as np
 from blind_parts.analysis import our_answer
 from blind_parts.data import Data, data_of
 from blind_parts.sets import Set
-from ecm.designs.follow_up import can_be_run, experiment_parts, follow_up_plan
+from ecm.designs.follow_up import can_be_run, follow_up_plan
+from ecm.effects.experiments import Experiment, session_of
 from ecm.io.table import Table, read_table
 
 BY_HAND: dict[str, dict[str, dict[str, float]]] = {
     "calliper": {"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}},
-    "survey the base": {"base_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
-    "re-seat": {"tip_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
-    "gauge bar": {"camera_scale": {"1": 1e-3}},
-    "dial gauge on the base plate": {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}},
-    "look at the base marker": {"marker_motion": {"m": 2e-5, "rad": 3e-4}},
-    "warm-up log": {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}},
-    "place of the camera": {"led_occlusion": {"m": 5e-5, "rad": 1e-3}},
-    "detach the cable": {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}},
+    "base_survey": {"base_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "reseat_marker": {"tip_frame_misalignment": {"rad": 5e-4, "m": 5e-5}},
+    "gauge_bar": {"camera_scale": {"1": 1e-3}},
+    "dial_gauge": {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}},
+    "base_marker": {"marker_motion": {"m": 2e-5, "rad": 3e-4}},
+    "warm_up_log": {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}},
+    "second_camera_place": {"led_occlusion": {"m": 5e-5, "rad": 1e-3}},
+    "detach_cable": {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}},
 }
-"""Effects that a tool reads, and its standard deviation by unit; the first is that of the size that
-a source hides."""
+"""Experiment -> effects whose size it reads, and the standard deviation of the reading by unit; the
+first unit is that of the size that a source hides."""
 _SEEN = 3.0
 _LEAST_ODDS = 6.0
 """Twice the logarithm of the odds at which a reading decides, as a difference of BIC does."""
@@ -51,19 +51,15 @@ def second_answer(
     told = [str(entry["action"]) for entry in first["next_experiment"]]
     members = {id for one in first["answer"] for id in one}
     for action in told:
-        read = {
-            id: tool for part in experiment_parts(action) for id, tool in _read_by(part).items()
-        }
+        read = {id: tool for part in session_of(action) for id, tool in _read_by(part).items()}
         if can_be_run(action) or set(read) & members:
             found = _after(asked, data, first, read, (action, folder))
             return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
 
-def _read_by(action: str) -> dict[str, dict[str, float]]:
-    if can_be_run(action):
-        return {}
-    return next((read for word, read in BY_HAND.items() if re.search(word, action)), {})
+def _read_by(experiment: Experiment) -> dict[str, dict[str, float]]:
+    return {} if experiment.can_be_driven else BY_HAND.get(experiment.id, {})
 
 
 def _after(

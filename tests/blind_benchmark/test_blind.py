@@ -278,7 +278,7 @@ def test_read_by_hand_and_needed_in_another_unit_rules_nothing_out(
     asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
     data = replace(_data(asked, folder), truth={id: turn_rad} if turn_rad else {})
     first = {"needed": {id: (1e-2, "m")}}
-    read = BY_HAND["survey the base"]
+    read = BY_HAND["base_survey"]
     assert _readings(asked, data, first, read) == ([id] if turn_rad else [], [])
     first = {"needed": {id: (1e-2, "rad")}}
     assert _readings(asked, data, first, read) == (([id], []) if turn_rad else ([], [id]))

@@ -19,10 +19,11 @@ from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.joint_fit import joint_fit
-from ecm.models.noise_estimate import estimate_noise, repeat_cells
+from ecm.models.noise_estimate import estimate_noise
 from ecm.regression import reml as floor
 from ecm.regression.folds import folds, is_pose_row, row_groups, without_zero_readings
 from ecm.regression.normal_equations import NormalEquations
+from ecm.regression.repeats import repeat_cells
 from support.campaigns import campaign, model, physics
 from support.neck import Done, csv_text
 

@@ -11,6 +11,7 @@ from ecm.designs import can_be_run, follow_up_plan
 from ecm.designs.nominal import NominalModel
 from ecm.diagnosis.identifiability import predicted_table
 from ecm.effects import Rows, all_effects, get_effect
+from ecm.effects.experiments import EXPERIMENTS
 from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.io.table import read_table
@@ -20,8 +21,8 @@ from ecm.rig import RigSettings, run_campaign
 from support.campaigns import campaign, physics
 from support.stand_in import StandIn
 
-EXPERIMENTS = sorted({text for effect in all_effects() for text in effect.rivals.values()})
-DRIVEN = [text for text in EXPERIMENTS if can_be_run(text)]
+NAMED = {name for effect in all_effects() for name in effect.rivals.values()}
+DRIVEN = sorted(EXPERIMENTS[name].action for name in NAMED if EXPERIMENTS[name].can_be_driven)
 
 
 def test_most_experiments_of_the_catalogue_can_be_driven() -> None:
@@ -134,7 +135,7 @@ def test_a_plan_for_data_without_pose_ids_joins_them_as_repeats(tmp_path: Path) 
     second.write(tmp_path / "b.csv")
     both = read_table([tmp_path / "a.csv", tmp_path / "b.csv"])
     assert not both.has("pose_id")
-    plan = follow_up_plan(both, "repeat the first ten poses")
+    plan = follow_up_plan(both, "repeat_first_poses")
     run_campaign(plan, RigSettings(), tmp_path / "c.csv", seed=4, source=StandIn())
     joined = read_table([tmp_path / f"{name}.csv" for name in "abc"])
     ids = joined.column("pose_id")
@@ -162,7 +163,7 @@ def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
     assert set(runs) == {own, own + 1}
     actions = [str(a) for a in plan.text("action")]
     assert runs[actions.index("remount:180")] == own + 1
-    for run, single in ((own, "push and pull"), (own + 1, "remount turned by 180 degrees")):
+    for run, single in ((own, "push_and_pull"), (own + 1, "remount turned by 180 degrees")):
         alone = [str(a) for a in follow_up_plan(first, single).text("action")]
         assert [a for a, r in zip(actions, runs, strict=True) if r == run][: len(alone) - 1] == (
             alone[:-1]
@@ -187,6 +188,16 @@ def test_a_dead_weight_is_foretold_as_the_sensor_feels_it() -> None:
     hung = rows.table.wrenches[rows.dead_weight]
     np.testing.assert_allclose(hung, (rows.sensor_load - rows.wrench)[rows.dead_weight], atol=1e-12)
     assert not is_zero(rows.table)[rows.dead_weight].any()
+
+
+@pytest.mark.parametrize("experiment", ["conditioning_cycles", "repeat_first_poses"])
+def test_a_campaign_is_priced_as_the_rig_would_drive_it(experiment: str) -> None:
+    """Driving it takes less than its minutes, of which ten at most are for setting up."""
+    first = campaign(seed=3)
+    base = NominalModel(physics(), declared_noise(first), first.meta)
+    time = predicted_table(follow_up_plan(first, experiment), base).column("time_s")
+    driven = float(np.ptp(time)) / 60.0
+    assert driven < EXPERIMENTS[experiment].minutes < driven + 15.0
 
 
 def test_home_checks_stand_between_large_poses_on_one_side() -> None:

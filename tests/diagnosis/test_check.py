@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from ecm.comparison import compare
 from ecm.diagnosis.check import check, never_excited
 from ecm.effects import all_effects
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import as_table
+from ecm.models import fit_model
 from support.neck import LENGTH_M, neck_columns
 
 FULL = Meta(mechanism={"length_m": LENGTH_M})
@@ -53,15 +59,49 @@ def test_home_rows_do_not_count_as_excitation() -> None:
     assert never_excited(as_table(columns)) == ("fx_N",)
 
 
-def test_where_the_noise_comes_from() -> None:
-    columns = neck_columns()
-    assert check(as_table(columns)).noise == "assumed"
-    meta = Meta(instrument=Instrument(force_sd_N=0.3))
-    assert check(as_table(columns, meta=meta)).noise == "declared"
-    repeated = columns | {"pose_id": np.repeat(np.arange(30.0), 2)}
-    found = check(as_table(repeated, meta=meta))
-    assert found.noise == "repeats"
-    assert found.repeated_poses == 30
+ONE_FIGURE = {"force_sd_N": 0.3}
+ALL_FIGURES = {
+    "pose_position_sd_m": 4e-5, "pose_rotation_sd_rad": 4e-4, **ONE_FIGURE, "torque_sd_Nm": 0.01,
+}  # fmt: skip
+FULL_COLUMNS = (*POSE, *WRENCH)
+ONE_OF_EACH = ("x_m", "fx_N")
+
+
+@pytest.mark.parametrize(
+    ("columns", "figures", "contrasts", "source"),
+    [
+        (FULL_COLUMNS, {}, 0, "assumed"),
+        (FULL_COLUMNS, ONE_FIGURE, 0, "assumed"),
+        (FULL_COLUMNS, ALL_FIGURES, 0, "declared"),
+        (FULL_COLUMNS, dict.fromkeys(ALL_FIGURES, 0.0), 0, "assumed"),
+        (FULL_COLUMNS, {}, 1, "assumed"),
+        (FULL_COLUMNS, ALL_FIGURES, 1, "declared"),
+        (FULL_COLUMNS, ALL_FIGURES, 19, "declared"),
+        (FULL_COLUMNS, {}, 20, "repeats"),
+        (FULL_COLUMNS, ALL_FIGURES, 20, "repeats"),
+        (ONE_OF_EACH, ONE_FIGURE, 0, "assumed"),
+        (ONE_OF_EACH, ONE_FIGURE | {"pose_position_sd_m": 4e-5}, 0, "declared"),
+        (ONE_OF_EACH, ALL_FIGURES, 7, "declared"),
+        (ONE_OF_EACH, {}, 8, "repeats"),
+    ],
+)
+def test_check_and_compare_agree_on_where_the_noise_comes_from(
+    columns: tuple[str, ...], figures: dict[str, float], contrasts: int, source: str
+) -> None:
+    """Figures are declared when all that concern the columns are; repeats count from 20 (or 8)."""
+    data = neck_columns()
+    ids = np.arange(60.0)
+    ids[: contrasts + 1] = 0.0
+    meta = Meta(mechanism={"length_m": LENGTH_M}, instrument=Instrument(**figures))  # type: ignore[arg-type]
+    table = as_table({name: data[name] for name in columns} | {"pose_id": ids}, meta=meta)
+    found = check(table)
+    assert found.noise == source
+    name = "energy4" if len(columns) == 12 else "linear"
+    model = replace(fit_model(table, name), noise=None)
+    assert compare(model, table).noise.source == source
+    assert found.repeated_poses == (contrasts > 0)
+    few = "repeats of 1 pose are too few"
+    assert (few in " ".join(found.sentences())) == (contrasts > 0 and source != "repeats")
 
 
 def test_units_and_spans_of_the_columns() -> None:

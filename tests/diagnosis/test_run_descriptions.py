@@ -113,7 +113,7 @@ def test_slack_tendons_have_no_friction() -> None:
         ("temperature_degC = 25.0", "a column of the table"),
         ("free_length_m = 0.1", "[mechanism]"),
         ("gravity_m_s2 = [0, -9.81]", "has 2 entries: expected 3"),
-        ("gravity_m_s2 = [0, 0, -9810]", "expected about 9.81 in size"),
+        ("gravity_m_s2 = [0, 0, -9810]", "expected a norm of about 9.81"),
         ("payload_mass_kg = 'none'", "expected a number"),
         ("payload_mass_kg = -1", "expected at least 0"),
     ],

@@ -15,10 +15,11 @@ from ecm.comparison.run_outliers import run_outliers
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
-from ecm.models.noise_estimate import estimate_noise, repeat_cells
+from ecm.models.noise_estimate import estimate_noise
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.repeats import repeat_cells
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ the set-up last.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
@@ -22,8 +22,6 @@ from ecm.io.description import Meta
 from ecm.io.table import Table
 
 HOLDS_S = (2.0, 8.0, 60.0)
-AND = " + "
-"""Between the parts of a session."""
 _DWELL_S = 2.0
 
 
@@ -49,7 +47,8 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     data
         The measurement table that was diagnosed; needs all six pose columns.
     experiment
-        The `action` of an entry of `next_experiment`; of a session what a campaign can drive.
+        The `action` of an entry of `next_experiment`, or the id of an experiment; of a session
+        those parts that the rig can drive.
 
     Raises
     ------
@@ -59,9 +58,7 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     lacking = [name for name in POSE if not data.has(name)]
     if lacking:
         raise InputError(f"{data.source}: a plan needs the pose column {lacking[0]}")
-    driven = {
-        recipe for part in experiment_parts(experiment) if (recipe := _recipe(part)) is not None
-    }
+    driven = {part.recipe for part in session_of(experiment) if part.can_be_driven}
     if not driven:
         raise InputError(
             f"{experiment!r} is done by hand, no campaign can drive it. Do it, write what came of "
@@ -69,33 +66,16 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
         )
     poses, ids = _distinct(data)
     visits: list[_Visit] = []
-    in_order = sorted(driven, key=lambda recipe: (recipe.disturbs, _RECIPES.index(recipe)))
-    for run, recipe in enumerate(in_order):
-        own = [_Visit("unload"), _Visit("home"), *recipe.make(poses, ids), _Visit("home")]
+    for run, recipe in enumerate(recipe for recipe in RECIPES if recipe in driven):
+        own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
     return _plan(data, poses, ids, _turned_on(visits))
 
 
-def experiment_parts(experiment: str) -> list[str]:
-    """The experiments of a session; of a single one itself."""
-    return experiment.split(AND)
-
-
 def can_be_run(experiment: str) -> bool:
-    """Whether a campaign can carry the experiment out, or some part of a session."""
-    return any(_recipe(part) is not None for part in experiment_parts(experiment))
-
-
-def same_campaign(experiment: str) -> str:
-    """Alike for two texts of one campaign; by hand the text itself."""
-    recipe = _recipe(experiment)
-    return experiment if recipe is None else recipe.pattern
-
-
-def _recipe(experiment: str) -> _Recipe | None:
-    """None for what is done by hand."""
-    return next((one for one in _RECIPES if re.search(one.pattern, experiment)), None)
+    """Whether the rig can carry the experiment out, or some part of a session."""
+    return any(part.can_be_driven for part in session_of(experiment))
 
 
 def _distinct(data: Table) -> tuple[F, I]:
@@ -239,31 +219,24 @@ def _sweep(poses: F, ids: I) -> list[_Visit]:
     return [_Visit("measure", i, share=float(s)) for i in _spread_out(poses, 6) for s in shares]
 
 
-@dataclass(frozen=True)
-class _Recipe:
-    pattern: str
-    make: Callable[[F, I], list[_Visit]]
-    disturbs: int = 0
-    """How much of what was there before is changed by it: in a session the least comes first."""
-
-
-_RECIPES = (
-    _Recipe(r"remount.*\b90\b", _turned(90), 4),
-    _Recipe(r"remount.*\b180\b", _turned(180), 4),
-    _Recipe(r"warm(?!-up log)", _warm_and_cold, 2),
-    _Recipe(r"conditioning", _conditioning, 1),
-    _Recipe(r"both sides", _both_sides),
-    _Recipe(r"\bhold\b|dwell", _holds),
-    _Recipe(r"payload", _without_payload, 3),
-    _Recipe(r"dead weight", _dead_weights, 5),
-    _Recipe(r"push and pull", _push_and_pull),
-    _Recipe(r"sweep", _sweep),
-    _Recipe(r"home", _homes),
-    _Recipe(r"unloaded|\bzero\b", _zeros),
-    _Recipe(r"repeat the first", _first_ten),
-    _Recipe(r"repeat", _repeated),
-)
-"""First match wins."""
+RECIPES: dict[str, Callable[[F, I], list[_Visit]]] = {
+    "both_sides": _both_sides,
+    "holds": _holds,
+    "push_and_pull": _push_and_pull,
+    "sweep": _sweep,
+    "homes": _homes,
+    "zeros": _zeros,
+    "first_poses": _first_ten,
+    "repeats": _repeated,
+    "conditioning": _conditioning,
+    "warm_and_cold": _warm_and_cold,
+    "without_payload": _without_payload,
+    "remount_90": _turned(90),
+    "remount_180": _turned(180),
+    "dead_weights": _dead_weights,
+}
+"""Plans by the recipe that an experiment names. In a session they run in this order: what changes
+the set-up least comes first."""
 
 
 def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:

@@ -48,14 +48,14 @@ def predicted_columns(
     """Columns of the sample in units of the noise, and of K times half the pose's range."""
     low, high = poses.min(axis=0), poses.max(axis=0)
     moving = np.flatnonzero(high > low)
+    degree = polynomial_degree(model)
 
     def columns(at: F) -> F:
-        if model == "physics" or model.startswith("energy"):
+        if degree is None:
             blocks = model_columns(at, model, length_m, base)
             sd = COMPONENT_SD if base is None else _component_sd(base, poses)
             return blocks / sd[None, :, None]
         own = np.ascontiguousarray(at[:, moving])
-        degree = polynomial_degree(model)
         return polynomial_regressor(own, degree, low[moving], high[moving])[:, None, :]
 
     sample = poses[seen]

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm._native import EnergyModel, polynomial_regressor
+from ecm._native import polynomial_regressor
 from ecm.designs.nominal import NominalModel
 from ecm.effects import Effect
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.models import parse_energy_name
+from ecm.models import EnergyModel, PolynomialModel, parse_model
 
 COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])
 """One row's default noise: N and N m; fx carries the pose noise of the stiff axis."""
@@ -37,17 +37,22 @@ class Regressor:
     """(k, k) information known beforehand."""
 
 
-def polynomial_degree(model: str) -> int:
-    """Degree of `poly:D` or its aliases."""
-    names = {"linear": 1, "quadratic": 2, "cubic": 3}
-    if model in names:
-        return names[model]
-    if model.startswith("poly:") and model[5:].isdigit() and int(model[5:]) >= 1:
-        return int(model[5:])
-    raise InputError(
-        f"model {model!r}: expected linear, quadratic, cubic, poly:D with D >= 1, energyD "
-        "with D from 4 to 6, or physics"
-    )
+def polynomial_degree(model: str) -> int | None:
+    """Degree of a polynomial by its short name; None for an energy or physics.
+
+    Raises
+    ------
+    InputError
+        For other models: their design needs the parameters that it shall find.
+    """
+    if model == "physics":
+        return None
+    specification = parse_model(model)
+    if isinstance(specification, PolynomialModel):
+        return specification.degree
+    if isinstance(specification, EnergyModel):
+        return None
+    raise InputError(f"model {model!r}: designs are for polynomials, energies and physics")
 
 
 def regressor(
@@ -69,7 +74,8 @@ def regressor(
         raise InputError(f"--ridge: {ridge}, expected a positive number, 0 for none")
     everything = poses if measured is None else np.concatenate([poses, measured])
     prior: F | None = None
-    if model == "physics" or model.startswith("energy"):
+    degree = polynomial_degree(model)
+    if degree is None:
         blocks = model_columns(everything, model, length_m, base)
         if effects:
             blocks, prior = _with_effects(blocks, everything, _needed(base, "effects"), effects)
@@ -84,7 +90,7 @@ def regressor(
                 f"model {model!r}: a free polynomial absorbs most effects; "
                 "give --model energyD or physics with --effects"
             )
-        blocks = _polynomial(poses, everything, polynomial_degree(model))[:, None, :]
+        blocks = _polynomial(poses, everything, degree)[:, None, :]
         if base is not None:
             # One row for six outputs: weighted by the geometric mean of their precisions.
             _, log_det = np.linalg.slogdet(base.whiteners(everything))
@@ -118,14 +124,10 @@ def model_columns(poses: F, model: str, length_m: float | None, base: NominalMod
             f"a design for {model} needs the mechanism's length: give [mechanism] length_m "
             "in the candidates' TOML"
         )
-    degree, symmetry = parse_energy_name(model)
-    return EnergyModel.regressor(
-        np.ascontiguousarray(poses),
-        length_m=length_m,
-        degree=degree,
-        symmetry=symmetry,
-        scale=np.array([length_m, 1.0]),
-    )
+    energy = parse_model(model)
+    if not isinstance(energy, EnergyModel):
+        raise InputError(f"model {model!r}: expected an energy or physics")
+    return energy.regressor(poses, length_m, np.array([length_m, 1.0]))
 
 
 def _needed(base: NominalModel | None, what: str) -> NominalModel:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import Table
+from ecm.regression.repeats import noise_source, repeated_poses
 
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
 _STILL = 1e-12
@@ -101,14 +102,19 @@ class Check:
             said.append(f"Not there: {', '.join(self.missing)}.")
         if self.groups is not None:
             said.append(f"Held-out splits keep {self.groups} groups of rows together.")
-        said.append(_NOISE_WORDS[self.noise].format(n=self.repeated_poses))
+        n = self.repeated_poses
+        why = f"repeats of {n} pose{'s' * (n != 1)} are too few" if n else "no pose is repeated"
+        said.append(_NOISE_WORDS[self.noise].format(n=n, why=why))
         return said
 
 
 _NOISE_WORDS = {
-    "repeats": "The noise floor can come from {n} repeated poses.",
-    "declared": "The noise floor comes from [instrument]: no pose is repeated.",
-    "assumed": "No repeats and no [instrument]: the noise floor will be assumed.",
+    "repeats": "The noise floor comes from {n} repeated poses.",
+    "declared": "The noise floor comes from [instrument]: {why}.",
+    "assumed": (
+        "The noise floor is that of the model's own data, or assumed: {why}, and [instrument] "
+        "lacks a figure for some of the columns (or all figures are 0)."
+    ),
 }
 _WORDS = {
     **dict(zip(POSE, ("x position", "y position", "z position"), strict=False)),
@@ -135,7 +141,6 @@ def excitation_sentences(names: Sequence[str]) -> list[str]:
 
 def check(table: Table) -> Check:
     """Columns, excitation, repeats and testable effects of a measurement table."""
-    measured = table.measured()
     columns = tuple(_column(name, values) for name, values in table.columns.items())
     still = never_excited(table)
     missing = [name for name in (*POSE, *WRENCH) if not table.has(name)]
@@ -145,7 +150,6 @@ def check(table: Table) -> Check:
         for name in ("pose", "home", "unloaded")
     }
     groups = table.groups()
-    repeated = _repeated_poses(measured)
     testable, not_testable = _effects(table, still)
     return Check(
         source=table.source,
@@ -156,8 +160,8 @@ def check(table: Table) -> Check:
         never_excited=still,
         missing=tuple(missing) if len(missing) < 12 else (),
         groups=None if groups is None else len(np.unique(groups)),
-        repeated_poses=repeated,
-        noise=_noise_source(table, repeated),
+        repeated_poses=repeated_poses(table),
+        noise=noise_source(table),
         testable=testable,
         not_testable=not_testable,
         warnings=table.warnings,
@@ -187,28 +191,6 @@ def _column(name: str, values: NDArray[Any]) -> ColumnCheck:
 
 def _is_constant(values: NDArray[np.float64]) -> bool:
     return bool(np.ptp(values) <= _STILL * np.max(np.abs(values)))
-
-
-def _repeated_poses(table: Table) -> int:
-    if not table.has("pose_id"):
-        return 0
-    runs = table.column("run") if table.has("run") else np.zeros(len(table))
-    pairs = np.column_stack([table.column("pose_id"), runs])
-    _, counts = np.unique(pairs, axis=0, return_counts=True)
-    return int(np.count_nonzero(counts > 1))
-
-
-def _noise_source(table: Table, repeated: int) -> str:
-    if repeated:
-        return "repeats"
-    instrument = table.meta.instrument
-    declared = (
-        instrument.pose_position_sd_m,
-        instrument.pose_rotation_sd_rad,
-        instrument.force_sd_N,
-        instrument.torque_sd_Nm,
-    )
-    return "declared" if any(declared) else "assumed"
 
 
 def _effects(

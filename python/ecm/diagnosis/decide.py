@@ -27,10 +27,10 @@ from ecm.effects import Effect
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.by_degree import symmetric_energy
-from ecm.models.noise_estimate import repeat_cells
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.f_test import FTest, lack_of_fit, omnibus_test
 from ecm.regression.noise import Noise
+from ecm.regression.repeats import repeat_cells
 
 if TYPE_CHECKING:
     from ecm.io.table import Table

@@ -9,7 +9,6 @@ effects that it is named for, with the error of the tool.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,6 +21,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.score_columns import score_columns
 from ecm.diagnosis.search import LEAST_BIC, delta_chi2, estimate, normal_equations
 from ecm.effects import Rows
+from ecm.effects.experiments import Experiment
 from ecm.effects.registry import with_shape
 from ecm.errors import EcmError
 from ecm.io.arrays import F, I
@@ -32,21 +32,6 @@ from ecm.regression.normal_equations import solve
 Discrimination = dict[tuple[str, str], float]
 """(truth, rival) -> chance that the rival is out."""
 
-_SHORT, _FINE = {"m": 5e-5, "rad": 5e-4}, {"m": 2e-5, "rad": 3e-4}
-READ_BY_HAND: tuple[tuple[str, Mapping[str, Mapping[str, float]]], ...] = (
-    ("calliper", {"length_error": {"m": 5e-5}, "diameter_error": {"1": 1e-3}}),
-    ("detached length", {"pretension": {"N": 2.0}}),
-    ("survey the base", {"base_frame_misalignment": _SHORT}),
-    ("re-seat", {"tip_frame_misalignment": _SHORT}),
-    ("gauge bar", {"camera_scale": {"1": 1e-3}}),
-    ("dial gauge", {"base_compliance": {"rad/(N m)": 3e-5, "m/N": 2e-7}}),
-    ("look at the base marker", {"marker_motion": _FINE}),
-    ("detach the cable", {"cable_drag": {"N/m": 1.0, "N": 0.05, "N m": 2e-3, "N/m^2": 20.0}}),
-    ("warm-up log", {"fts_thermal_drift": {"N/K": 0.02, "N m/K": 1e-3}}),
-    ("place of the camera", {"led_occlusion": {"m": 5e-5, "rad": 1e-3}}),
-)
-"""What is done by hand: effects whose size it reads, and its standard deviation by unit. For the
-warm-up log the free sensor is warmed and left to cool, more than once."""
 _SHAPES = 3
 """Of each member so many shapes, the best."""
 _SEEN = 3.0
@@ -93,10 +78,10 @@ class ConfusionClass:
         apart = min(apart, max(LEAST_BIC, FORM * whole))
         return float(special.ndtr(0.5 * np.sqrt(apart / (1.0 + FORM * whole))))
 
-    def odds(self, action: str, rows: Rows | None) -> Discrimination:
+    def odds(self, experiment: Experiment, rows: Rows | None) -> Discrimination:
         """What a measurement by hand or the rows of a campaign tell; nothing: empty."""
         found: Discrimination = {}
-        read = next((tool for word, tool in READ_BY_HAND if re.search(word, action)), {})
+        read = experiment.readings
         for truth, rival in self.pairs if set(read) & set(self.shapes) else ():
             seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
             found[truth, rival] = max(seen, default=0.0)

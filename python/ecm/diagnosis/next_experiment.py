@@ -6,7 +6,6 @@ it for several classes, or for rivals that no single experiment tells apart.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -14,49 +13,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.designs.follow_up import follow_up_plan
+from ecm.designs.nominal import NominalModel
 from ecm.diagnosis.confusion import confusion_class
 from ecm.diagnosis.discrimination import (
-    READ_BY_HAND,
     ConfusionClass,
     Discrimination,
     chance_of_right_name,
     combined_power,
 )
+from ecm.diagnosis.identifiability import predicted_table
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.effects import Rows, all_effects
+from ecm.effects.experiments import SEPARATOR, Experiment, get_experiment, session_of
 from ecm.errors import EcmError
 from ecm.io.columns import TEXT
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
 
-# Minutes at the rig, set-up included; of campaigns as `ecm campaign` counts them for its own.
-_MINUTES = (
-    ("remount", 35),
-    ("calliper", 10),
-    ("detached length", 10),
-    ("dead weight", 45),
-    ("payload", 30),
-    ("cable", 10),
-    ("survey", 30),
-    ("gauge", 20),
-    ("warm-up log", 60),
-    ("warm", 80),
-    ("next day", 30),
-    ("hold", 25),
-    ("dwell", 25),
-    ("re-seat", 20),
-    ("both sides", 30),
-    ("push and pull", 20),
-    ("sweep", 25),
-    ("end for end", 30),
-    ("home", 30),
-    ("base marker", 20),
-    ("unloaded", 30),
-    ("zero", 30),
-    ("repeat the first", 15),
-    ("repeat", 20),
-)
 _SET_UP = 5
 """Minutes of a campaign that a session needs only once: to begin, to zero, to go home."""
 SESSION_MINUTES = 180
@@ -86,8 +61,8 @@ def next_experiments(
             whole = list(dict.fromkeys([*members, *waiting]))[:_MOST_COMPARED]
             open_.append(ConfusionClass.of(problem, others, whole))
     offered = _offered(open_) if open_ else []
-    campaigns = {action: _joined_rows(problem, action) for action in offered}
-    odds = {a: [one.odds(a, campaigns[a]) for one in open_] for a in offered}
+    campaigns = {one: _joined_rows(problem, one) for one in offered}
+    odds = {one: [group.odds(one, campaigns[one]) for group in open_] for one in offered}
     nothing: list[Discrimination] = [one.now for one in open_]
     before = chance_of_right_name(nothing)
     named = {action: _named(open_, action) for action in offered}
@@ -107,11 +82,9 @@ def next_experiments(
     if len(session) > 1:
         after = chance_of_right_name(combined_power(nothing, *(odds[part] for part in session)))
         found.append(_entry(session, before, after, set().union(*(named[p] for p in session))))
-    from ecm.designs.follow_up import experiment_parts
-
     listed = sorted(found, key=lambda e: (-_worth(e), e["action"]))[:_MOST_LISTED]
     for entry in listed:
-        then = combined_power(nothing, *(odds[part] for part in experiment_parts(entry["action"])))
+        then = combined_power(nothing, *(odds[part] for part in session_of(entry["action"])))
         told = _told_apart(nothing, then) - {_turned(pair) for pair in entry["separates"]}
         entry["separates"] = sorted({*entry["separates"], *told})
     return listed
@@ -131,49 +104,44 @@ def _told_apart(before: Sequence[Discrimination], after: Sequence[Discrimination
     }
 
 
-def _offered(open_: Sequence[ConfusionClass]) -> list[str]:
+def _offered(open_: Sequence[ConfusionClass]) -> list[Experiment]:
     """What the catalogue says to measure for a member, or what reads one; a campaign once."""
-    from ecm.designs.follow_up import same_campaign
-
     known = {effect.id: effect for effect in all_effects()}
     ids = dict.fromkeys(id for one in open_ for id in one.shapes if id in known)
     # Named for a pair of members, then what separates a member from effects outside its class.
-    listed = [a for id in ids for other, a in known[id].rivals.items() if other in ids]
-    listed += [a for id in ids for a in known[id].rivals.values()]
-    listed += [
-        action
-        for effect in known.values()
-        for action in effect.rivals.values()
-        if any(re.search(word, action) and set(tool) & set(ids) for word, tool in READ_BY_HAND)
-    ]
-    found: dict[object, str] = {}
-    for action in listed:
-        found.setdefault(same_campaign(action), action)
+    names = [a for id in ids for other, a in known[id].rivals.items() if other in ids]
+    names += [a for id in ids for a in known[id].rivals.values()]
+    listed = [get_experiment(name) for name in names]
+    every = [get_experiment(name) for effect in known.values() for name in effect.rivals.values()]
+    listed += [one for one in every if set(one.readings) & set(ids)]
+    found: dict[str, Experiment] = {}
+    for one in listed:
+        found.setdefault(one.campaign, one)
     return list(found.values())
 
 
-def _named(open_: Sequence[ConfusionClass], action: str) -> set[str]:
-    """Pairs of members for which the catalogue names this action."""
+def _named(open_: Sequence[ConfusionClass], experiment: Experiment) -> set[str]:
+    """Pairs of members for which the catalogue names this experiment."""
     known = {effect.id: effect.rivals for effect in all_effects()}
     return {
         f"{id} or {other}"
         for one in open_
         for id in one.shapes
         for other in one.shapes
-        if known.get(id, {}).get(other) == action
+        if (name := known.get(id, {}).get(other)) and get_experiment(name) == experiment
     }
 
 
 def _session(
     nothing: Sequence[Discrimination],
-    odds: Mapping[str, Sequence[Discrimination]],
-    named: Mapping[str, set[str]],
-) -> tuple[str, ...]:
+    odds: Mapping[Experiment, Sequence[Discrimination]],
+    named: Mapping[Experiment, set[str]],
+) -> tuple[Experiment, ...]:
     """Actions of one afternoon, one after the other that which is worth most beside the others."""
-    session: tuple[str, ...] = ()
+    session: tuple[Experiment, ...] = ()
     now = chance_of_right_name(nothing)
     while True:
-        best: tuple[float, tuple[str, ...], float] | None = None
+        best: tuple[float, tuple[Experiment, ...], float] | None = None
         for action in (a for a in odds if a not in session and any(odds[a])):
             trial = (*session, action)
             after = chance_of_right_name(combined_power(nothing, *(odds[part] for part in trial)))
@@ -192,40 +160,29 @@ def _worth(entry: Mapping[str, Any]) -> float:
     return -np.inf if sure_by is None else float(sure_by - _PER_MINUTE * entry["minutes"])
 
 
-def _session_minutes(actions: Sequence[str]) -> int:
-    """Of all parts; what each campaign needs to begin counts once."""
-    from ecm.designs.follow_up import can_be_run
-
-    driven = sum(can_be_run(action) for action in actions)
-    return sum(_minutes(action) for action in actions) - _SET_UP * max(driven - 1, 0)
-
-
-def _minutes(action: str) -> int:
-    return next((minutes for word, minutes in _MINUTES if re.search(word, action)), 30)
+def _session_minutes(parts: Sequence[Experiment]) -> int:
+    """Minutes of all parts; what each campaign needs to begin counts once."""
+    driven = sum(one.can_be_driven for one in parts)
+    return sum(one.minutes for one in parts) - _SET_UP * max(driven - 1, 0)
 
 
 def _entry(
-    actions: Sequence[str], before: float, after: float | None, separates: set[str]
+    parts: Sequence[Experiment], before: float, after: float | None, separates: set[str]
 ) -> dict[str, Any]:
     return {
-        "action": " + ".join(actions),
-        "minutes": _session_minutes(actions),
+        "action": SEPARATOR.join(one.action for one in parts),
+        "minutes": _session_minutes(parts),
         "separates": sorted(separates),
         "p_correct_before": None if after is None else before,
         "p_correct": after,
     }
 
 
-def _joined_rows(problem: Problem, action: str) -> Rows | None:
-    """The data, then what the campaign of an action would record; None if it is done by hand."""
-    # Late: the design of campaigns stands on the diagnosis.
-    from ecm.designs.follow_up import follow_up_plan
-    from ecm.designs.nominal import NominalModel
-    from ecm.diagnosis.identifiability import predicted_table
-
+def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
+    """The data, then what the experiment's campaign would record; None if it is done by hand."""
     table = problem.table
     try:
-        plan = follow_up_plan(table, action)
+        plan = follow_up_plan(table, experiment.id)
         nominal = NominalModel(problem.base, problem.noise, table.meta)
         predicted = predicted_table(plan, nominal)
     except EcmError:

@@ -13,9 +13,7 @@ from ecm.effects import Effect
 
 def plain_form(item: Candidate) -> Effect | None:
     """What would look the same without the effect's own sign; most effects have no such thing."""
-    find = getattr(item.effect, "plainer", None)
-    found: Effect | None = None if find is None else find()
-    return found
+    return item.effect.plain_form()
 
 
 def sign_is_significant(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:

@@ -50,7 +50,7 @@ def refinements(problem: Problem, chosen: Sequence[Candidate]) -> list[Refinemen
     """For each chosen effect that has richer forms, the one that fits best, held out."""
     found = []
     for item in chosen:
-        forms = tuple(getattr(item.effect, "further", lambda table: ())(problem.table))
+        forms = item.effect.refinement(problem.table)
         if not forms:
             continue
         wider, candidates = with_more(problem, forms)

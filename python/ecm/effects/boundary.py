@@ -34,6 +34,14 @@ class BaseCompliance(EffectBase):
         Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
     )
     signature = "m = 0, in series, conservative"
+    rivals = {
+        "robot_compliance": "other_elbow",
+        "taper": "end_for_end",
+        "camera_scale": "gauge_bar",
+        "debonding": "dial_gauge",
+        "diameter_error": "calliper",
+        "payload": "remove_payload",
+    }
 
     def __init__(self, plate: str = "round") -> None:
         self._plate = plate
@@ -53,18 +61,6 @@ class BaseCompliance(EffectBase):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both plates."""
         return (BaseCompliance(), BaseCompliance("uneven"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "robot_compliance": "the same pose with another elbow",
-            "taper": "turn the mechanism end for end",
-            "camera_scale": "gauge bar",
-            "debonding": "dial gauge on the base plate under load",
-            "diameter_error": "calliper",
-            "payload": "remove the payload",
-        }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of mechanism and clamp in series minus that of the mechanism."""

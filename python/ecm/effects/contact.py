@@ -48,6 +48,7 @@ class ContactStop(LinearEffect):
         Parameter("push", "N/rad", 10.0, -1e5, 1e5),
     )
     signature = "a kink, one-sided, only at large poses"
+    rivals = {"strain_stiffening": "fine_sweep"}
 
     def __init__(self, tilt_rad: float = 0.3, azimuth_rad: float | None = None) -> None:
         self._tilt_rad = tilt_rad
@@ -78,11 +79,6 @@ class ContactStop(LinearEffect):
         factor = 1.0 + 0.2 * 0.5**round_
         tilts = (self._tilt_rad / factor, self._tilt_rad * factor)
         return tuple(ContactStop(t, self._azimuth_rad) for t in tilts)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"strain_stiffening": "fine sweep through the kink"}
 
     def columns(self, rows: Rows) -> F:
         """Moment and push per unit of each."""
@@ -121,6 +117,11 @@ class Debonding(LinearEffect):
     parameters: tuple[Parameter, ...] = (Parameter("loss", "1", 0.03, 0.0, 1.0),)
     signature = "odd-even split in fx, or a step in order; proportional to h"
     needs = "order (time_s) for a tear in the course of the test; its other forms need nothing more"
+    rivals = {
+        "strain_stiffening": "push_and_pull",
+        "mullins_softening": "repeat_first_poses",
+        "ageing": "repeat_first_poses",
+    }
 
     def __init__(
         self, opens: str = "tension", at_s: float = 0.0, bending: float = 0.0, pull_N: float = 0.0
@@ -156,7 +157,7 @@ class Debonding(LinearEffect):
             found += [Debonding("torn", t) for t in step_times(table, 5)]
         return tuple(found)
 
-    def plainer(self) -> Effect | None:
+    def plain_form(self) -> Effect | None:
         """A joint that gives way in push as in pull is no open bond but a base that yields."""
         return None if self._opens == "torn" else BaseCompliance()
 
@@ -169,15 +170,6 @@ class Debonding(LinearEffect):
         step = round(len(time) / 6 / 2.0 ** (round_ + 1))
         near = [i for i in (place - step, place + step) if step > 0 and 0 < i < len(time)]
         return tuple(Debonding("torn", float(0.5 * (time[i - 1] + time[i]))) for i in near)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "strain_stiffening": "a pair of push and pull poses",
-            "mullins_softening": "repeat the first 10 poses",
-            "ageing": "repeat the first 10 poses",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs all columns; a tear also time, without which only the other forms are tried."""

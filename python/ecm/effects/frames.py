@@ -52,15 +52,11 @@ class TipFrameMisalignment(_FrameMisalignment):
     physics = "The measured top frame is a shifted and turned copy of the real one."
     parameters = twist("tip")
     signature = "constant twist in body axes, -K_s B (d, w)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_offset": "unloaded zero",
-            "length_error": "calliper",
-            "base_frame_misalignment": "re-seat the marker",
-        }
+    rivals = {
+        "fts_offset": "unloaded_zero",
+        "length_error": "calliper",
+        "base_frame_misalignment": "reseat_marker",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(p exp(-(d, w))), turned with the error where the wrench was."""
@@ -80,15 +76,11 @@ class BaseFrameMisalignment(_FrameMisalignment):
     physics = "The measured base frame is a shifted and turned copy of the real one."
     parameters = twist("base")
     signature = "constant twist in base axes, -K_s (d + w x r, w)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "length_error": "calliper",
-            "face_tilt": "survey the base",
-            "tip_frame_misalignment": "re-seat the marker",
-        }
+    rivals = {
+        "length_error": "calliper",
+        "face_tilt": "base_survey",
+        "tip_frame_misalignment": "reseat_marker",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-(d, w)) p), turned with the error where the wrench was."""
@@ -108,11 +100,7 @@ class CameraScale(EffectBase):
     parameters = (Parameter("scale", "1", 2e-3, -0.1, 0.1),)
     signature = "proportional to the translation only"
     side = "measurement"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"base_compliance": "gauge bar", "diameter_error": "gauge bar"}
+    rivals = {"base_compliance": "gauge_bar", "diameter_error": "gauge_bar"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """h at positions shrunk by s about the rest position."""

@@ -48,6 +48,11 @@ class Hysteresis(LinearEffect):
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
     needs = "poses reached from both sides (approach)"
     kind = "time"
+    rivals = {
+        "stress_relaxation": "both_sides",
+        "backlash": "joint_reversal",
+        "fts_hysteresis": "load_and_unload_weights",
+    }
 
     def __init__(self, stiffness: str = "local", yield_m: float = 0.0) -> None:
         self._stiffness, self._yield_m = stiffness, yield_m
@@ -55,15 +60,6 @@ class Hysteresis(LinearEffect):
             coordinates = (name.rsplit("_", 1)[0] for name in POSE)
             c = Hysteresis.parameters[0]
             self.parameters = tuple(replace(c, name=f"c_{name}") for name in coordinates)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "stress_relaxation": "the same pose from both sides, again after 60 s",
-            "backlash": "joint-wise reversal",
-            "fts_hysteresis": "load and unload dead weights",
-        }
 
     @property
     def shape(self) -> Shape:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import of_another_body
+from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import stretched, wrench_of
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
@@ -34,15 +34,11 @@ class LengthError(EffectBase):
     physics = "The mechanism is longer than stated, so that the stated rest pose compresses it."
     parameters = (Parameter("length", "m", 1e-4, -0.02, 0.02),)
     signature = "axial preload at home, m = 0, conservative"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "calliper",
-            "base_frame_misalignment": "calliper",
-            "pretension": "measure the detached length",
-        }
+    rivals = {
+        "tip_frame_misalignment": "calliper",
+        "base_frame_misalignment": "calliper",
+        "pretension": "detached_length",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the longer body, or of the shifted energy, minus that of the base."""
@@ -50,7 +46,7 @@ class LengthError(EffectBase):
         def longer(body: dict[str, float]) -> dict[str, float]:
             return body | {"length_m": body["length_m"] + values[0]}
 
-        exact = of_another_body(rows, longer)
+        exact = wrench_of_other_body(rows, longer)
         if exact is not None:
             return exact - rows.wrench
         shift = np.zeros(6)
@@ -69,6 +65,7 @@ class DiameterError(EffectBase):
     physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
     parameters = (Parameter("relative_diameter", "1", 5e-3, -0.2, 0.2),)
     signature = "m = 0, conservative; axial < lateral < bending < torsion"
+    rivals = {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
     def __init__(self, body: str = "stubby") -> None:
         self._body = body
@@ -82,18 +79,13 @@ class DiameterError(EffectBase):
         """Both; where the base knows its body they are one."""
         return (DiameterError(), DiameterError("beam"))
 
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"compressibility": "calliper", "strain_stiffening": "calliper"}
-
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the thicker body, or of the stretched energy, minus that of the base."""
 
         def thicker(body: dict[str, float]) -> dict[str, float]:
             return body | {"diameter_m": body["diameter_m"] * (1.0 + values[0])}
 
-        exact = of_another_body(rows, thicker)
+        exact = wrench_of_other_body(rows, thicker)
         if exact is not None:
             return exact - rows.wrench
         if self._body == "beam":
@@ -111,14 +103,10 @@ class Taper(LinearEffect):
     physics = "The mechanism is stiffer at one end than at the other."
     parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
     signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "turn the mechanism end for end",
-            "base_compliance": "turn the mechanism end for end",
-        }
+    rivals = {
+        "tip_frame_misalignment": "end_for_end",
+        "base_compliance": "end_for_end",
+    }
 
     def columns(self, rows: Rows) -> F:
         """psi = -s (e^2 + gamma^2 / 3) / 2."""
@@ -136,15 +124,11 @@ class Pretension(LinearEffect):
     parameters = (Parameter("tension", "N", 1.0, -500.0, 500.0),)
     signature = "h is not 0 at home, the lateral stiffness shifts; m = 0, conservative"
     needs = "the detached length ([mechanism] free_length_m)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "length_error": "measure the detached length",
-            "fts_offset": "unloaded zero",
-            "own_weight": "measure the detached length",
-        }
+    rivals = {
+        "length_error": "detached_length",
+        "fts_offset": "unloaded_zero",
+        "own_weight": "detached_length",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the detached length; without it the preload is a `length_error`."""
@@ -174,6 +158,11 @@ class FaceTilt(EffectBase):
         Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
     )
     signature = "m = 1, base axes, turns with the mechanism; conservative"
+    rivals = {
+        "base_frame_misalignment": "remount_180",
+        "tip_frame_misalignment": "remount_180",
+        "pre_curvature": "end_for_end",
+    }
 
     def __init__(self, rest: str = "loaded") -> None:
         self._rest = rest
@@ -186,15 +175,6 @@ class FaceTilt(EffectBase):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Mounted askew, or cast as a wedge."""
         return (FaceTilt("loaded"), FaceTilt("free"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "base_frame_misalignment": "remount turned by 180 degrees",
-            "tip_frame_misalignment": "remount turned by 180 degrees",
-            "pre_curvature": "turn the mechanism end for end",
-        }
 
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-w) p) turned by w, less the pose error that w makes at rest where it is free."""

@@ -44,15 +44,11 @@ class Payload(LinearEffect):
         "payload ([instrument] zeroed_with_payload, pose_at_zero)"
     )
     side = "measurement"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "own_weight": "remove the payload",
-            "fts_offset": "zero the sensor without the payload",
-            "pre_curvature": "remount turned by 180 degrees",
-        }
+    rivals = {
+        "own_weight": "remove_payload",
+        "fts_offset": "zero_without_payload",
+        "pre_curvature": "remount_180",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs gravity."""
@@ -91,6 +87,11 @@ class OwnWeight(LinearEffect):
     parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
     signature = "base axes; a constant part even, a part like a stiffness odd"
     needs = "gravity ([scene] gravity_m_s2)"
+    rivals = {
+        "payload": "remove_payload",
+        "pretension": "detached_length",
+        "fts_offset": "unloaded_zero",
+    }
 
     def __init__(self, zeroed: str = "free") -> None:
         self._zeroed = zeroed
@@ -103,15 +104,6 @@ class OwnWeight(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both ways of zeroing."""
         return (OwnWeight("free"), OwnWeight("attached"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "payload": "remove the payload",
-            "pretension": "measure the detached length",
-            "fts_offset": "unloaded zero",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs gravity."""
@@ -174,6 +166,11 @@ class CableDrag(LinearEffect):
         Parameter("spring", "N/m", 10.0, 0.0, 1e4),
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
+    rivals = {
+        "fts_offset": "detach_cable",
+        "payload": "detach_cable",
+        "own_weight": "detach_cable",
+    }
 
     def __init__(self, azimuth_rad: float | None = None, *, slack: bool = False) -> None:
         self._azimuth_rad, self._slack = azimuth_rad, slack
@@ -204,18 +201,9 @@ class CableDrag(LinearEffect):
         step = np.pi / _SIDES * 0.5**round_
         return tuple(CableDrag(self._azimuth_rad + turn) for turn in (-step, step))
 
-    def plainer(self) -> Effect | None:
+    def plain_form(self) -> Effect | None:
         """A spring to the rest place pulls to no side: any softer or stiffer body does as much."""
         return CableDrag(slack=True) if self._azimuth_rad is None and not self._slack else None
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_offset": "detach the cable",
-            "payload": "detach the cable",
-            "own_weight": "detach the cable",
-        }
 
     def columns(self, rows: Rows) -> F:
         """Constant wrench and spring, where a cable is attached."""
@@ -263,6 +251,7 @@ class TendonFriction(LinearEffect):
     signature = "m = number of tendons, odd in the side of approach, not conservative"
     needs = "tendon state (tendon1_N, ...), and poses reached from both sides (approach)"
     kind = "time"
+    rivals = {"cable_drag": "slack_tendons", "hysteresis": "slack_tendons"}
 
     def __init__(self, run: str = "guided") -> None:
         self._run = run
@@ -275,11 +264,6 @@ class TendonFriction(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both ways."""
         return (TendonFriction("guided"), TendonFriction("free"))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"cable_drag": "slack the tendons", "hysteresis": "slack the tendons"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs tendon tensions and the side of approach."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm._native import mid_frame
-from ecm.effects.body_variation import of_another_body
+from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
@@ -45,6 +45,7 @@ class Anisotropy(EffectBase):
         Parameter("c_sin2phi", "1", 0.01, -0.5, 0.5),
     )
     signature = "m = 2, conservative"
+    rivals = {"fts_gain": "remount_90"}
 
     def __init__(self, lateral: float = 1.0) -> None:
         self._lateral = lateral
@@ -62,11 +63,6 @@ class Anisotropy(EffectBase):
         """Shares between this one and its neighbours."""
         factor = 2.0 ** (0.5 ** (round_ + 1))
         return (Anisotropy(self._lateral / factor), Anisotropy(self._lateral * factor))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"fts_gain": "remount the mechanism turned by 90 degrees"}
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""
@@ -100,6 +96,11 @@ class StrainStiffening(LinearEffect):
     physics = "The material is stiffer at large strain, or stiffer in compression than in tension."
     parameters: tuple[Parameter, ...] = (Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0),)
     signature = "m = 0, conservative; odd and cubic, or even in the axial strain"
+    rivals = {
+        "contact_stop": "fine_sweep",
+        "debonding": "larger_axial_and_torsion",
+        "length_error": "larger_axial_and_torsion",
+    }
 
     def __init__(self, law: str = "odd") -> None:
         self._law = law
@@ -114,15 +115,6 @@ class StrainStiffening(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All laws."""
         return tuple(StrainStiffening(law) for law in _LAWS)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "contact_stop": "fine sweep through the kink",
-            "debonding": "larger pure axial and torsion poses",
-            "length_error": "larger pure axial and torsion poses",
-        }
 
     def columns(self, rows: Rows) -> F:
         """Wrench per unit of c."""
@@ -193,14 +185,10 @@ class Compressibility(EffectBase):
     physics = "Poisson's ratio is not as stated, so shear is stiffer or softer against stretch."
     parameters = (Parameter("shear_over_young", "1", 0.02, -0.3, 0.5),)
     signature = "m = 0, conservative; torsion and shear against axial and bending"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "diameter_error": "pure torsion and pure axial poses",
-            "strain_stiffening": "pure torsion and pure axial poses",
-        }
+    rivals = {
+        "diameter_error": "pure_torsion_and_axial",
+        "strain_stiffening": "pure_torsion_and_axial",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the other nu, or of the stretched energy, minus that of the base."""
@@ -208,7 +196,7 @@ class Compressibility(EffectBase):
         def other(body: dict[str, float]) -> dict[str, float]:
             return body | {"poisson_ratio": (1.0 + body["poisson_ratio"]) / (1.0 + values[0]) - 1.0}
 
-        exact = of_another_body(rows, other)
+        exact = wrench_of_other_body(rows, other)
         if exact is not None:
             return exact - rows.wrench
         share = rest_stiffness(rows).bending_share

@@ -17,7 +17,8 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.io.arrays import F
-from ecm.regression.approach import largest_so_far, memory_options, memory_shape, repeat_visits
+from ecm.regression.approach import largest_so_far, memory_options, memory_shape
+from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
@@ -36,14 +37,10 @@ class TemperatureModulus(LinearEffect):
     signature = "proportional to h, follows T"
     needs = "temperature that varies (temperature_degC)"
     kind = "time"
+    rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
     def __init__(self, reference_degC: float | None = None) -> None:
         self._reference_degC = reference_degC
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"ageing": "repeat 10 poses warm and cold", "stress_relaxation": "hold 60 s"}
 
     @property
     def shape(self) -> Shape:
@@ -74,14 +71,10 @@ class Ageing(LinearEffect):
     signature = "proportional to h, monotone in t"
     needs = "time (time_s), and poses that are measured again"
     kind = "time"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "temperature_modulus": "repeat the first set at the end, and next day",
-            "mullins_softening": "repeat the first 10 poses",
-        }
+    rivals = {
+        "temperature_modulus": "repeat_next_day",
+        "mullins_softening": "repeat_first_poses",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time, and poses that are measured again: else time and pose are one."""
@@ -109,6 +102,12 @@ class MullinsSoftening(LinearEffect):
     signature = "first visit above later ones, only below the past maximum"
     needs = "order (time_s), and poses that are measured again"
     kind = "time"
+    rivals = {
+        "ageing": "conditioning_cycles",
+        "stress_relaxation": "hold_60_s",
+        "hysteresis": "conditioning_cycles",
+        "strain_stiffening": "conditioning_cycles",
+    }
 
     def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:
         self._width, self._measure, self._history = width, measure, history
@@ -128,16 +127,6 @@ class MullinsSoftening(LinearEffect):
             for measure in ("energy", "bend", "reach")
             for w in (0.0, 0.25, 0.7, 2.0)
         )
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "ageing": "5 conditioning cycles, then repeat the first 10 poses",
-            "stress_relaxation": "hold 60 s",
-            "hysteresis": "5 conditioning cycles, then repeat the first 10 poses",
-            "strain_stiffening": "5 conditioning cycles, then repeat the first 10 poses",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time, and poses that are measured again: else order and size are one."""

@@ -72,15 +72,11 @@ class ViscousDamping(LinearEffect):
     signature = "sign of the velocity, not conservative"
     needs = "velocity (v_ columns, or a continuous test)"
     kind = "time"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "hysteresis": "two approach speeds",
-            "time_skew": "two approach speeds",
-            "inertia": "settle 2 s more",
-        }
+    rivals = {
+        "hysteresis": "two_speeds",
+        "time_skew": "two_speeds",
+        "inertia": "settle_longer",
+    }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs velocities."""
@@ -103,11 +99,7 @@ class Inertia(LinearEffect):
     signature = "follows the acceleration, dies within a second of rest"
     needs = "the raw stream (NAME.raw.parquet)"
     kind = "time"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"viscous_damping": "settle 2 s more", "time_skew": "settle 2 s more"}
+    rivals = {"viscous_damping": "settle_longer", "time_skew": "settle_longer"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the raw stream."""
@@ -128,11 +120,7 @@ class TimeSkew(LinearEffect):
     needs = "the raw stream (NAME.raw.parquet)"
     side = "measurement"
     kind = "time"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"viscous_damping": "log while moving, cross-correlation"}
+    rivals = {"viscous_damping": "moving_log"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the raw stream."""

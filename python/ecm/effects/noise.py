@@ -10,7 +10,8 @@ import numpy as np
 from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
-from ecm.regression.approach import repeat_visits
+from ecm.regression.noise import covariance_parts, declared_noise
+from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
@@ -56,11 +57,7 @@ class Outliers(NoiseEffect):
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
     signature = "few rows, no covariate"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"led_occlusion": "repeat those poses"}
+    rivals = {"led_occlusion": "repeat_those_poses"}
 
     def variance(self, rows: Rows, values: F) -> F:
         """Nothing that is the same in all rows."""
@@ -79,11 +76,7 @@ class HeteroscedasticNoise(NoiseEffect):
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"pose_noise": "repeats at small and large poses"}
+    rivals = {"pose_noise": "repeat_small_and_large"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -91,8 +84,6 @@ class HeteroscedasticNoise(NoiseEffect):
 
     def variance(self, rows: Rows, values: F) -> F:
         """Diagonal (sigma g h)^2."""
-        from ecm.regression.noise import declared_noise
-
         noise = declared_noise(rows.table)
         sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
         growth = np.repeat(np.asarray(values, dtype=np.float64), 3)
@@ -111,11 +102,7 @@ class PoseNoise(NoiseEffect):
     )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a static stream of 60 s"}
+    rivals = {"heteroscedastic_noise": "static_stream"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs repeats."""
@@ -123,8 +110,6 @@ class PoseNoise(NoiseEffect):
 
     def variance(self, rows: Rows, values: F) -> F:
         """K_s diag(position^2, rotation^2) K_s'."""
-        from ecm.regression.noise import covariance_parts
-
         parts = covariance_parts(rows)
         return np.asarray(values[0] ** 2 * parts[0] + values[1] ** 2 * parts[1])
 
@@ -137,11 +122,7 @@ class FtsQuantisation(NoiseEffect):
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"heteroscedastic_noise": "a longer average"}
+    rivals = {"heteroscedastic_noise": "longer_average"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the resolution."""

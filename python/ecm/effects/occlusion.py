@@ -46,6 +46,7 @@ class LedOcclusion(LinearEffect):
     signature = "follows the number of visible markers, in clusters of orientation"
     needs = "visibility that varies (leds_visible)"
     side = "measurement"
+    rivals = {"outliers": "second_camera_place"}
 
     def __init__(
         self,
@@ -88,11 +89,6 @@ class LedOcclusion(LinearEffect):
             for way in (sight, -sight)
         )
         return (LedOcclusion(), *warped)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"outliers": "a second place of the camera"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the number of visible markers."""

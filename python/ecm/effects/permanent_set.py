@@ -37,6 +37,11 @@ class PermanentSet(LinearEffect):
     signature = "the wrench at home grows after large poses"
     needs = "order (time_s), and home checks (kind home)"
     kind = "time"
+    rivals = {
+        "marker_motion": "home_after_every_sample",
+        "fts_drift": "home_after_every_sample",
+        "mullins_softening": "repeat_first_poses",
+    }
 
     def __init__(self, memory: str = "largest", yield_m: float = 0.0, history: str = "run") -> None:
         self._memory = memory
@@ -67,15 +72,6 @@ class PermanentSet(LinearEffect):
         factor = 1.0 + 0.2 * 0.5**round_
         yields = (self._yield_m / factor, self._yield_m * factor)
         return tuple(PermanentSet("summed", y, self._history) for y in yields)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "marker_motion": "home pose after every sample",
-            "fts_drift": "home pose after every sample",
-            "mullins_softening": "repeat the first 10 poses",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs order and home checks."""

@@ -36,6 +36,11 @@ class PreCurvature(LinearEffect):
         Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
     )
     signature = "m = 1, axes of the mechanism, a moment at home; conservative"
+    rivals = {
+        "payload": "remount_180",
+        "fts_offset": "remount_180",
+        "face_tilt": "end_for_end",
+    }
 
     def __init__(self, power: float = 0.0) -> None:
         self._power = power
@@ -48,15 +53,6 @@ class PreCurvature(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """An arc, and a bend more and more at the ends."""
         return tuple(PreCurvature(power) for power in _POWERS)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "payload": "remount turned by 180 degrees",
-            "fts_offset": "remount turned by 180 degrees",
-            "face_tilt": "turn the mechanism end for end",
-        }
 
     def columns(self, rows: Rows) -> F:
         """Wrench per radian of the whole bend; the bend turns with the mounting."""

@@ -8,7 +8,9 @@ out. An effect knows its rows, never the diagnosis that uses it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -77,8 +79,8 @@ class Effect(Protocol):
         """What `missing` asks of the data beside pose and wrench, in words; empty for nothing."""
 
     @property
-    def rivals(self) -> dict[str, str]:
-        """Rival id -> the measurement that separates the two."""
+    def rivals(self) -> Mapping[str, str]:
+        """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
 
     @property
     def side(self) -> Side:
@@ -101,6 +103,12 @@ class Effect(Protocol):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shapes beside this one, nearer with each round from 0; none where it is exact."""
 
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """Richer forms, kept once the effect is accepted and held-out rows agree; often none."""
+
+    def plain_form(self) -> Effect | None:
+        """A plainer effect without this one's own sign, which may explain as much; often none."""
+
     def correction(self, rows: Rows, values: F) -> F:
         """(N, m) change of the predicted wrench for parameter values (k,)."""
 
@@ -118,11 +126,7 @@ class EffectBase:
     needs: str = ""
     side: Side = "physics"
     kind: Kind = "pose"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Rival id -> the measurement that separates the two."""
-        return {}
+    rivals: Mapping[str, str] = MappingProxyType({})
 
     @property
     def shape(self) -> Shape:
@@ -140,6 +144,14 @@ class EffectBase:
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """The variants are enough."""
         return ()
+
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
+        """No richer form."""
+        return ()
+
+    def plain_form(self) -> Effect | None:
+        """No plainer form."""
+        return None
 
     def correction(self, rows: Rows, values: F) -> F:
         """Zero; a subclass overrides it, or `columns` of `LinearEffect`."""

@@ -37,6 +37,12 @@ class StressRelaxation(LinearEffect):
     signature = "proportional to h, decays at rest, zero at home"
     needs = "dwell times that differ (dwell_s), or a continuous test"
     kind = "time"
+    rivals = {
+        "ageing": "hold_one_pose",
+        "hysteresis": "three_dwells",
+        "mullins_softening": "hold_one_pose",
+        "viscous_damping": "hold_one_pose",
+    }
 
     def __init__(
         self,
@@ -52,16 +58,6 @@ class StressRelaxation(LinearEffect):
             names = ("g", "g_second")[:count]
             # A soft adhesive holds several times its static load while it is moved.
             self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "ageing": "hold one pose for 60 s",
-            "hysteresis": "dwell of 2, 8 and 60 s",
-            "mullins_softening": "hold one pose for 60 s",
-            "viscous_damping": "hold one pose for 60 s",
-        }
 
     @property
     def shape(self) -> Shape:
@@ -119,7 +115,7 @@ class StressRelaxation(LinearEffect):
             StressRelaxation(self._tau_s * factor, self._overstress) for factor in (1 / step, step)
         )
 
-    def further(self, table: Table) -> tuple[Effect, ...]:
+    def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""
         if not self._overstress or self._second_tau_s > 0.0:
             return ()

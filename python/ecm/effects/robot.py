@@ -110,14 +110,10 @@ class RobotCompliance(_OfJoints):
     parameters = tuple(Parameter(f"joint{j}", "rad/(N m)", 1e-4, 0.0, 0.01) for j in range(1, 8))
     signature = "depends on the joints, not on the pose alone"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "base_compliance": "the same pose with another elbow",
-            "joint_offset": "calibrate with the camera",
-        }
+    rivals = {
+        "base_compliance": "other_elbow",
+        "joint_offset": "camera_calibration",
+    }
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench that is left, minus that of an arm that does not yield."""
@@ -144,11 +140,7 @@ class Backlash(_OfJoints, LinearEffect):
         "poses from the encoders"
     )
     _needed = (*JOINTS, *JOINT_SIGNS)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"hysteresis": "joint-wise reversal", "fts_hysteresis": "joint-wise reversal"}
+    rivals = {"hysteresis": "joint_reversal", "fts_hysteresis": "joint_reversal"}
 
     def columns(self, rows: Rows) -> F:
         """One per joint."""
@@ -164,14 +156,10 @@ class JointOffset(_OfJoints, LinearEffect):
     parameters = tuple(Parameter(f"joint{j}", "rad", 5e-4, -0.05, 0.05) for j in range(1, 8))
     signature = "smooth in the joints"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "calibrate with the camera",
-            "base_frame_misalignment": "calibrate with the camera",
-        }
+    rivals = {
+        "tip_frame_misalignment": "camera_calibration",
+        "base_frame_misalignment": "camera_calibration",
+    }
 
     def columns(self, rows: Rows) -> F:
         """One per joint."""

@@ -61,6 +61,10 @@ class FtsOffset(LinearEffect):
     parameters = _six("offset", "", 1.0, 0.03)
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
+    rivals = {
+        "payload": "zero_at_two_orientations",
+        "tip_frame_misalignment": "unloaded_zero",
+    }
 
     def __init__(self, acts: str = "always") -> None:
         self._acts = acts
@@ -69,14 +73,6 @@ class FtsOffset(LinearEffect):
     def shape(self) -> Shape:
         """`mounted`: not on the free sensor; none for a zero that is wrong always."""
         return {} if self._acts == "always" else {"acts": self._acts}
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "payload": "unloaded zero at two orientations",
-            "tip_frame_misalignment": "unloaded zero",
-        }
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A zero that was taken wrongly; where the free sensor was read also a strain by bolts."""
@@ -103,18 +99,14 @@ class FtsDrift(LinearEffect):
     needs = "time (time_s)"
     side = "measurement"
     kind = "time"
+    rivals = {
+        "fts_thermal_drift": "warm_up_log",
+        "marker_motion": "zero_every_ten_poses",
+    }
 
     def __init__(self, tau_s: float = np.inf, zeroed: str = "once") -> None:
         self._tau_s = float(tau_s)
         self._zeroed = zeroed
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_thermal_drift": "warm-up log of the sensor's temperature",
-            "marker_motion": "unloaded zero every 10 poses",
-        }
 
     @property
     def shape(self) -> Shape:
@@ -158,6 +150,10 @@ class FtsThermalDrift(LinearEffect):
     needs = "the sensor's temperature (sensor_temperature_degC)"
     side = "measurement"
     kind = "time"
+    rivals = {
+        "fts_drift": "warm_up_log",
+        "temperature_modulus": "zero_warm_and_cold",
+    }
 
     def __init__(self, reference_degC: float | None = None, zeroed: str = "once") -> None:
         if reference_degC is not None and zeroed == "each":
@@ -171,14 +167,6 @@ class FtsThermalDrift(LinearEffect):
         known = self._reference_degC is not None
         found: Shape = {"reference_degC": float(self._reference_degC or 0.0)} if known else {}
         return found | zeroed_shape(self._zeroed)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_drift": "warm-up log of the sensor's temperature",
-            "temperature_modulus": "unloaded zero warm and cold",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the sensor's temperature."""

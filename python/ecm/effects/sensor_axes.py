@@ -57,11 +57,7 @@ class FtsGain(LinearEffect):
     parameters = tuple(Parameter(f"{axis}_gain", "1", 0.02, -0.5, 0.5) for axis in AXES)
     signature = "body axes, proportional to the component itself"
     side = "measurement"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"anisotropy": "dead weights", "fts_crosstalk": "dead weights on a lever"}
+    rivals = {"anisotropy": "dead_weights", "fts_crosstalk": "dead_weights_on_lever"}
 
     def columns(self, rows: Rows) -> F:
         """B A e_j (A^-1 B' h)_j."""
@@ -80,6 +76,11 @@ class FtsCrosstalk(LinearEffect):
     physics = "A load along one axis of the sensor shows in the others."
     signature = "body axes, each component proportional to the others"
     side = "measurement"
+    rivals = {
+        "fts_frame": "dead_weights_on_lever",
+        "tip_frame_misalignment": "dead_weights_on_lever",
+        "fts_gain": "dead_weights",
+    }
 
     def __init__(self, to: str = "each", of: str = "each") -> None:
         self._to, self._of = to, of
@@ -101,15 +102,6 @@ class FtsCrosstalk(LinearEffect):
         rows = (FtsCrosstalk(to=axis) for axis in AXES)
         columns = (FtsCrosstalk(of=axis) for axis in (*AXES, "bending"))
         return (FtsCrosstalk(), *rows, *columns)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_frame": "dead weights on a lever",
-            "tip_frame_misalignment": "dead weights on a lever",
-            "fts_gain": "dead weights",
-        }
 
     def columns(self, rows: Rows) -> F:
         """B A e_i (A^-1 B' h)_j."""
@@ -136,14 +128,10 @@ class FtsFrame(LinearEffect):
     )
     signature = "torque proportional to lever times force; rotation mixes components"
     side = "measurement"
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "tip_frame_misalignment": "pure force at 3 points",
-            "fts_crosstalk": "pure force at 3 points",
-        }
+    rivals = {
+        "tip_frame_misalignment": "force_at_three_points",
+        "fts_crosstalk": "force_at_three_points",
+    }
 
     def columns(self, rows: Rows) -> F:
         """Change of the wrench per unit of d and w, in body axes turned to base axes."""
@@ -165,6 +153,7 @@ class FtsSaturation(LinearEffect):
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"
     side = "measurement"
+    rivals = {"contact_stop": "raw_counts", "fts_gain": "dead_weights"}
 
     def __init__(self, axis: str = "fx", knee: float = 0.0) -> None:
         self._axis = axis
@@ -189,11 +178,6 @@ class FtsSaturation(LinearEffect):
         factor = 1.0 + 0.4 * 0.5**round_
         knees = (self._knee / factor, self._knee * factor)
         return tuple(FtsSaturation(self._axis, knee) for knee in knees)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {"contact_stop": "look at the raw counts", "fts_gain": "dead weights"}
 
     def missing(self, table: Table) -> Missing | None:
         """Needs the range."""
@@ -235,6 +219,11 @@ class FtsHysteresis(LinearEffect):
     needs = "loads reached from both sides (approach, time_s)"
     side = "measurement"
     kind = "time"
+    rivals = {
+        "hysteresis": "load_and_unload_weights",
+        "fts_gain": "load_and_unload_weights",
+        "stress_relaxation": "load_and_unload_weights",
+    }
 
     def __init__(self, width: float = 0.3, axes: str = "alike") -> None:
         self._width = width
@@ -258,15 +247,6 @@ class FtsHysteresis(LinearEffect):
         # Wider than the loads it never turns over, and would be a gain.
         most = max(_WIDTHS)
         return tuple(FtsHysteresis(float(f"{w:.3g}"), self._axes) for w in widths if w < most)
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "hysteresis": "load and unload dead weights",
-            "fts_gain": "load and unload dead weights",
-            "stress_relaxation": "load and unload dead weights",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time, and loads that were reached from above and from below."""

@@ -60,6 +60,11 @@ class PlatformSlip(LinearEffect):
     signature = "a jump at one moment, then constant in body axes"
     needs = "order (time_s)"
     kind = "time"
+    rivals = {
+        "marker_motion": "return_home",
+        "permanent_set": "return_home",
+        "fts_drift": "zero_every_ten_poses",
+    }
 
     def __init__(self, at_s: float = 0.0) -> None:
         self._at_s = at_s
@@ -76,15 +81,6 @@ class PlatformSlip(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between this one and its neighbours."""
         return tuple(PlatformSlip(t) for t in _between(table, self._at_s, round_))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "marker_motion": "return home, repeat the first pose",
-            "permanent_set": "return home, repeat the first pose",
-            "fts_drift": "unloaded zero every 10 poses",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs order."""
@@ -112,6 +108,11 @@ class MarkerMotion(LinearEffect):
     needs = "time (time_s)"
     side: Side = "measurement"
     kind = "time"
+    rivals = {
+        "fts_drift": "base_marker",
+        "permanent_set": "base_marker",
+        "platform_slip": "base_marker",
+    }
 
     def __init__(self, course: str = "ramp", at_s: float = 0.0, counted: str = "once") -> None:
         if course == "step" and counted == "each":
@@ -140,15 +141,6 @@ class MarkerMotion(LinearEffect):
         if self._course != "step":
             return ()
         return tuple(MarkerMotion("step", t) for t in _between(table, self._at_s, round_))
-
-    @property
-    def rivals(self) -> dict[str, str]:
-        """Effects that look like it, and what separates them."""
-        return {
-            "fts_drift": "look at the base marker",
-            "permanent_set": "look at the base marker",
-            "platform_slip": "look at the base marker",
-        }
 
     def missing(self, table: Table) -> Missing | None:
         """Needs time."""

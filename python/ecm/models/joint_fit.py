@@ -276,7 +276,7 @@ def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
 
 def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> tuple[F, F]:
     """(k,) least and largest values of the free parameters, in the order of `_values`."""
-    limits = getattr(base, "bounds", None)
+    limits = base.bounds
     if limits is None or not free_base:
         limits = np.full(free_base, -np.inf), np.full(free_base, np.inf)
     own = [p for item in fitted if not item.frozen for p in item.effect.parameters]

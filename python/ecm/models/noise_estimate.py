@@ -8,34 +8,17 @@ import numpy as np
 
 from ecm.effects import all_effects
 from ecm.errors import InputError
-from ecm.io.arrays import F, I
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.reml import reml_noise
+from ecm.regression.repeats import noise_source, repeat_cells
 from ecm.regression.rows import Rows
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.maps import StiffnessMap
-
-_LEAST_CONTRASTS = 8
-
-
-def repeat_cells(table: Table) -> I:
-    """(N,) number of the pose that each row repeats; rows that measure no pose are alone.
-
-    Rows repeat a pose when their pose_id and run agree.
-    """
-    own = np.arange(len(table), dtype=np.int64)
-    if not table.has("pose_id"):
-        return own
-    keys = [table.column("pose_id")]
-    if table.has("run"):
-        keys.append(table.column("run"))
-    _, codes = np.unique(np.stack(keys, axis=1), axis=0, return_inverse=True)
-    cells = np.asarray(codes, dtype=np.int64).ravel()
-    return np.where(is_pose_row(table), cells, cells.max() + 1 + own)
 
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
@@ -45,13 +28,18 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
     is left out of the noise, so that a hidden effect does not hide in its own floor.
     """
     table = rows.table
+    columns = (*rows.base.inputs, *rows.base.outputs)
+    repeated = noise_source(table, columns) == "repeats"
     if rows.base.inputs != POSE or rows.base.outputs != WRENCH:
-        told = declared_noise(table, (*rows.base.inputs, *rows.base.outputs))
-        declared = told if told.source == "declared" else fallback
-        return _pure_error(rows, predicted) or declared or Noise()
+        if repeated:
+            return _pure_error(rows, predicted)
+        declared = declared_noise(table, columns)
+        return declared if declared.source == "declared" else fallback or Noise()
     prior = declared_noise(table)
     if prior.source == "assumed" and fallback is not None and fallback.source != "assumed":
         prior = fallback
+    if not repeated:
+        return prior
     cells = np.where(is_pose_row(table), repeat_cells(table), -1)
     measured = table.wrenches
     found = reml_noise(rows, measured - predicted, cells, nuisance_columns(rows), prior)
@@ -74,15 +62,13 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
-def _pure_error(rows: Rows, predicted: F) -> Noise | None:
-    """Spread of each output within repeats, for tables of other columns; None below 8 contrasts."""
+def _pure_error(rows: Rows, predicted: F) -> Noise:
+    """Spread of each output within repeats, for tables of other columns."""
     table = rows.table
     cells = repeat_cells(table)
     _, packed = np.unique(cells, return_inverse=True)
     count = np.bincount(packed)
     contrasts = len(packed) - len(count)
-    if contrasts < _LEAST_CONTRASTS:
-        return None
     measured = np.stack([table.column(name) for name in rows.base.outputs], axis=1)
     left = measured - predicted
     means = np.stack([np.bincount(packed, column) / count for column in left.T], axis=1)

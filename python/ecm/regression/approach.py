@@ -80,14 +80,6 @@ def largest_so_far(table: Table, values: F, memory: str = "run", *, index: bool 
     return found
 
 
-def repeat_visits(table: Table) -> int:
-    """Visits of poses that were measured before."""
-    measured = table.measured()
-    if not measured.has("pose_id"):
-        return 0
-    return len(measured) - len(np.unique(measured.column("pose_id")))
-
-
 def step_times(table: Table, count: int) -> tuple[float, ...]:
     """Times that divide the rows of a table into count + 1 equal parts."""
     time = np.sort(table.column("time_s"))

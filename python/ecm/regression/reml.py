@@ -13,9 +13,9 @@ import numpy as np
 
 from ecm.io.arrays import F, I
 from ecm.regression.noise import Noise, covariance_parts
+from ecm.regression.repeats import LEAST_CONTRASTS
 from ecm.regression.rows import Rows
 
-_LEAST_ROWS = 20
 _MOST_ROWS = 400
 _ITERATIONS = 30
 _OUTLIER = 30.0  # squared whitened length of six components, chance 4e-5
@@ -43,7 +43,7 @@ def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> 
         (N, m, k) columns that may vary within a cell without being noise.
     """
     contrasts = _contrasts(rows, residual, cells, nuisance)
-    if contrasts is None or len(contrasts.response) < _LEAST_ROWS:
+    if contrasts is None or len(contrasts.response) < LEAST_CONTRASTS:
         return None
     log_prior = np.log(prior.parameters() ** 2)
     width = _PRIOR_DECLARED if prior.source == "declared" else _PRIOR_ASSUMED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -16,6 +17,10 @@ from ecm.regression.approach import pose_before
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
+
+
+BodyChange = Callable[[dict[str, float]], dict[str, float]]
+"""A change of a body: `young_modulus_Pa`, `poisson_ratio`, `length_m`, `diameter_m` by name."""
 
 
 class BaseMap(Protocol):
@@ -38,6 +43,9 @@ class BaseMap(Protocol):
     @property
     def length_m(self) -> float | None:
         """Length of the mechanism, where the map knows it."""
+
+    def other_body(self, change: BodyChange) -> BaseMap | None:
+        """The map of a changed body; None where it knows one body only."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ same seed gives the same bytes in the summary on any number of threads.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import PolynomialModel, __version__
+from ecm import _native
 from ecm.comparison import compare
 from ecm.designs import Design, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
@@ -24,7 +24,16 @@ from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arrays import F, I
 from ecm.io.cache import Stage, hash_of, write_json
 from ecm.io.table import Table, read_table
-from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models import (
+    EnergyModel,
+    Model,
+    PhysicsMap,
+    PhysicsModel,
+    PolynomialModel,
+    fit_model,
+    load_model,
+    physics_map,
+)
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report
@@ -33,6 +42,7 @@ from ecm.workflow import paper_selection as selection
 from ecm.workflow import paper_validation as validation
 from ecm.workflow.campaign_files import campaign_table, require_free
 from ecm.workflow.config import Config, read_config
+from ecm.workflow.console import Console, Silent
 from ecm.workflow.loop import run_loop
 
 DESIGNS = ("d", "maximin")
@@ -41,17 +51,6 @@ _CLEAN = tuple(f"measured-{name}" for name in DESIGNS)
 _LOOP = "measured-loop"
 _TIMED_PAIRS = 100
 _BUDGET = {"d": 300, "maximin": 50}  # a second; within 0.01 % of what the default finds here
-
-
-class Console:
-    """Where the job tells what it does; the command line passes one that draws bars."""
-
-    def say(self, text: str = "") -> None:
-        """A line for the reader."""
-
-    def bar(self, title: str) -> Callable[..., None] | None:
-        """A progress callback (done, total[, word]) for the work that comes next."""
-        return None
 
 
 @dataclass
@@ -68,12 +67,14 @@ class Job:
 
     def stage(self, name: str, *inputs: Any) -> Stage:
         """The stage of a step; its key holds seed, version and inputs."""
-        return Stage(self.out / "stages", name, {"seed": self.seed, "version": __version__}, inputs)
+        return Stage(
+            self.out / "stages", name, {"seed": self.seed, "version": _native.__version__}, inputs
+        )
 
     @contextmanager
     def step(self, name: str, title: str) -> Iterator[None]:
         """Announces a step and takes its time."""
-        self.console.say(title)
+        self.console.print(title)
         start = time.perf_counter()
         yield
         self.stages_s[name] = round(time.perf_counter() - start, 3)
@@ -110,19 +111,19 @@ def identify(
     clean = _without_hidden(config.rig)
     require_free(out, out / "stages", _CLEAN, clean, seed)
     require_free(out, out / "stages", (_LOOP,), config.rig, seed)
-    job = Job(config, out, seed, threads, console or Console())
+    job = Job(config, out, seed, threads, console or Silent())
     out.mkdir(parents=True, exist_ok=True)
     summary: dict[str, Any] = {
         "format": "ecm-identify",
         "version": 1,
-        "program": __version__,
+        "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
     }
     try:
         require_report()
     except MissingExtra as error:
-        job.console.say(f"There will be no report.html: {error}")
+        job.console.print(f"There will be no report.html: {error}")
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = _simulate(job, summary)
     with job.step("select", "2 Select: a model, and the poses worth measuring"):
@@ -155,17 +156,17 @@ def _simulate(job: Job, summary: dict[str, Any]) -> Simulated:
         seed=job.seed,
         threads=job.threads,
         directory=job.out / "stages",
-        progress=job.console.bar("FEM pairs"),
+        progress=job.console.progress("FEM pairs"),
     )
     counts = pairs.counts
-    job.console.say(
+    job.console.print(
         f"  {counts['drawn']} wrenches drawn, {counts['screened']} passed the rod's screen, "
         f"{counts['solved']} solved, {counts['kept']} kept "
         f"({counts['unstable']} unstable, {counts['failed']} without a solution)"
     )
     rest = config.mechanism.fem().rest_stiffness()
     equation_11 = validation.against_equation_11(rest)
-    job.console.say(
+    job.console.print(
         "  K at rest against the paper's equation (11): "
         + ", ".join(f"{100.0 * row['difference']:+.1f} %" for row in equation_11)
     )
@@ -201,11 +202,11 @@ def _select(
     test = pairs.poses[test_rows], pairs.wrenches[test_rows]
     table_two = selection.table_two(train, test, settings.degrees, settings.thresholds)
     for row in table_two["degrees"]:
-        job.console.say(
+        job.console.print(
             f"  degree {row['degree']}: RMSE fx {row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, "
             f"fz {row['rmse'][2]:.3g} N; kappa {row['kappa']:.4g}"
         )
-    b01 = PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = selection.relative_error(predicted, test[1])
     energy = selection.energy_learning(
@@ -254,7 +255,7 @@ def _designs(job: Job, poses: F) -> dict[str, Design]:
             iterations=_BUDGET[criterion],
             title=f"{criterion} design",
         )
-        job.console.say(f"  {criterion}: {designs[criterion].sentence()}")
+        job.console.print(f"  {criterion}: {designs[criterion].sentence()}")
     return designs
 
 
@@ -280,7 +281,7 @@ def _design(job: Job, poses: F, name: str, *, title: str = "", **search: Any) ->
             seed=job.seed,
             threads=job.threads,
             starts=settings.starts,
-            progress=job.console.bar(title) if title else None,
+            progress=job.console.progress(title) if title else None,
             **search,
         )
         return dict(vars(found))
@@ -312,7 +313,7 @@ def _measure(
             "skipped": len(design.indices) - count,
             "minutes": float(tables[name].column("time_s").max()) / 60.0,
         }
-        job.console.say(
+        job.console.print(
             f"  {name}: {rows[name]['rows']} poses in {rows[name]['minutes']:.0f} robot minutes"
         )
     summary["identify"] = {"campaigns": rows}
@@ -352,13 +353,13 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
         rig,
         seed=job.seed,
         threads=job.threads,
-        progress=job.console.bar(name),
+        progress=job.console.progress(name),
     )
 
 
 def _physics(job: Job, pairs: Simulated) -> PhysicsMap:
     """FEM of the body as a map over these pairs; built once per shape, in the cache folder."""
-    bar = job.console.bar("FEM of the body, kept for the next time")
+    bar = job.console.progress("FEM of the body, kept for the next time")
     return physics_map(
         job.config.mechanism,
         threads=job.threads,
@@ -375,7 +376,7 @@ def _identify(
     rows, figures = validation.table_three(tables, settings.thresholds, degree=settings.degrees[-1])
     step["table_three"] = rows
     for row in rows:
-        job.console.say(
+        job.console.print(
             f"  trained on {row['trained_on']}, b = {row['threshold']:g}: RMSE fx "
             f"{row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, fz {row['rmse'][2]:.3g} N; "
             f"kappa {row['kappa']:.4g}"
@@ -385,7 +386,7 @@ def _identify(
         job.figures[f"observed_{name}"] = arrays["observed"]
         job.figures[f"predicted_{name}"] = arrays["predicted"]
 
-    cubic = fit_model(tables["d"], f"poly:{settings.degrees[-1]}", pcr=0.1)
+    cubic = fit_model(tables["d"], PolynomialModel(settings.degrees[-1], pcr=0.1))
     poses = np.concatenate([table.measured().poses for table in tables.values()])
     share = validation.symmetric_share(cubic.stiffness(poses))
     rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
@@ -401,7 +402,7 @@ def _identify(
     step["models"], step["floor"], step["best"], best = _model_table(job, tables, cubic, physics)
     best.save(job.out / "model.json")
     cubic.save(job.out / "model-cubic.json")
-    job.console.say(
+    job.console.print(
         "  error over noise on the other design: "
         + ", ".join(f"{row['model']} {row['whitened_rms']:.2f}" for row in step["models"])
         + f"; model.json is {best.name}"
@@ -416,10 +417,10 @@ def _model_table(
     few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
     candidates = [
         (f"degree {job.config.select.degrees[-1]} polynomial, b = 0.1", cubic, len(train)),
-        ("energy4", fit_model(few, "energy4"), len(few)),
-        ("energy4", fit_model(train, "energy4"), len(train)),
-        ("energy6", fit_model(train, "energy6"), len(train)),
-        ("physics, E and nu free", fit_model(few, "physics", physics=physics), len(few)),
+        ("energy4", fit_model(few, EnergyModel(4)), len(few)),
+        ("energy4", fit_model(train, EnergyModel(4)), len(train)),
+        ("energy6", fit_model(train, EnergyModel(6)), len(train)),
+        ("physics, E and nu free", fit_model(few, PhysicsModel(base=physics)), len(few)),
     ]
     rows: list[dict[str, Any]] = []
     floor: list[float] = []
@@ -468,7 +469,7 @@ def _loop(
         path=job.out / f"{_LOOP}.csv",
         seed=job.seed,
         threads=job.threads,
-        say=job.console.say,
+        say=job.console.print,
     )
     found.model.save(job.out / "model-loop.json")
     summary["loop"] = found.summary
@@ -487,7 +488,7 @@ def _times(job: Job, pairs: Simulated, test: I) -> dict[str, Any]:
         )
 
     found = stage.run(compute)
-    job.console.say(
+    job.console.print(
         f"  one evaluation: FEM {1e3 * float(np.median(found['fem_s'])):.0f} ms, model "
         f"{1e6 * float(np.median(found['model_s'])):.0f} us from Python; "
         f"{found['ratio_of_medians']:.0f} times faster"
@@ -508,9 +509,9 @@ def _report(job: Job, summary: dict[str, Any], times: dict[str, Any]) -> None:
     try:
         write_page(path, "Stiffness identification", lead, sections)
     except MissingExtra as error:
-        job.console.say(f"{job.out / 'summary.json'}: the numbers; no report.html: {error}")
+        job.console.print(f"{job.out / 'summary.json'}: the numbers; no report.html: {error}")
         return
-    job.console.say(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
+    job.console.print(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
 
 
 def _described(config: Config) -> str:

@@ -15,7 +15,7 @@ from ecm.comparison import compare
 from ecm.diagnosis import diagnose
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.models import Model, PhysicsMap, fit_model
+from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model
 from ecm.rig import reveal
 
 Say = Callable[[str], object]
@@ -37,7 +37,7 @@ def run_loop(
 
     `path` is the file of the data; its truth, where one was sealed, lies beside it.
     """
-    model = fit_model(data, "physics", physics=physics, threads=threads)
+    model = fit_model(data, PhysicsModel(base=physics, threads=threads))
     before = compare(model, data, seed=seed)
     say(f"  {before.sentence()}")
     diagnosis = diagnose(model, data, seed=seed).to_dict()

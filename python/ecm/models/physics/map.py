@@ -25,6 +25,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap, Symmetry
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.models.physics.poses import MARGIN
+from ecm.regression.rows import BodyChange
 
 if TYPE_CHECKING:
     from ecm.io.mechanism import Mechanism
@@ -143,9 +144,14 @@ class PhysicsMap:
         family.check(wanted)
         return family.at(wanted)
 
-    def other_body(self, values: Mapping[str, float]) -> EnergyMap | None:
-        """The energy of E, nu, L, D, also beyond what was tabulated; None without a family."""
-        return None if self.family is None else self.family.at(values)
+    def other_body(self, change: BodyChange) -> EnergyMap | None:
+        """The energy of changed E, nu, L, D, also beyond what was tabulated.
+
+        None without a family.
+        """
+        if self.family is None or self.values is None:
+            return None
+        return self.family.at(change(dict(self.values)))
 
     def with_free(self, *names: str) -> PhysicsMap:
         """The same map with these values as coefficients."""
