@@ -14,15 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from ecm._native import PolynomialModel, __version__
+from ecm import _native
 from ecm.comparison import compare
-from ecm.designs import Design, diagnosable_plan, optimal_design, paper_plan
+from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_json
 from ecm.io.table import Table, read_table
-from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models import (
+    Model,
+    PhysicsMap,
+    PhysicsModel,
+    PolynomialModel,
+    fit_model,
+    load_model,
+    physics_map,
+)
 from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report, write_page
@@ -97,7 +105,7 @@ def identify(
     job.summary |= {
         "format": "ecm-identify",
         "version": 1,
-        "program": __version__,
+        "program": _native.__version__,
         "seed": seed,
         "mechanism": config.mechanism.to_dict(),
     }
@@ -193,7 +201,7 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
     table_two = selection.table_two(train, test, settings.degrees, settings.thresholds)
     for row in table_two["degrees"]:
         job.console.print(f"  degree {row['degree']}: {_errors(row)}")
-    b01 = PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
+    b01 = _native.PolynomialModel.fit(*train, settings.degrees[-1], method="pcr", threshold=0.1)
     predicted = b01.predict(test[0])
     job.figures["e_rel_b01"] = selection.relative_error(predicted, test[1])
     energy = selection.energy_learning(
@@ -241,16 +249,11 @@ def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
     settings = job.config.design
 
     def compute() -> Mapping[str, Any]:
-        design = optimal_design(
-            poses,
-            settings.n,
-            seed=job.seed,
-            threads=job.threads,
-            starts=settings.starts,
-            progress=job.console.progress(name),
-            **search,
+        search_settings = DesignSettings(
+            starts=settings.starts, seed=job.seed, threads=job.threads, **search
         )
-        return dict(vars(design))
+        progress = job.console.progress(name)
+        return dict(vars(optimal_design(poses, settings.n, search_settings, progress=progress)))
 
     return Design(**job.stage(name, settings.n, settings.starts, poses).run(compute))
 
@@ -319,7 +322,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
         job.figures[f"e_rel_measured_{name}"] = arrays["e_rel"]
         job.figures[f"observed_{name}"] = arrays["observed"]
         job.figures[f"predicted_{name}"] = arrays["predicted"]
-    cubic = fit_model(tables["d"], f"poly:{degree}", pcr=0.1)
+    cubic = fit_model(tables["d"], PolynomialModel(degree, pcr=0.1))
     cubic.save(job.out / "model-cubic.json")
     poses = np.concatenate([table.measured().poses for table in tables.values()])
     share = validation.symmetric_share(cubic.stiffness(poses))
@@ -357,7 +360,7 @@ def _model_table(
         ("energy4", fit_model(few, "energy4"), len(few)),
         ("energy4", fit_model(train, "energy4"), len(train)),
         ("energy6", fit_model(train, "energy6"), len(train)),
-        ("physics, E and nu free", fit_model(few, "physics", physics=physics), len(few)),
+        ("physics, E and nu free", fit_model(few, PhysicsModel(base=physics)), len(few)),
     ]
     compared = [compare(model, test) for _, model, _ in candidates]
     rows = [
@@ -382,14 +385,13 @@ def _model_table(
 def find_hidden_effect(job: Job, candidates: Table, physics: PhysicsMap) -> None:
     """Step 4: measure with the hidden effect, diagnose, refit; writes `model-loop.json`."""
     # Half as many poses, each visited twice: what the first campaign cost in robot time.
-    design = optimal_design(
-        candidates.poses,
-        max(20, job.config.design.n // 2),
+    settings = DesignSettings(
         criterion="maximin",
         seed=job.seed,
         threads=job.threads,
         iterations=_ITERATIONS["maximin"],
     )
+    design = optimal_design(candidates.poses, max(20, job.config.design.n // 2), settings)
     plan = diagnosable_plan(candidates, design, seed=job.seed)
     plan.write(job.out / "plan-loop.csv")
     data = job.measure(plan, _LOOP, job.config.rig)

@@ -14,7 +14,7 @@ from ecm.comparison import compare
 from ecm.diagnosis import diagnose
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.models import Model, PhysicsMap, fit_model
+from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model
 from ecm.rig import reveal
 from ecm.workflow.job import Job
 
@@ -43,7 +43,7 @@ def run_loop(data: Table, physics: PhysicsMap, *, path: Path, job: Job) -> Loop:
         Seed, threads and console.
     """
     write, seed = job.console.print, job.seed
-    model = fit_model(data, "physics", physics=physics, threads=job.threads)
+    model = fit_model(data, PhysicsModel(base=physics, threads=job.threads))
     before = compare(model, data, seed=seed)
     write(f"  {before.sentence()}")
     diagnosis = diagnose(model, data, seed=seed).to_dict()
