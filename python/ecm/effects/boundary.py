@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
 from ecm.effects.se3 import moved_in_base, turned
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _ITERATIONS = 5
 
@@ -85,4 +79,4 @@ def _turned_vectors(vectors: F, rotation: F) -> F:
     return turned(np.concatenate([vectors, vectors], axis=1), rotation)[:, :3]
 
 
-EFFECTS: Sequence[Effect] = (BaseCompliance(),)
+EFFECTS = (BaseCompliance(),)

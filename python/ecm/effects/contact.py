@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm._native import mid_frame, rotation_matrices
@@ -23,12 +20,9 @@ from ecm.effects.protocol import (
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
 from ecm.effects.slip import base_twist_columns
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import step_times
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _SHARES = (0.5, 0.7, 0.85)
 """Quantiles of the tilt at which a stop is tried."""
@@ -222,4 +216,4 @@ class Debonding(LinearEffect):
         return columns
 
 
-EFFECTS: Sequence[Effect] = (ContactStop(), Debonding())
+EFFECTS = (ContactStop(), Debonding())

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
 from ecm.effects.se3 import moved_in_base, moved_in_top, turned
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 def twist(frame: str) -> tuple[Parameter, ...]:
@@ -114,8 +109,4 @@ def _turned_vector(vector: F, rotation: F) -> F:
     return turned(both, rotation)[0, :3]
 
 
-EFFECTS: Sequence[Effect] = (
-    TipFrameMisalignment(),
-    BaseFrameMisalignment(),
-    CameraScale(),
-)
+EFFECTS = (TipFrameMisalignment(), BaseFrameMisalignment(), CameraScale())

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,12 +20,9 @@ from ecm.effects.protocol import (
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.table import Table
 from ecm.regression.approach import approach_sides, order_of_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _WAYS = (0.02, 0.05, 0.12)
 """Ways to the slip that are tried, over the spread of the poses."""
@@ -154,4 +149,4 @@ def _ways(table: Table) -> list[float]:
     return [float(f"{share * far:.3g}") for share in _WAYS]
 
 
-EFFECTS: Sequence[Effect] = (Hysteresis(),)
+EFFECTS = (Hysteresis(),)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm._native import mid_frame
@@ -14,11 +11,8 @@ from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Para
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
 from ecm.effects.se3 import moved_in_base, turned
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _BENDING_POWER = 3.4
 """Of the diameter in the bending stiffness of a bonded cylinder as stubby as the neck."""
@@ -194,10 +188,4 @@ def _turned_mounting(rows: Rows, values: F) -> F:
     return np.stack([np.zeros(len(rows)), y, z], axis=1)
 
 
-EFFECTS: Sequence[Effect] = (
-    Pretension(),
-    Taper(),
-    LengthError(),
-    DiameterError(),
-    FaceTilt(),
-)
+EFFECTS = (Pretension(), Taper(), LengthError(), DiameterError(), FaceTilt())

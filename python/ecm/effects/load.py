@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm._native import left_jacobians, mid_frame, rotation_matrices
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import approach_sides
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _SIDES = 8
 """Azimuths at which a cable is tried."""
@@ -331,4 +325,4 @@ def _weight(rotation: F, gravity: F) -> F:
     return columns
 
 
-EFFECTS: Sequence[Effect] = (OwnWeight(), Payload(), CableDrag(), TendonFriction())
+EFFECTS = (OwnWeight(), Payload(), CableDrag(), TendonFriction())

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm._native import mid_frame
@@ -13,11 +10,8 @@ from ecm.effects.mid_frame import generalised, stretched
 from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _REFERENCE_STRAIN = 0.1
 _LAWS = {
@@ -205,4 +199,4 @@ class Compressibility(EffectBase):
         return stretched(rows, matrix, np.zeros(6)) - rows.wrench
 
 
-EFFECTS: Sequence[Effect] = (Anisotropy(), StrainStiffening(), Compressibility())
+EFFECTS = (Anisotropy(), StrainStiffening(), Compressibility())

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import (
@@ -17,13 +14,10 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import largest_so_far, memory_options, memory_shape
 from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _LEAST_AGAIN = 5
 
@@ -170,4 +164,4 @@ def _needs_again(table: Table, record: str) -> Missing | None:
     return found
 
 
-EFFECTS: Sequence[Effect] = (MullinsSoftening(), TemperatureModulus(), Ageing())
+EFFECTS = (MullinsSoftening(), TemperatureModulus(), Ageing())

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.protocol import LinearEffect, Missing, Parameter, needs_full
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 def velocity(table: Table) -> F:
@@ -140,4 +135,4 @@ def _halves(values: F, rows: Rows) -> F:
     return columns
 
 
-EFFECTS: Sequence[Effect] = (ViscousDamping(), Inertia(), TimeSkew())
+EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())

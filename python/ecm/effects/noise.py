@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
+from ecm.effects.protocol import EffectBase, Missing, Parameter, needs_full
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.noise import covariance_parts, declared_noise
 from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _LEAST_REPEATS = 10
 
@@ -139,9 +133,4 @@ class FtsQuantisation(NoiseEffect):
         return np.asarray(spread @ np.swapaxes(spread, 1, 2))
 
 
-EFFECTS: Sequence[Effect] = (
-    Outliers(),
-    HeteroscedasticNoise(),
-    PoseNoise(),
-    FtsQuantisation(),
-)
+EFFECTS = (Outliers(), HeteroscedasticNoise(), PoseNoise(), FtsQuantisation())

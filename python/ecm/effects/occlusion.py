@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import factorial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +17,8 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _FORMS = (("sight", 2), ("sight", 3), ("sight", 4), ("all", 2), ("all", 3))
 _NEEDED = 3
@@ -208,4 +203,4 @@ def _warps(radius: F, angle: F, degree: int, along: str) -> F:
     return np.concatenate([linear, *warps] if along == "all" else warps, axis=2)
 
 
-EFFECTS: Sequence[Effect] = (LedOcclusion(),)
+EFFECTS = (LedOcclusion(),)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import (
@@ -17,11 +14,9 @@ from ecm.effects.protocol import (
     needs_varying,
 )
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import largest_so_far, memory_options, memory_shape, order_of_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 class PermanentSet(LinearEffect):
@@ -106,4 +101,4 @@ def _far(deflection: F, length_m: float) -> F:
     return np.asarray(np.sqrt(((deflection * metric) ** 2).sum(axis=1)))
 
 
-EFFECTS: Sequence[Effect] = (PermanentSet(),)
+EFFECTS = (PermanentSet(),)

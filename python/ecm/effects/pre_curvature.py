@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape
 from ecm.effects.section_moment import section_moment_slopes
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
 _POWERS = (0.0, 2.0, 6.0)
@@ -71,4 +65,4 @@ class PreCurvature(LinearEffect):
         return columns
 
 
-EFFECTS: Sequence[Effect] = (PreCurvature(),)
+EFFECTS = (PreCurvature(),)

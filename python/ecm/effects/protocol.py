@@ -11,15 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from ecm.io.arrays import F
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.regression.rows import Rows
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.regression.rows import Rows
 
 Side = Literal["physics", "measurement"]
 Kind = Literal["pose", "time", "noise"]
@@ -187,8 +186,6 @@ class LinearEffect(EffectBase):
 
 def needs_full(table: Table) -> Missing | None:
     """Missing where the table lacks one of the six pose or six wrench columns."""
-    from ecm.io.table import POSE, WRENCH
-
     lacking = [name for name in (*POSE, *WRENCH) if not table.has(name)]
     if lacking:
         return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_varying
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _TAUS = 12
 """Time constants that are tried for a continuous test; the best is refined afterwards."""
@@ -226,4 +221,4 @@ def _time_constants(table: Table) -> tuple[float, ...]:
     return tuple(float(t) for t in np.geomspace(low, max(0.5 * span, 2.0 * low), _TAUS))
 
 
-EFFECTS: Sequence[Effect] = (StressRelaxation(),)
+EFFECTS = (StressRelaxation(),)

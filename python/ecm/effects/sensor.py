@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import (
@@ -18,12 +15,9 @@ from ecm.effects.protocol import (
 )
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_times
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
 
@@ -194,4 +188,4 @@ class FtsThermalDrift(LinearEffect):
         return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 
-EFFECTS: Sequence[Effect] = (FtsOffset(), FtsDrift(), FtsThermalDrift())
+EFFECTS = (FtsOffset(), FtsDrift(), FtsThermalDrift())

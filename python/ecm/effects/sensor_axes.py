@@ -6,9 +6,6 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm._native import rotation_matrices
@@ -23,12 +20,9 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.sensor import AXES
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_of_rows, zero_times
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of an axis' readings at which a knee is tried."""
@@ -298,10 +292,4 @@ def _cross(v: F) -> F:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-EFFECTS: Sequence[Effect] = (
-    FtsGain(),
-    FtsCrosstalk(),
-    FtsSaturation(),
-    FtsHysteresis(),
-    FtsFrame(),
-)
+EFFECTS = (FtsGain(), FtsCrosstalk(), FtsSaturation(), FtsHysteresis(), FtsFrame())

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.protocol import (
@@ -19,12 +16,9 @@ from ecm.effects.protocol import (
 )
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import step_times
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 STEPS = 7
 """Places of a jump that are tried at first; the best is refined afterwards."""
@@ -171,4 +165,4 @@ def _between(table: Table, at_s: float, round_: int) -> tuple[float, ...]:
     return tuple(float(0.5 * (time[i - 1] + time[i])) for i in found)
 
 
-EFFECTS: Sequence[Effect] = (PlatformSlip(), MarkerMotion())
+EFFECTS = (PlatformSlip(), MarkerMotion())

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.io.arrays import F, I
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+from ecm.io.table import Table
 
 
 def pose_before(table: Table, rest_pose: F) -> F:
