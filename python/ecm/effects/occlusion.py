@@ -6,16 +6,8 @@ from math import factorial
 
 import numpy as np
 
-from ecm.effects.frames import twist
-from ecm.effects.protocol import (
-    Effect,
-    LinearEffect,
-    Missing,
-    Parameter,
-    Shape,
-    needs_full,
-    needs_varying,
-)
+from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape, needs_full, needs_varying
+from ecm.effects.slip import twist
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.regression.rows import Rows
@@ -40,6 +32,7 @@ class LedOcclusion(LinearEffect):
     physics = "Where some of the markers are hidden the camera's pose is biased."
     signature = "follows the number of visible markers, in clusters of orientation"
     needs = "visibility that varies (leds_visible)"
+    requires = (needs_full, needs_varying("leds_visible", 0.5))
     side = "measurement"
     rivals = {"outliers": "second_camera_place"}
 
@@ -84,10 +77,6 @@ class LedOcclusion(LinearEffect):
             for way in (sight, -sight)
         )
         return (LedOcclusion(), *warped)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the number of visible markers."""
-        return needs_full(table) or needs_varying(table, "leds_visible", 0.5)
 
     def columns(self, rows: Rows) -> F:
         """-K_s B (d, w)."""
