@@ -200,9 +200,7 @@ class Fem:
         finished(rows, results) is called within 0.1 s of the end of each case."""
     def predict_poses(self, wrenches: _F, warm_start: WarmStart) -> _F:
         """Poses (N, 6) that a warm start predicts; nothing is solved."""
-    def fit_warm_start(
-        self, wrenches: _F, fields: NDArray[np.float32]
-    ) -> WarmStart | None:
+    def fit_warm_start(self, wrenches: _F, fields: NDArray[np.float32]) -> WarmStart | None:
         """A warm start fitted to states and their wrenches; None when there are too few."""
     def solve_poses(
         self, poses: _F, *, threads: int = 0, progress: _Progress = None
