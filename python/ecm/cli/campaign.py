@@ -63,9 +63,9 @@ def campaign(
             keep_data(out, overwrite=overwrite)  # before the plan is read
         settings = read_rig(rig)
         if film is not None or phases is not None:
-            from ecm.rig.arm.show import need_robot
+            from ecm.rig.arm.pictures import require_robot
 
-            need_robot(settings, ("--film", film), ("--phases", phases))
+            require_robot(settings, ("--film", film), ("--phases", phases))
         table = load([plan], console, need="predict")
         console.say(f"{len(table)} visits, about {campaign_minutes(table, settings):.0f} minutes")
         if rigs or scheduler is not None:
@@ -86,15 +86,15 @@ def campaign(
         save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
         console.say(f"{out}: {len(data)} rows")
         if settings.rig.mode == "robot":
+            from ecm.rig.arm.pictures import PictureSource, write_pictures
             from ecm.rig.arm.run import robot_path
-            from ecm.rig.arm.show import show
-            from ecm.rig.arm.summary import words
+            from ecm.rig.arm.summary import summary_lines
 
-            for line in words(robot_path(out)):
+            for line in summary_lines(robot_path(out)):
                 console.say(line)
             if film is not None or phases is not None:
-                for line in show(
-                    table, settings, film=film, phases=phases, seed=seed, threads=threads,
-                    progress=console.bar("pictures"),
+                for line in write_pictures(
+                    PictureSource(table, settings, seed, threads),
+                    film=film, phases=phases, progress=console.bar("pictures"),
                 ):  # fmt: skip
                     console.say(line)

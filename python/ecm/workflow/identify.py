@@ -104,9 +104,9 @@ def identify(
         config = read_config(config)
     config.check_job()
     if config.rig.rig.mode == "robot":
-        from ecm.rig.arm.run import need_arm
+        from ecm.rig.arm.run import require_arm
 
-        need_arm(out / "stages" / "anchors")
+        require_arm(out / "stages" / "anchors")
     clean = _without_hidden(config.rig)
     require_free(out, out / "stages", _CLEAN, clean, seed)
     require_free(out, out / "stages", (_LOOP,), config.rig, seed)
@@ -327,19 +327,21 @@ def _without_hidden(rig: RigSettings) -> RigSettings:
 
 def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     """What the arm did in the campaigns of all designs, and Fig. 7."""
+    from ecm.rig.arm.pictures import PictureSource, first_pose_trace
     from ecm.rig.arm.run import robot_path
-    from ecm.rig.arm.show import pose_on_its_way
-    from ecm.rig.arm.summary import digest
+    from ecm.rig.arm.summary import read_summary
 
-    arrays, phases, reason = pose_on_its_way(
-        read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
-        rig,
-        seed=job.seed,
-        threads=job.threads,
-        folder=job.out / "stages" / "anchors",
+    arrays, phases, reason = first_pose_trace(
+        PictureSource(
+            read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
+            rig,
+            seed=job.seed,
+            threads=job.threads,
+            folder=job.out / "stages" / "anchors",
+        )
     )
     job.figures.update({f"arm_{name}": values for name, values in arrays.items()})
-    records = {name: digest(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
+    records = {name: read_summary(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
     return {"records": records, "phases_s": phases, "not_reached": reason}
 
 
