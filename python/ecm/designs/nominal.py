@@ -24,11 +24,7 @@ from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.rig.camera import Camera
 from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import top_from_sensor_wrench
-
-    from ecm.io.mechanism import Mechanism
-    from ecm.rig.settings import RigSettings
 from ecm.rig.settings import RigSettings
-if TYPE_CHECKING:
 
 _ENOUGH = 100
 """Simulated poses from which a physics map can be made and tried."""
