@@ -101,8 +101,8 @@ def _above(rows: F, floor: float, start: F, covariance: F) -> F:
     rows, need = rows / size[:, None], (floor - rows @ start) / size
     carried = rows @ covariance
     values, vectors = np.linalg.eigh(carried @ rows.T)
-    kept = values > 1e-12 * values[-1]
-    root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-    target = (vectors[:, kept] / np.sqrt(values[kept])).T @ need
+    positive = values > 1e-12 * values[-1]
+    root = np.sqrt(values[positive])[:, None] * vectors[:, positive].T
+    target = (vectors[:, positive] / np.sqrt(values[positive])).T @ need
     multipliers, _ = nnls(root, target)
     return np.asarray(start + multipliers @ carried)

@@ -94,12 +94,12 @@ def cross_validate(
     fold = random_folds(measured, groups, folds, seed)
     outputs = measured.wrench_columns
     truth = measured.matrix(outputs)
-    left = np.empty_like(truth)
+    residual = np.empty_like(truth)
     for part in range(int(fold.max()) + 1):
         fitted = fit_model(measured.select(np.flatnonzero(fold != part)), specification)
         test = measured.select(np.flatnonzero(fold == part))
-        left[fold == part] = truth[fold == part] - fitted.predict(test)
-    rmse = np.sqrt((left**2).mean(axis=0))
+        residual[fold == part] = truth[fold == part] - fitted.predict(test)
+    rmse = np.sqrt((residual**2).mean(axis=0))
     return CrossValidation(
         rmse=dict(zip(outputs, rmse.tolist(), strict=True)),
         spread=dict(zip(outputs, truth.std(axis=0).tolist(), strict=True)),

@@ -205,17 +205,17 @@ class RodMap(_Backbone):
     def _slope(self, wrenches: F) -> F:
         """(N, 6, 6) d pose / d wrench, by central differences."""
         steps = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
-        found = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
-        return np.swapaxes((found[:, :6] - found[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
+        poses = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
+        return np.swapaxes((poses[:, :6] - poses[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
 
     def _poses(self, wrenches: F) -> F:
-        found, ok = rod_poses(
+        poses, converged = rod_poses(
             np.ascontiguousarray(wrenches),
             length_m=self.length,
             **dict(zip(ROD_SECTIONS, (float(v) for v in self.parameters), strict=True)),
         )
-        found[~ok] = np.nan
-        return found
+        poses[~converged] = np.nan
+        return poses
 
     def _start(self, poses: F) -> F:
         """The linear rod in mid-frame coordinates."""
@@ -329,20 +329,19 @@ def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
     shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
     logs = np.log([length / axial, shear, bend, length / torsion])
 
-    def left(at: F) -> F:
-        found = RodMap(length, np.exp(at))._poses(wrenches)
-        return np.asarray((poses - found) / scale)
+    def residual(at: F) -> F:
+        return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
 
-    now, damping = left(logs), 1e-4
+    now, damping = residual(logs), 1e-4
     for _ in range(_FIT_ITERATIONS):
         steps = 1e-4 * np.eye(4)
-        slope = np.stack([(left(logs - s) - left(logs + s)) / 2e-4 for s in steps], axis=2)
+        slope = np.stack([(residual(logs - s) - residual(logs + s)) / 2e-4 for s in steps], axis=2)
         rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
         z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
-        gram = z.T @ z
-        scaled = gram + damping * np.diag(np.diag(gram) + 1e-300)
+        normal = z.T @ z
+        scaled = normal + damping * np.diag(np.diag(normal) + 1e-300)
         move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
-        trial = left(np.clip(logs + move, -20.0, 20.0))
+        trial = residual(np.clip(logs + move, -20.0, 20.0))
         both = np.isfinite(now) & np.isfinite(trial)
         if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
             damping *= 10.0
