@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
+    from ecm.designs.settings import DesignSettings
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.verdict import Diagnosis
@@ -52,6 +53,7 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
+    "designs.settings": ("DesignSettings",),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.verdict": ("Diagnosis",),
@@ -89,6 +91,7 @@ __all__ = [
     "ComputationError",
     "ConstantCurvatureModel",
     "Design",
+    "DesignSettings",
     "Diagnosis",
     "EcmError",
     "EnergyModel",

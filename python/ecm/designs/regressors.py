@@ -14,6 +14,7 @@ import numpy as np
 
 from ecm._native import polynomial_regressor
 from ecm.designs.nominal import NominalModel
+from ecm.designs.settings import DesignSettings
 from ecm.effects import Effect
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -57,26 +58,18 @@ def polynomial_degree(model: str) -> int | None:
 
 def regressor(
     poses: F,
-    model: str,
+    settings: DesignSettings,
     *,
-    length_m: float | None = None,
     measured: F | None = None,
     base: NominalModel | None = None,
-    effects: Sequence[Effect] = (),
-    ridge: float = 0.0,
 ) -> Regressor:
-    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose.
-
-    `ridge` is known beforehand of every coefficient but a polynomial's constant, in units of the
-    rows' information.
-    """
-    if not (ridge >= 0.0 and np.isfinite(ridge)):
-        raise InputError(f"--ridge: {ridge}, expected a positive number, 0 for none")
+    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose."""
     everything = poses if measured is None else np.concatenate([poses, measured])
+    effects = settings.effects
     prior: F | None = None
-    degree = polynomial_degree(model)
+    degree = polynomial_degree(settings.model)
     if degree is None:
-        blocks = model_columns(everything, model, length_m, base)
+        blocks = model_columns(everything, settings, base)
         if effects:
             blocks, prior = _with_effects(blocks, everything, _needed(base, "effects"), effects)
         if base is None:
@@ -87,7 +80,7 @@ def regressor(
     else:
         if effects:
             raise InputError(
-                f"model {model!r}: a free polynomial absorbs most effects; "
+                f"model {settings.model!r}: a free polynomial absorbs most effects; "
                 "give --model energyD or physics with --effects"
             )
         blocks = _polynomial(poses, everything, degree)[:, None, :]
@@ -98,8 +91,8 @@ def regressor(
         per_pose = 1
     rows = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]))
     split = len(poses) * per_pose
-    if ridge > 0.0:
-        known = np.full(rows.shape[1], ridge)
+    if settings.ridge > 0.0:
+        known = np.full(rows.shape[1], settings.ridge)
         known[: 1 if per_pose == 1 else 0] = 0.0
         prior = np.diag(known) if prior is None else prior + np.diag(known)
     return Regressor(
@@ -107,12 +100,13 @@ def regressor(
     )
 
 
-def model_columns(poses: F, model: str, length_m: float | None, base: NominalModel | None) -> F:
+def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None) -> F:
     """(N, 6, k) wrench per coefficient of an energy model or of physics.
 
     Physics: the sensitivities to the modulus and, where the base has it tabulated, to Poisson's
     ratio.
     """
+    model, length_m = settings.model, settings.length_m
     if model == "physics":
         return np.asarray(
             _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
