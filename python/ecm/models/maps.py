@@ -1,13 +1,14 @@
-"""Maps from pose to wrench: polynomial and energy, with what a refit needs of them.
+"""Maps from pose to wrench: the protocol, the polynomial and the energy.
 
-A map is linear in its coefficients, h(p) = columns(p) @ coefficients, so that any map can be
+Both are linear in their coefficients, h(p) = columns(p) @ coefficients, so that they can be
 refitted together with effects.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, cast
+from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
@@ -19,18 +20,31 @@ from ecm.regression.rows import BaseMap, BodyChange
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
+SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
 
 
 class StiffnessMap(Protocol):
-    """Pose in, wrench and stiffness out."""
+    """Pose in, wrench and stiffness out; what every map has, also one of your own.
+
+    Examples
+    --------
+    >>> from ecm.models import surrogate_of
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (60, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base: StiffnessMap = surrogate_of(
+    ...     poses, wrenches, 0.1, test_poses=poses, test_wrenches=wrenches
+    ... )
+    >>> base.kind, base.stiffness(poses).shape
+    ('physics', (60, 6, 6))
+    """
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """Short name, as on the command line."""
 
     @property
     def kind(self) -> str:
-        """Family of the map: polynomial, energy, physics, or a baseline's own name."""
+        """Family of the map, as in model files."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -46,11 +60,11 @@ class StiffnessMap(Protocol):
 
     @property
     def coefficients(self) -> F:
-        """(k,) what a refit may change."""
+        """(k,) numbers that a refit may change."""
 
     @property
     def error(self) -> F:
-        """(m,) the map's own error against what it stands for, zero where it stands for data."""
+        """(m,) root mean square error of the map itself; zero where it is fitted to data."""
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
@@ -72,11 +86,24 @@ class StiffnessMap(Protocol):
         """The map of a changed body (regression/rows.py); None where it knows one body only."""
 
     def document(self) -> dict[str, Any]:
-        """The map's part of a model file."""
+        """The map as part of a model file."""
 
 
 class MapDefaults:
-    """What most maps share: coefficients without limits, and one body only."""
+    """What most maps share: no own error, coefficients without limits, and one body only."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def length_m(self) -> float | None:
+        """None: not needed."""
+        return None
+
+    @property
+    def error(self) -> F:
+        """(m,) zeros: the map stands for the data."""
+        return np.zeros(len(self.outputs))
 
     @property
     def bounds(self) -> tuple[F, F] | None:
@@ -88,13 +115,43 @@ class MapDefaults:
         return None
 
 
+class SixAxisMap(MapDefaults):
+    """Defaults of a map from all six pose columns to all six wrench columns."""
+
+    inputs = POSE
+    outputs = WRENCH
+
+
 @dataclass(frozen=True)
 class PolynomialMap(MapDefaults):
-    """A polynomial from any pose columns to any wrench columns (the paper's equation (4))."""
+    """A polynomial from any pose columns to any wrench columns.
+
+    Parameters
+    ----------
+    model
+        Degree, ranges of the normalisation, and coefficients of each output.
+    inputs, outputs
+        Names of the n pose and m wrench columns.
+
+    Source
+    ------
+    Deutschmann et al., equation (4).
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> from ecm.models import fit_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> base = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear").base
+    >>> base.name, base.outputs, len(base.coefficients)
+    ('poly:1', ('fx_N',), 2)
+    """
 
     model: PolynomialModel
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    kind = "polynomial"
 
     @property
     def name(self) -> str:
@@ -102,24 +159,9 @@ class PolynomialMap(MapDefaults):
         return f"poly:{self.model.degree}"
 
     @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """`polynomial`."""
-        return "polynomial"
-
-    @property
-    def length_m(self) -> float | None:
-        """Not needed."""
-        return None
-
-    @property
     def coefficients(self) -> F:
-        """All coefficients, output by output."""
+        """(k,) all coefficients, output by output."""
         return np.asarray(self.model.coefficients.T.ravel())
-
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(len(self.outputs))
 
     def predict(self, poses: F) -> F:
         """(N, n) to (N, m)."""
@@ -130,11 +172,15 @@ class PolynomialMap(MapDefaults):
         partial = self.model.jacobian(np.ascontiguousarray(poses))
         return partial_to(kind, partial, poses, self)
 
-    def columns(self, poses: F) -> F:
-        """Block diagonal: the same regressor for each output."""
-        regressor = polynomial_regressor(
+    def regressor(self, poses: F) -> F:
+        """(N, k / m) terms of one output at poses (N, n), normalised as in the fit."""
+        return polynomial_regressor(
             np.ascontiguousarray(poses), self.model.degree, self.model.lower, self.model.upper
         )
+
+    def columns(self, poses: F) -> F:
+        """(N, m, k) block diagonal: the same regressor for each output."""
+        regressor = self.regressor(poses)
         n, k = regressor.shape
         m = len(self.outputs)
         columns = np.zeros((n, m, m * k))
@@ -143,7 +189,7 @@ class PolynomialMap(MapDefaults):
         return columns
 
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
-        """The same terms with other coefficients."""
+        """The same terms with other coefficients (k,)."""
         shaped = coefficients.reshape(len(self.outputs), -1).T
         model = PolynomialModel.from_coefficients(
             self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
@@ -151,12 +197,12 @@ class PolynomialMap(MapDefaults):
         return PolynomialMap(model, self.inputs, self.outputs)
 
     def document(self) -> dict[str, Any]:
-        """Terms, ranges and coefficients."""
+        """Terms, ranges and coefficients for a model file."""
         return self.model.document(self.inputs, self.outputs)
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> PolynomialMap:
-        """The map of an opened model file."""
+        """Return the map of an opened model file."""
         ranges = document["normalisation"]
         model = PolynomialModel.from_coefficients(
             int(document["degree"]),
@@ -168,10 +214,31 @@ class PolynomialMap(MapDefaults):
 
 
 @dataclass(frozen=True)
-class EnergyMap(MapDefaults):
-    """A polynomial energy of mid-frame coordinates: every such map has a potential."""
+class EnergyMap(SixAxisMap):
+    """A polynomial energy of mid-frame coordinates: every such map has a potential.
+
+    Parameters
+    ----------
+    model
+        Length (m), degree, symmetry, scales and coefficients of the energy.
+
+    Source
+    ------
+    conventions.md, "Mid-frame coordinates".
+
+    Examples
+    --------
+    >>> from ecm._native import EnergyModel
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base = EnergyMap(EnergyModel.fit(poses, wrenches, length_m=0.1, degree=4))
+    >>> base.name, len(base.coefficients)
+    ('energy4', 22)
+    """
 
     model: EnergyModel
+
+    kind = "energy"
 
     @property
     def name(self) -> str:
@@ -179,34 +246,14 @@ class EnergyMap(MapDefaults):
         return self.model.name
 
     @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """`energy`."""
-        return "energy"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """All six."""
-        return POSE
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """All six."""
-        return WRENCH
-
-    @property
     def length_m(self) -> float | None:
-        """Length of the mechanism."""
+        """Length of the mechanism, m."""
         return self.model.length_m
 
     @property
     def coefficients(self) -> F:
-        """One per term of the energy."""
+        """(k,) one per term of the energy."""
         return np.asarray(self.model.coefficients)
-
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(6)
 
     def predict(self, poses: F) -> F:
         """(N, 6) to (N, 6)."""
@@ -219,34 +266,31 @@ class EnergyMap(MapDefaults):
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""
         return EnergyModel.regressor(
-            np.ascontiguousarray(poses),
-            length_m=self.model.length_m,
-            degree=self.model.degree,
-            symmetry=cast(Symmetry, self.model.symmetry),
-            scale=self.model.scale,
-            groups=self.model.groups,
+            np.ascontiguousarray(poses), scale=self.model.scale, **self._terms
         )
 
     def with_coefficients(self, coefficients: F) -> EnergyMap:
-        """The same terms with other coefficients."""
+        """The same terms with other coefficients (k,)."""
+        coefficients = np.ascontiguousarray(coefficients)
         return EnergyMap(
             EnergyModel.from_coefficients(
-                length_m=self.model.length_m,
-                degree=self.model.degree,
-                symmetry=cast(Symmetry, self.model.symmetry),
-                scale=self.model.scale,
-                coefficients=np.ascontiguousarray(coefficients),
-                groups=self.model.groups,
+                scale=self.model.scale, coefficients=coefficients, **self._terms
             )
         )
 
+    @property
+    def _terms(self) -> dict[str, Any]:
+        """Arguments that choose the terms of the native energy."""
+        names = ("length_m", "degree", "symmetry", "groups")
+        return {name: getattr(self.model, name) for name in names}
+
     def document(self) -> dict[str, Any]:
-        """Terms, scales and coefficients."""
+        """Terms, scales and coefficients for a model file."""
         return self.model.document()
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> EnergyMap:
-        """The map of an opened model file."""
+        """Return the map of an opened model file."""
         return EnergyMap(
             EnergyModel.from_coefficients(
                 length_m=float(document["length_m"]),
@@ -257,6 +301,16 @@ class EnergyMap(MapDefaults):
                 groups=list(document.get("groups", ())),
             )
         )
+
+
+def central_differences(function: Callable[[F], F], poses: F, step: float) -> list[F]:
+    """Derivative of a function of poses (N, n) to each of the n coordinates in turn."""
+    slopes = []
+    for j in range(poses.shape[1]):
+        change = np.zeros(poses.shape[1])
+        change[j] = step
+        slopes.append((function(poses + change) - function(poses - change)) / (2.0 * step))
+    return slopes
 
 
 def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
@@ -275,45 +329,3 @@ def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
         source="partial",
         target=cast(StiffnessKind, kind),
     )
-
-
-def parse_energy_name(name: str) -> tuple[int, Symmetry]:
-    """Degree and symmetry of `energyD`, `energyD-revolution`, `energyD-general`."""
-    stem, _, suffix = name.partition("-")
-    digits = stem.removeprefix("energy")
-    symmetry = suffix or "alike"
-    if digits not in ("4", "5", "6") or symmetry not in ("alike", "revolution", "general"):
-        raise InputError(
-            f"model {name!r}: expected energy4, energy5 or energy6, alone or with -revolution "
-            "or -general"
-        )
-    return int(digits), cast(Symmetry, symmetry)
-
-
-GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
-"""Broken symmetries that an energy may be given terms for (docs/models.md)."""
-
-
-def parse_groups(name: str) -> tuple[str, tuple[str, ...]]:
-    """`energy6+anisotropy+face_tilt`: the energy's own name, and the groups."""
-    stem, *groups = name.split("+")
-    for group in groups:
-        if group not in GROUPS:
-            raise InputError(f"model {name!r}: no group {group!r}; there are {', '.join(GROUPS)}")
-    if len(set(groups)) < len(groups):
-        raise InputError(f"model {name!r}: a group is named twice; name each once")
-    return stem, tuple(groups)
-
-
-def parse_polynomial_name(name: str) -> int:
-    """Degree of `poly:D` or of linear, quadratic, cubic."""
-    aliases = {"linear": 1, "quadratic": 2, "cubic": 3}
-    if name in aliases:
-        return aliases[name]
-    digits = name.removeprefix("poly:")
-    if not digits.isdigit() or not 1 <= int(digits) <= 6:
-        raise InputError(
-            f"model {name!r}: expected poly:D with D from 1 to 6, linear, quadratic, cubic, "
-            "energy4, energy6, energy4-general, physics, rod, constant-curvature, gp or mlp"
-        )
-    return int(digits)

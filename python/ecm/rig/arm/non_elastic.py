@@ -21,7 +21,7 @@ from ecm.rig.elastic import Anchors, Elastic, Grading
 from ecm.rig.physics import Physics
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import Visit
+from ecm.rig.visits import Visit
 
 STEPS_BETWEEN = 200
 """Simulation steps between two evaluations of the plant."""
@@ -35,8 +35,6 @@ class HiddenPhysics:
     anchors: Anchors
     gradings: Mapping[str, Grading]
     physics: Physics
-    bare: Physics
-    """What the scene already has: the known payload, which is a body of the arm."""
     visits: tuple[Visit, ...]
     """Visits of the planned timeline."""
     anchor: I
@@ -91,6 +89,6 @@ class NonElasticWrench:
             rested=True,
         )  # fmt: skip
         visits = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
-        plant, hidden = self._plant.anew(), self._hidden
-        wrench: F = (plant.load(visits, hidden.physics) - plant.load(visits, hidden.bare))[0]
+        plant, physics = self._plant, self._hidden.physics
+        wrench: F = (plant.load(visits, physics) - plant.load(visits, Physics()))[0]
         return wrench

@@ -16,7 +16,7 @@ from ecm.io.columns import WRENCH
 from ecm.rig.arm.plot_style import COLOURS, thousandths
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.plan import rest_pose
-from ecm.rig.timeline import POSE
+from ecm.rig.visits import POSE
 
 if TYPE_CHECKING:
     from ecm.rig.arm.campaign import RobotCampaign
