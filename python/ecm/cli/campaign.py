@@ -12,8 +12,8 @@ from ecm.cli.command import Out, Session, command
 from ecm.cli.outputs import check_output
 from ecm.io.table import Table
 from ecm.rig import RigSettings, campaign_minutes, run_campaign, run_campaigns
-from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
+from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.summary import summary_lines
 from ecm.rig.journal import keep_data
 from ecm.workflow.config import read_rig
