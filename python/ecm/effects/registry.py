@@ -316,7 +316,11 @@ def load_installed() -> None:
     Raises
     ------
     InputError
-        An entry point cannot be loaded.
+        An entry point cannot be loaded, is no effect, or its id is in the catalogue.
+
+    Examples
+    --------
+    >>> load_installed()
     """
     for point in metadata.entry_points(group="ecm.effects"):
         try:
