@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 from ecm.errors import InputError
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.parquet import require_pyarrow, write_parquet
-from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.run import require_arm, run_robot, write_record
 from ecm.rig.arm.sorties import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
@@ -90,6 +88,10 @@ def run_campaign(
     if folder is None:
         folder = cache_directory()
     if rig.rig.mode == "robot":
+        # scipy is slow to load, and only the arm needs it
+        from ecm.rig.arm.campaign import RobotCampaign
+        from ecm.rig.arm.run import require_arm, run_robot, write_record
+
         require_arm(folder)
         arm = RobotCampaign(
             plan, rig, source, hide=hide, seed=seed, folder=folder, library_folder=folder,
