@@ -20,9 +20,6 @@ from ecm.io.arrays import B, F
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise
 
-_SEEN = 4.0
-"""Standard deviations of U beyond which the noise is not as it was taken."""
-
 
 @dataclass(frozen=True)
 class NoiseFinding:
@@ -69,7 +66,7 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
             whitener = problem.whitener[use]
             acting = whitener @ variance @ np.swapaxes(whitener, 1, 2)
             z, square = _score(residual, kept, acting)
-            if z > _SEEN and (best is None or z > best.z):
+            if z > problem.settings.noise_effect_deviations and (best is None or z > best.z):
                 value = parameter.scale * float(np.sqrt(square))
                 best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
         if best is not None:
