@@ -12,6 +12,9 @@ CARGO  ?= cargo
 STEP   := scripts/step
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
+# Processes that share the tests: one a core, at most four.
+WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
+
 .PHONY: demo test setup build build-demo test-rust test-python wheel bench-diagnose bench-blind clean
 
 demo: build-demo
@@ -57,7 +60,7 @@ test-python: build
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest ecm._native
-	$(BIN)/pytest
+	$(BIN)/pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 wheel: setup
 	$(BIN)/maturin build --release --out dist

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,7 +10,40 @@ import pytest
 
 from ecm.cli import run
 from ecm.regression.blas import one_blas_thread
-from support.neck import SHARED_DATA, Done, csv_text, neck_columns
+from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
+
+TESTS = ROOT / "tests"
+LONGEST_FIRST = (
+    "package/test_wheel.py",
+    "workflow/test_identify.py",
+    "designs/test_design.py",
+    "package/test_tutorial.py",
+    "package/test_readme.py",
+    "blind_benchmark/test_blind.py",
+    "diagnosis/test_diagnose.py",
+    "fem/test_dask.py",
+    "effects/test_body_variation.py",
+    "models/test_physics_rod.py",
+)
+"""Files that begin first when the tests run on several workers, so that none ends alone."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Share the cores among the workers: each solves on its part of them, and so do commands."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if workers > 1:
+        os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // workers)))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the tests of a file on one worker, for they share fixtures; long files begin first."""
+    if not hasattr(config, "workerinput"):
+        return
+    order = {str(TESTS / name): i for i, name in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: order.get(str(item.path), len(order)))
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -3,6 +3,9 @@
 From a mesh and a handful of measurements to a wrench h(p) and a stiffness K(p) that run in a
 1 kHz controller, and to the name of the physical effect that the model still lacks.
 
+Each command of the command line is a function of the same name: `simulate`, `fit`, `predict`,
+`design`, `campaign`, `check`, `compare`, `diagnose`, `refit`, `reveal`, `export`, `identify`.
+
 Poses are (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrenches (fx, fy, fz, taux, tauy,
 tauz) in N and N m, both in base axes at the top frame's origin.
 """
@@ -17,17 +20,24 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
+    from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.verdict import Diagnosis
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
+    from ecm.models.export import export
     from ecm.models.fit import fit_model
+    from ecm.models.fit import fit_model as fit
     from ecm.models.model import Model, load_model
+    from ecm.models.prediction import predict
+    from ecm.models.refit import refit
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
+    from ecm.rig.run import run_campaign as campaign
     from ecm.rig.settings import RigSettings
+    from ecm.workflow.design import PlannedDesign, design
     from ecm.workflow.identify import identify
 
 _NAMES = {
@@ -35,20 +45,28 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
+    "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.verdict": ("Diagnosis",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
-    "models.fit": ("fit_model",),
+    "models.export": ("export",),
+    "models.fit": ("fit", "fit_model"),
     "models.model": ("Model", "load_model"),
+    "models.prediction": ("predict",),
+    "models.refit": ("refit",),
     "rig.hidden.truth": ("reveal",),
-    "rig.run": ("run_campaign",),
+    "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),
+    "workflow.design": ("PlannedDesign", "design"),
     "workflow.identify": ("identify",),
 }
 """The public names by their module: a module is imported when a name of it is first used."""
+
+_ALIASES = {"campaign": "run_campaign", "fit": "fit_model"}
+"""The verbs of the command line that are functions of another name."""
 
 _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
@@ -62,22 +80,30 @@ __all__ = [
     "Mechanism",
     "MissingExtra",
     "Model",
+    "PlannedDesign",
     "RigSettings",
     "Simulated",
     "Table",
     "Workspace",
     "__version__",
     "as_table",
+    "campaign",
+    "check",
     "compare",
+    "design",
     "diagnosable_plan",
     "diagnose",
+    "export",
     "fem_poses",
+    "fit",
     "fit_model",
     "identify",
     "load_model",
     "optimal_design",
     "paper_plan",
+    "predict",
     "read_table",
+    "refit",
     "reveal",
     "run_campaign",
     "simulate",
@@ -87,7 +113,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'ecm' has no attribute '{name}'")
-    value = getattr(import_module(f"ecm.{_MODULE_OF[name]}"), name)
+    value = getattr(import_module(f"ecm.{_MODULE_OF[name]}"), _ALIASES.get(name, name))
     globals()[name] = value
     return value
 

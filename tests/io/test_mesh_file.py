@@ -125,7 +125,7 @@ def test_a_missing_extra_is_named(
     def absent(module: str) -> Any:
         raise ImportError(module)
 
-    monkeypatch.setattr("ecm.io.mesh.import_module", absent)
+    monkeypatch.setattr("ecm.io.extras.import_module", absent)
     (tmp_path / name).write_text("x", encoding="utf-8")
     with pytest.raises(MissingExtra, match=rf"{package}.*ecm-stiffness\[{extra}\]"):
         read_mesh(tmp_path / name)
@@ -137,7 +137,7 @@ def test_missing_system_libraries_of_gmsh_are_named(
     def broken(module: str) -> Any:
         raise OSError("libGLU.so.1: cannot open shared object file")
 
-    monkeypatch.setattr("ecm.io.mesh.import_module", broken)
+    monkeypatch.setattr("ecm.io.extras.import_module", broken)
     (tmp_path / "a.step").write_text("x", encoding="utf-8")
     with pytest.raises(InputError, match="libglu1-mesa"):
         read_mesh(tmp_path / "a.step")

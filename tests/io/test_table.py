@@ -436,7 +436,7 @@ def test_a_table_becomes_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(module: str) -> Any:
         raise ImportError(module)
 
-    monkeypatch.setattr("ecm.io.table.import_module", absent)
+    monkeypatch.setattr("ecm.io.extras.import_module", absent)
     with pytest.raises(MissingExtra, match=r"pandas.*ecm-stiffness\[data\]"):
         table.to_pandas()
 

@@ -52,7 +52,7 @@ def test_the_physics_of_a_toml_is_as_wide_as_the_data(
         asked.append(reach_rad)
         return physics()
 
-    monkeypatch.setattr("ecm.models.physics_map", built)
+    monkeypatch.setattr("ecm.cli.models.physics_map", built)
     monkeypatch.chdir(tmp_path)
     far_table().write("d.csv")
     Path("body.toml").write_text(f"[mechanism]\nlength_m = {L}\n", encoding="utf-8")

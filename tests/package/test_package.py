@@ -13,6 +13,7 @@ from types import ModuleType
 import pytest
 
 import ecm
+from ecm.cli.app import COMMANDS
 from support.neck import csv_text, neck_columns
 
 
@@ -43,7 +44,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = ecm.measure  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("name", ["compare", "diagnose", "identify", "simulate"])
+@pytest.mark.parametrize("name", sorted(set(COMMANDS) - {"effects", "material", "new"}))
 def test_a_verb_is_a_function_and_no_module_has_its_name(name: str) -> None:
     assert callable(getattr(ecm, name))
     assert importlib.util.find_spec(f"ecm.{name}") is None

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.cli.reports import write_comparison
 from ecm.comparison import compare
+from ecm.comparison.page import write_comparison
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number

@@ -21,7 +21,8 @@ from ecm.io.table import Table
 from ecm.rig import RigSettings
 from ecm.workflow.campaign_files import require_free
 from ecm.workflow.config import Config
-from ecm.workflow.identify import Console, Job, measure
+from ecm.workflow.console import Console, Silent
+from ecm.workflow.identify import Job, measure
 from support.browser import open_page
 from support.neck import ROOT, Done
 
@@ -111,14 +112,14 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-class Stops(Console):
+class Stops(Silent):
     """Ctrl-C after so many readings; counts those that were taken."""
 
     def __init__(self, after: int = 1000) -> None:
         self.taken = 0
         self.after = after
 
-    def bar(self, title: str) -> Callable[..., None]:
+    def progress(self, title: str) -> Callable[..., None]:
         def tell(_done: int, _total: int, word: str = "") -> None:
             self.taken += word == "measuring"
             if self.taken >= self.after:
@@ -139,7 +140,7 @@ OTHER = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
 
 def job(out: Path, console: Console | None = None) -> Job:
     """A job on the default rig."""
-    return Job(Config(), out, seed=1, threads=1, console=console or Console())
+    return Job(Config(), out, seed=1, threads=1, console=console or Silent())
 
 
 @pytest.mark.parametrize("change", ["edited", "of a real rig", "no table"])

@@ -20,7 +20,8 @@ from ecm.report.page import write_page
 from ecm.rig import HiddenTable, RigSettings
 from ecm.workflow.campaign_files import _identity, require_free
 from ecm.workflow.config import Config, read_config, with_rig
-from ecm.workflow.identify import DESIGNS, Console, Job, _measure, measure
+from ecm.workflow.console import Silent
+from ecm.workflow.identify import DESIGNS, Job, _measure, measure
 from ecm.workflow.report_arm import arm_section
 from support.arm_rig import FAST, settings
 from support.browser import open_page
@@ -75,7 +76,7 @@ class Step3:
 
     def __init__(self, out: Path) -> None:
         config = Config(rig=settings(**FAST))
-        self.job = Job(config, out, seed=1, threads=2, console=Console())
+        self.job = Job(config, out, seed=1, threads=2, console=Silent())
         self.pairs = simulate(config.mechanism, 7, config.workspace, seed=1, threads=2)
         self.tables, self.summary = self.run()
 
@@ -145,7 +146,7 @@ def test_processes_and_rehearsed_faults_may_change_while_a_campaign_is_interrupt
 
 
 def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) -> None:
-    job = Job(Config(), tmp_path, seed=1, threads=1, console=Console())
+    job = Job(Config(), tmp_path, seed=1, threads=1, console=Silent())
     pairs = simulate(job.config.mechanism, 3, job.config.workspace, seed=2, threads=2)
     other = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
     tables = [measure(job, pairs.table(), "measured-d", rig) for rig in (RigSettings(), other)]

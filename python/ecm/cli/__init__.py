@@ -1,4 +1,4 @@
-"""The command `ecm`: each command parses and calls; nothing else is here."""
+"""The command `ecm`: one file per command; each parses its options and calls the package."""
 
 from __future__ import annotations
 

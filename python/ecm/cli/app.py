@@ -1,72 +1,95 @@
-"""The typer application: one command per file."""
+"""The command line: a registry of commands, each loaded from its file only when it is called."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
-from ecm.cli import (
-    campaign,
-    check,
-    compare,
-    design,
-    diagnose,
-    effects,
-    export,
-    fit,
-    identify,
-    material,
-    new,
-    predict,
-    refit,
-    reveal,
-    simulate,
-)
+from ecm._native import __version__
 
-app = typer.Typer(
-    name="ecm",
-    help="Stiffness of continuum mechanisms: from a mesh to a model and its effects.",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 80},
-)
+COMMANDS = {
+    "identify": "Simulate, select, measure, identify: mesh to report.",
+    "simulate": "Wrenches to poses by FEM.",
+    "fit": "A model of measured or simulated pairs.",
+    "predict": "A model's wrench and stiffness at given poses.",
+    "design": "The poses worth measuring, as a plan.",
+    "campaign": "A simulated rig measures a plan.",
+    "check": "Columns, units, what will be testable.",
+    "compare": "Noise floor, excess error, where.",
+    "diagnose": "Which effect is missing.",
+    "refit": "Add or remove an effect and fit again.",
+    "reveal": "Open a sealed truth and score an answer.",
+    "effects": "The physical effects that can be named.",
+    "material": "A material from tests.",
+    "export": "A model as C or Rust for a controller.",
+    "new": "A config, rig or data file to begin from.",
+}
+"""Every command with its line of `ecm --help`: the function NAME of the file `NAME.py`."""
+
+
+class _Commands(TyperGroup):
+    """The commands of the registry; the help of the group loads none of them."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            self.commands[cmd_name] = load_command(cmd_name)
+        return self.commands.get(cmd_name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] not in COMMANDS:  # the parser suggests names of this mapping
+            self.commands: Any = dict.fromkeys(COMMANDS)
+        return super().resolve_command(ctx, args)
+
+
+def load_command(name: str) -> Any:
+    """Return the parser of one command, or of a group of commands (a typer application)."""
+    function = getattr(import_module(f"ecm.cli.{name}"), name)
+    if not isinstance(function, typer.Typer):
+        single = new_application()
+        single.command(name)(function)
+        function = single
+    return get_command(function)
+
+
+def new_application(**options: Any) -> typer.Typer:
+    """Return a typer application with plain help and errors."""
+    return typer.Typer(
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 80},
+        **options,
+    )
+
+
+_HELP = "Stiffness of continuum mechanisms: from a mesh to a model and its effects."
+app = new_application(name="ecm", cls=_Commands, help=_HELP, no_args_is_help=True)
 
 
 def _version(asked: bool) -> None:
     if asked:
-        from ecm._native import __version__
-
         typer.echo(f"ecm {__version__}")
         raise typer.Exit
 
 
-@app.callback()
-def options(
+@app.callback(help=_HELP)
+def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say it and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
-    """Stiffness of continuum mechanisms: from a mesh to a model and its effects."""
-
-
-for _module in (
-    identify,
-    simulate,
-    fit,
-    predict,
-    design,
-    campaign,
-    check,
-    compare,
-    diagnose,
-    refit,
-    reveal,
-    effects,
-    material,
-    export,
-    new,
-):
-    _module.add_to(app)
+    """Options of the program itself."""

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import Json, Out, Quiet, Seed, Threads, keep_note, load, output, save_json
+from ecm.cli.command import Out, Session, command
+from ecm.cli.outputs import check_output
+from ecm.io.table import Table
+from ecm.rig import RigSettings, campaign_minutes, run_campaign, run_campaigns
+from ecm.rig.arm.run import robot_path
+from ecm.rig.arm.show import need_robot, show
+from ecm.rig.arm.summary import words
+from ecm.rig.journal import keep_data
+from ecm.workflow.config import read_rig
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("campaign", short_help="A simulated rig measures a plan.")(campaign)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def campaign(
-    *,
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="What `ecm design` writes.")],
-    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="`ecm new rig`.")],
-    out: Out,
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="What `ecm design` writes.")]
+    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="`ecm new rig`.")]
+    out: Out
     hide: Annotated[
         str | None,
         typer.Option(
@@ -28,73 +33,83 @@ def campaign(
             metavar="EFFECT=S",
             help="Hide an effect of strength S; random; none; FIRST.csv: what is hidden there.",
         ),
-    ] = None,
+    ] = None
     rigs: Annotated[
         int,
         typer.Option("--rigs", min=0, metavar="N", help="On N rigs of their own seeds: OUT-0000 …"),
-    ] = 0,
+    ] = 0
     scheduler: Annotated[
         str | None,
         typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler that deals the rigs."),
-    ] = None,
+    ] = None
     film: Annotated[
         Path | None, typer.Option("--film", metavar="FILE.gif", help="The arm at the first poses.")
-    ] = None,
+    ] = None
     phases: Annotated[
         Path | None,
         typer.Option("--phases", metavar="FILE.png", help="The arm's phases at the first pose."),
-    ] = None,
+    ] = None
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a table that stands there.")
-    ] = False,
-    json: Json = None,
-    seed: Seed = 0,
-    threads: Threads = 0,
-    quiet: Quiet = False,
-) -> None:
+        bool, typer.Option("--overwrite", help="Replace a table that is there already.")
+    ] = False
+
+
+@command(Options, seed=True, threads=True)
+def campaign(options: Options, session: Session) -> None:
     """Drive the simulated rig through a plan and write what it measures."""
-    from ecm.rig import campaign_minutes, run_campaign, run_campaigns
-    from ecm.rig.journal import keep_data
-    from ecm.workflow.config import read_rig
+    many = bool(options.rigs) or options.scheduler is not None
+    check_output(options.out, options.film, options.phases)
+    if not many:
+        keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
+    rig = read_rig(options.rig)
+    if options.film is not None or options.phases is not None:
+        need_robot(rig, ("--film", options.film), ("--phases", options.phases))
+    plan = session.read([options.plan], need="predict")
+    session.print(f"{len(plan)} visits, about {campaign_minutes(plan, rig):.0f} minutes")
+    common: dict[str, Any] = {
+        "seed": session.seed,
+        "threads": session.threads,
+        "hide": options.hide,
+        "overwrite": options.overwrite,
+        "progress": session.progress("campaign"),
+    }
+    if many:
+        paths = run_campaigns(
+            plan,
+            rig,
+            options.out,
+            rigs=max(1, options.rigs),
+            scheduler=options.scheduler,
+            **common,
+        )
+        document = {"schema": 1, "seed": session.seed, "data": [str(path) for path in paths]}
+        session.write_json(document)
+        session.print(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
+        return
+    session.on_interrupt("Readings so far are kept: the same command goes on there.")
+    data = run_campaign(plan, rig, options.out, resume=True, **common)
+    for warning in data.warnings:
+        session.warn(warning)
+    session.write_json(
+        {"schema": 1, "seed": session.seed, "rows": len(data), "data": str(options.out)}
+    )
+    session.print(f"{options.out}: {len(data)} rows")
+    if rig.rig.mode == "robot":
+        for line in _arm_lines(options, session, plan, rig):
+            session.print(line)
 
-    with Console(quiet=quiet) as console:
-        output(out, json, film, phases)
-        if not rigs and scheduler is None:
-            keep_data(out, overwrite=overwrite)  # before the plan is read
-        settings = read_rig(rig)
-        if film is not None or phases is not None:
-            from ecm.rig.arm.show import need_robot
 
-            need_robot(settings, ("--film", film), ("--phases", phases))
-        table = load([plan], console, need="predict")
-        console.say(f"{len(table)} visits, about {campaign_minutes(table, settings):.0f} minutes")
-        if rigs or scheduler is not None:
-            paths = run_campaigns(
-                table, settings, out, rigs=max(1, rigs), hide=hide, seed=seed, threads=threads,
-                scheduler=scheduler, progress=console.bar("campaign"), overwrite=overwrite,
-            )  # fmt: skip
-            save_json(json, {"schema": 1, "seed": seed, "data": [str(path) for path in paths]})
-            console.say(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
-            return
-        keep_note("Readings so far are kept: the same command goes on there.")
-        data = run_campaign(
-            table, settings, out, hide=hide, seed=seed, threads=threads,
-            progress=console.bar("campaign"), resume=True, overwrite=overwrite,
-        )  # fmt: skip
-        for warning in data.warnings:
-            console.warn(warning)
-        save_json(json, {"schema": 1, "seed": seed, "rows": len(data), "data": str(out)})
-        console.say(f"{out}: {len(data)} rows")
-        if settings.rig.mode == "robot":
-            from ecm.rig.arm.run import robot_path
-            from ecm.rig.arm.show import show
-            from ecm.rig.arm.summary import words
-
-            for line in words(robot_path(out)):
-                console.say(line)
-            if film is not None or phases is not None:
-                for line in show(
-                    table, settings, film=film, phases=phases, seed=seed, threads=threads,
-                    progress=console.bar("pictures"),
-                ):  # fmt: skip
-                    console.say(line)
+def _arm_lines(options: Options, session: Session, plan: Table, rig: RigSettings) -> list[str]:
+    """What the arm did, and the pictures of it that were asked for."""
+    lines = words(robot_path(options.out))
+    if options.film is not None or options.phases is not None:
+        lines = lines + show(
+            plan,
+            rig,
+            film=options.film,
+            phases=options.phases,
+            seed=session.seed,
+            threads=session.threads,
+            progress=session.progress("pictures"),
+        )
+    return lines

@@ -2,114 +2,75 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-import typer
-
-from ecm.cli.console import Console
-from ecm.cli.options import (
-    Data,
-    HiddenThreads,
-    Json,
-    Meta,
-    ModelFile,
-    Quiet,
-    Report,
-    Seed,
-    SkipBadRows,
-    load,
-    load_effects,
-    need_report,
-    output,
-    save_json,
-)
+from ecm.cli.command import Data, ModelFile, Session, command
+from ecm.cli.models import open_model, prepare_physics
 from ecm.cli.text import columns
+from ecm.comparison import Comparison
+from ecm.comparison import compare as compare_model
+from ecm.comparison.page import write_comparison
+from ecm.diagnosis.check import excitation_sentences, never_excited
+from ecm.effects import load_installed
 from ecm.io.columns import unit_of
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
-    from ecm.comparison import Comparison
-    from ecm.comparison.reference_models import ReferenceModels
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("compare", short_help="Noise floor, excess error, where.")(compare)
+    model: ModelFile
+    data: Data
 
 
-def compare(
-    *,
-    model: ModelFile,
-    data: Data,
-    meta: Meta = None,
-    skip_bad_rows: SkipBadRows = False,
-    json: Json = None,
-    report: Report = None,
-    seed: Seed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
-    """A model against a table: RMSE, bias, noise floor and excess error per component."""
-    from ecm.cli.models import open_model, prepare_physics
-    from ecm.cli.reports import write_comparison
-    from ecm.comparison import compare as run
-    from ecm.diagnosis.check import excitation_sentences, never_excited
-
-    with Console(quiet=quiet) as console:
-        output(json, report)
-        load_effects()
-        need_report(report)
-        table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        opened = open_model(model, console, table)
-        if opened.base.kind != "physics":
-            prepare_physics(table, console, threads)
-        found = run(opened, table, seed=seed)
-        warnings = [*found.warnings, *table.warnings]
-        silent = never_excited(table)
-        save_json(json, {**found.to_dict(), "never_excited": list(silent), "warnings": warnings})
-        if report is not None:
-            write_comparison(report, found, warnings)
-        console.say(_errors(found, silent))
-        console.say()
-        if found.lack_of_fit is not None:
-            console.say(_lack_of_fit(found, silent))
-            console.say()
-        console.say(found.sentence())
-        if found.references is not None:
-            console.say(_side_by_side(found.references))
-        for warning in found.warnings:
-            console.warn(warning)
-        for sentence in excitation_sentences(silent):
-            console.say(sentence)
+@command(Options, tables=True, report=True, seed=True)
+def compare(options: Options, session: Session) -> None:
+    """Compare a model with a table: RMSE, bias, noise floor and excess error per component."""
+    load_installed()
+    table = session.read(options.data, need="fit")
+    model = open_model(options.model, session, table)
+    if model.base.kind != "physics":
+        prepare_physics(table, session)
+    result = compare_model(model, table, seed=session.seed)
+    warnings = [*result.warnings, *table.warnings]
+    constant = never_excited(table)
+    session.write_json({**result.to_dict(), "never_excited": list(constant), "warnings": warnings})
+    if session.report is not None:
+        write_comparison(session.report, result, warnings)
+    session.print(_errors(result, constant) + "\n")
+    if result.lack_of_fit is not None:
+        session.print(_lack_of_fit(result, constant) + "\n")
+    session.print(result.sentence())
+    if result.references is not None:
+        levels = result.references.levels().items()
+        shown = ", ".join(f"{name} {value:.2f}" for name, value in levels)
+        session.print(f"Held-out error over noise: {shown}. {result.references.sentence()}")
+    for warning in result.warnings:
+        session.warn(warning)
+    for sentence in excitation_sentences(constant):
+        session.print(sentence)
 
 
-def _errors(found: Comparison, silent: Sequence[str]) -> str:
-    """Error, floor and excess of each component that was excited."""
+def _errors(result: Comparison, constant: Sequence[str]) -> str:
+    """Error, noise floor and excess error of each component that was excited."""
     rows = [("component", "rmse", "bias", "noise floor", "excess", "90 % interval", "unit")]
-    for item in found.components:
-        if item.name in silent:
-            continue
-        interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
-        unit = unit_of(item.name)
-        rows.append(
-            (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
-             f"{item.excess:.3g}", interval, unit)
-        )  # fmt: skip
+    for item in result.components:
+        if item.name not in constant:
+            interval = f"{item.excess_low:.3g} .. {item.excess_high:.3g}"
+            rows.append(
+                (item.name, f"{item.rmse:.3g}", f"{item.bias:.3g}", f"{item.floor:.3g}",
+                 f"{item.excess:.3g}", interval, unit_of(item.name))
+            )  # fmt: skip
     return columns(rows)
 
 
-def _lack_of_fit(found: Comparison, silent: Sequence[str]) -> str:
-    """F of what the model leaves between repeated poses over what repeats of one pose leave."""
-    tests = {"all": found.lack_of_fit} | {c.name: c.lack_of_fit for c in found.components}
+def _lack_of_fit(result: Comparison, constant: Sequence[str]) -> str:
+    """F of the model's error between repeated poses over the scatter of the repeats."""
+    tests = {"all": result.lack_of_fit} | {c.name: c.lack_of_fit for c in result.components}
     rows = [("lack of fit", "F", "dof", "of error", "p")]
     for name, test in tests.items():
-        if test is not None and name not in silent:
+        if test is not None and name not in constant:
             dof = f"{test.dof:.4g}", f"{test.dof_error:.4g}"
             rows.append((name, f"{test.F:.6g}", *dof, f"{test.p:.2g}"))
     return columns(rows)
-
-
-def _side_by_side(found: ReferenceModels) -> str:
-    shown = ", ".join(f"{name} {value:.2f}" for name, value in found.levels().items())
-    return f"Held-out error over noise: {shown}. {found.sentence()}"

@@ -1,57 +1,59 @@
-"""What a command tells while it works: lines on stdout, progress with the time left on stderr."""
+"""What a command prints: results on stdout, warnings and progress with the time left on stderr."""
 
 from __future__ import annotations
 
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
+from typing import Any, ClassVar
 
 _LINE_EVERY_S = 10.0
 
 
 class Console:
-    """Lines and bars; `quiet` leaves only errors.
+    """Lines and progress bars; `quiet` leaves only errors.
 
-    On a terminal a bar is drawn; elsewhere a line every ten seconds says how far it is.
+    On a terminal a bar is drawn; elsewhere a line every ten seconds says how far the work is.
     """
+
+    interrupt_message: ClassVar[str] = "Nothing was written."
+    """What an interrupted command leaves behind, and how to go on."""
 
     def __init__(self, *, quiet: bool = False) -> None:
         self.quiet = quiet
-        self._progress: Progress | None = None
+        self._progress: Any = None
 
-    def say(self, text: str = "") -> None:
-        """A line of the result."""
+    def print(self, text: str = "") -> None:
+        """Print a line of the result."""
         if not self.quiet:
-            self.close()
-            sys.stdout.write(text + "\n")
-            sys.stdout.flush()
+            self._write(sys.stdout, text)
 
     def warn(self, text: str) -> None:
-        """A line about the input, on stderr."""
+        """Print a warning about the input."""
         if not self.quiet:
-            self.close()
-            sys.stderr.write(f"warning: {text}\n")
-            sys.stderr.flush()
+            self._write(sys.stderr, f"warning: {text}")
 
-    def bar(self, title: str) -> Callable[..., None] | None:
-        """A callback (done, total[, word]) that shows how far the work is; None when quiet."""
+    def progress(self, title: str) -> Callable[..., None] | None:
+        """Return a callback (done, total[, phase]) that shows the progress; None when quiet."""
         if self.quiet:
             return None
         self.close()
-        return self._drawn(title) if sys.stderr.isatty() else _lines(title)
+        return self._bar(title) if sys.stderr.isatty() else _lines(title)
+
+    def on_interrupt(self, message: str) -> None:
+        """Set what is printed if the command is interrupted."""
+        Console.interrupt_message = message
 
     def close(self) -> None:
-        """End the bar that is being drawn."""
+        """Stop the bar that is drawn."""
         if self._progress is not None:
             self._progress.stop()
             self._progress = None
 
     def __enter__(self) -> Console:
+        self.on_interrupt("Nothing was written.")
         return self
 
     def __exit__(
@@ -62,23 +64,20 @@ class Console:
     ) -> None:
         self.close()
 
-    def _drawn(self, title: str) -> Callable[..., None]:
-        from rich.console import Console as RichConsole
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeRemainingColumn,
-        )
+    def _write(self, stream: Any, text: str) -> None:
+        self.close()
+        stream.write(text + "\n")
+        stream.flush()
 
-        progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=30),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(compact=True),
-            TextColumn("left"),
-            console=RichConsole(stderr=True),
+    def _bar(self, title: str) -> Callable[..., None]:
+        rich = import_module("rich.progress")  # loaded only where a bar is drawn
+        progress = rich.Progress(
+            rich.TextColumn("{task.description}"),
+            rich.BarColumn(bar_width=30),
+            rich.MofNCompleteColumn(),
+            rich.TimeRemainingColumn(compact=True),
+            rich.TextColumn("left"),
+            console=import_module("rich.console").Console(stderr=True),
         )
         progress.start()
         self._progress = progress
@@ -99,14 +98,14 @@ class Console:
 
 
 class _Phase:
-    """Work may have phases, each with a count of its own."""
+    """A phase of the work with a count of its own."""
 
     def __init__(self) -> None:
         self.first = self._done = self._total = 0
         self.start = time.monotonic()
 
     def begins(self, done: int, total: int) -> bool:
-        """Whether the count begins anew with this call."""
+        """Whether a new phase, with a new count, begins with this call."""
         new = total != self._total or done < self._done
         if new:
             self.first, self.start = done, time.monotonic()
@@ -114,7 +113,7 @@ class _Phase:
         return new
 
     def left(self, now: float) -> str:
-        """', 12 s left' at the pace so far."""
+        """', 12 s left' at the speed so far."""
         gained = self._done - self.first
         if not (self._total and gained > 0 and self._done < self._total):
             return ""
@@ -124,18 +123,18 @@ class _Phase:
 def _lines(title: str) -> Callable[..., None]:
     phase = _Phase()
     last = phase.start
-    told = False
+    complete = False
 
     def show(done: int, total: int, *words: Any) -> None:
-        nonlocal last, told
+        nonlocal last, complete
         now = time.monotonic()
         if phase.begins(done, total):
-            told = False
+            complete = False
         finished = bool(total) and done >= total
         slow = now - phase.start > _LINE_EVERY_S
-        if told or (now - last < _LINE_EVERY_S and not (finished and slow)):
+        if complete or (now - last < _LINE_EVERY_S and not (finished and slow)):
             return
-        last, told = now, finished
+        last, complete = now, finished
         what = ", ".join([title, *map(str, words)])
         sys.stderr.write(f"{what}: {done}{f' of {total}' if total else ''}{phase.left(now)}\n")
         sys.stderr.flush()

@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import (
-    HiddenThreads,
-    Json,
-    Out,
-    Report,
-    Seed,
-    load,
-    load_effects,
-    need_report,
-    output,
-    output_plan,
-    save_json,
-)
-
-if TYPE_CHECKING:
-    from ecm.designs import NominalModel, Size
-    from ecm.diagnosis.identifiability import Identifiability
-    from ecm.effects import Effect
-    from ecm.io.table import Table
-    from ecm.regression.noise import Noise
-    from ecm.rig import RigSettings
+from ecm.cli.command import Out, Session, command
+from ecm.cli.models import open_model
+from ecm.cli.outputs import check_output_plan
+from ecm.designs import Size
+from ecm.designs.rows import list_or_region, row_list
+from ecm.effects import Effect, get_effect, load_installed
+from ecm.io.arrays import F
+from ecm.io.table import Table
+from ecm.workflow.config import read_rig
+from ecm.workflow.design import design as design_plan
+from ecm.workflow.report_design import write_design
 
 
 class Criterion(str, Enum):
@@ -58,250 +47,115 @@ class Search(str, Enum):
     paper = "paper"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("design", short_help="The poses worth measuring, as a plan.")(design)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def design(
-    *,
-    candidates: Annotated[Path, typer.Argument(metavar="CANDIDATES", help="Table of poses.")],
-    n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")],
-    out: Out,
+    candidates: Annotated[Path, typer.Argument(metavar="CANDIDATES", help="Table of poses.")]
+    n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")]
+    out: Out
     criterion: Annotated[
         Criterion,
         typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin."),
-    ] = Criterion.d,
+    ] = Criterion.d
     model: Annotated[
         str | None,
         typer.Option("--model", metavar="NAME", help="cubic, poly:D, energyD, physics."),
-    ] = None,
+    ] = None
     preset: Annotated[
-        Preset | None, typer.Option("--preset", help="Protocol; default: the rows alone.")
-    ] = None,
+        Preset | None,
+        typer.Option("--preset", metavar="NAME", help="paper or diagnosable; else rows alone."),
+    ] = None
     effects: Annotated[
         str | None, typer.Option("--effects", metavar="IDS", help="To be told apart: ID,ID.")
-    ] = None,
+    ] = None
     include: Annotated[
         str | None, typer.Option("--include", metavar="ROWS", help="Must be in, e.g. 1,5-9.")
-    ] = None,
+    ] = None
     exclude: Annotated[
         list[str] | None,
         typer.Option("--exclude", metavar="ROWS|REGION", help="E.g. 7 or x_m<0.09&y_m>0."),
-    ] = None,
+    ] = None
     augment: Annotated[
         Path | None, typer.Option("--augment", metavar="FILE", help="Poses already measured.")
-    ] = None,
+    ] = None
     base: Annotated[
         str | None,
         typer.Option("--base", metavar="MODEL", help="Nominal: weighs rows by their noise."),
-    ] = None,
+    ] = None
     rig: Annotated[
         Path | None, typer.Option("--rig", metavar="RIG", help="Noise, minutes of this rig file.")
-    ] = None,
-    share: Annotated[float, typer.Option("--share", min=0.0, max=1.0, hidden=True)] = 0.5,
-    metres_per_radian: Annotated[
-        float | None, typer.Option("--metres-per-radian", hidden=True)
-    ] = None,
+    ] = None
+    share: Annotated[float, typer.Option("--share", min=0.0, max=1.0, hidden=True)] = 0.5
+    metres_per_radian: Annotated[float | None, typer.Option("--metres-per-radian", hidden=True)] = (
+        None
+    )
     how_many: Annotated[
         bool, typer.Option("--how-many", help="Also n against expected error, up to N.")
-    ] = False,
-    replicates: Annotated[bool, typer.Option("--replicates", hidden=True)] = False,
-    ridge: Annotated[float, typer.Option("--ridge", hidden=True)] = 0.0,
-    search: Annotated[Search, typer.Option("--search", hidden=True)] = Search.best,
-    starts: Annotated[int, typer.Option("--starts", min=1, hidden=True)] = 10,
-    iterations: Annotated[int, typer.Option("--iterations", min=0, hidden=True)] = 0,
-    time_limit: Annotated[float, typer.Option("--time-limit", min=0.0, hidden=True)] = 0.0,
-    meta: Annotated[Path | None, typer.Option("--meta", hidden=True)] = None,
-    skip_bad_rows: Annotated[bool, typer.Option("--skip-bad-rows", hidden=True)] = False,
-    json: Json = None,
-    report: Report = None,
-    seed: Seed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", hidden=True)] = False,
-) -> None:
+    ] = False
+    replicates: Annotated[bool, typer.Option("--replicates", hidden=True)] = False
+    ridge: Annotated[float, typer.Option("--ridge", hidden=True)] = 0.0
+    search: Annotated[Search, typer.Option("--search", hidden=True)] = Search.best
+    starts: Annotated[int, typer.Option("--starts", min=1, hidden=True)] = 10
+    iterations: Annotated[int, typer.Option("--iterations", min=0, hidden=True)] = 0
+    time_limit: Annotated[float, typer.Option("--time-limit", min=0.0, hidden=True)] = 0.0
+
+
+@command(Options, tables=True, report=True, seed=True, hide=("meta", "skip_bad_rows", "quiet"))
+def design(options: Options, session: Session) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md)."""
-    from ecm.designs import diagnosable_plan, optimal_design, paper_plan, plain_plan
-
-    with Console(quiet=quiet) as console:
-        output_plan(out)
-        output(json, report)
-        need_report(report)
-        wanted = _effects(effects, preset)
-        settings = _rig(rig)
-        table = load([candidates], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
-        # Free polynomials absorb the effects.
-        name = model or ("cubic" if not effects else "energy4")
-        nominal = _nominal(
-            table,
-            base=base,
-            model=name,
-            noise=_noise(settings),
-            needed=bool(effects) or rig is not None,
-            free=preset is Preset.diagnosable,
-            threads=threads,
-            console=console,
-        )
-        names = table.pose_columns
-        poses = table.matrix(names)
-        weighed = base is not None or rig is not None or name == "physics" or effects
-        options: dict[str, Any] = {
-            "criterion": criterion.value,
-            "model": name,
-            "length_m": table.meta.length_m,
-            "base": nominal if weighed else None,
-            "seed": seed,
-            "threads": threads,
-        }
-        chosen = optimal_design(
-            poses,
-            n,
-            **options,
-            starts=starts,
-            iterations=iterations,
-            time_limit_s=time_limit,
-            include=_included(include, table),
-            exclude=_excluded(exclude, table),
-            measured=_measured(augment, table, console),
-            effects=wanted if effects else (),
-            replicates=replicates,
-            ridge=ridge,
-            method="paper" if search is Search.paper else "search",
-            share=share,
-            metres_per_radian=metres_per_radian,
-            columns=names,
-            progress=console.bar("design"),
-        )
-        if preset is Preset.diagnosable:
-            plan = diagnosable_plan(table, chosen, seed=seed)
-        elif preset is Preset.paper:
-            plan = paper_plan(table, chosen, seed=seed)
-        else:
-            plan = plain_plan(table, chosen, seed=seed)
-        plan.write(out)
-        told = _told(plan, nominal, wanted, preset, settings)
-        minutes = _minutes(plan, settings)
-        sizes = _sizes(poses, n, options, how_many, console)
-        save_json(
-            json,
-            {
-                "schema": 1,
-                "seed": seed,
-                "criterion": chosen.criterion,
-                "model": None if criterion is Criterion.maximin else name,
-                "n": len(chosen.indices),
-                "rows": (chosen.indices + 1).tolist(),
-                "value": chosen.value,
-                "bound": chosen.bound,
-                "efficiency": chosen.efficiency,
-                "status": chosen.status,
-                "reproducible": time_limit == 0.0,
-                "minutes": minutes,
-                "effects": [item.to_dict() for item in told],
-                "how_many": [size.to_dict() for size in sizes],
-            },
-        )
-        if report is not None:
-            from ecm.cli.design_report import write_design
-
-            write_design(report, table, chosen, told=told, sizes=sizes, minutes=minutes)
-        console.say(chosen.sentence())
-        if time_limit > 0.0:
-            console.say("with a time limit another run may give another design")
-        for item in told:
-            console.say("  " + item.sentence())
-        time = "" if minutes is None else f", about {minutes:.0f} minutes on the rig"
-        console.say(f"{out}: {len(plan)} rows{time}")
-
-
-def _rig(path: Path | None) -> RigSettings | None:
-    from ecm.workflow.config import read_rig
-
-    return None if path is None else read_rig(path)
-
-
-def _noise(settings: RigSettings | None) -> Noise | None:
-    from ecm.designs import rig_noise
-
-    return None if settings is None else rig_noise(settings)
-
-
-def _minutes(plan: Table, settings: RigSettings | None) -> float | None:
-    """Robot minutes on this rig, or the default one; None where no length is known."""
-    from ecm.io.columns import POSE
-    from ecm.rig import RigSettings, campaign_minutes
-
-    if plan.meta.length_m is None or plan.pose_columns != POSE:
-        return None
-    return campaign_minutes(plan, RigSettings() if settings is None else settings)
-
-
-def _effects(text: str | None, preset: Preset | None) -> tuple[Effect, ...]:
-    """The effects to be told apart: those named, or all of the catalogue."""
-    from ecm.effects import all_effects, get_effect
-    from ecm.errors import InputError
-
-    if text is None:
-        return all_effects() if preset is Preset.diagnosable else ()
-    if preset is not Preset.diagnosable:
-        raise InputError(
-            "--effects: needs --preset diagnosable, whose protocol tells effects apart; add it"
-        )
-    load_effects()
-    return tuple(get_effect(id.strip()) for id in dict.fromkeys(text.split(",")))
-
-
-def _nominal(
-    table: Table,
-    *,
-    base: str | None,
-    model: str,
-    noise: Noise | None,
-    needed: bool,
-    free: bool,
-    threads: int,
-    console: Console,
-) -> NominalModel | None:
-    """The nominal base where it is asked for; else where it costs nothing."""
-    from ecm.cli.models import open_model
-    from ecm.designs import nominal_model
-    from ecm.errors import InputError
-    from ecm.io.columns import WRENCH
-
-    physics = model == "physics"
-    if base is not None or needed or physics:
-        return nominal_model(
-            table,
-            None if base is None else open_model(base, console, table),
-            physics=physics,
-            noise=noise,
-            threads=threads,
-            progress=console.bar("physics base") if physics else None,
-        )
-    if not free:
-        return None
-    try:
-        if table.wrench_columns == WRENCH or table.meta.body() is not None:
-            return nominal_model(table, threads=threads)
-    except InputError:
-        pass
-    console.say(
-        "which effects this plan can name is not known without a nominal stiffness; give --base "
-        "MODEL, or a [mechanism] beside the candidates"
+    check_output_plan(options.out)
+    effects = _effects(options.effects)
+    rig = None if options.rig is None else read_rig(options.rig)
+    table = session.read([options.candidates], need="predict")
+    planned = design_plan(
+        table,
+        options.n,
+        preset=None if options.preset is None else options.preset.value,
+        base=None if options.base is None else open_model(options.base, session, table),
+        rig=rig,
+        effects=effects,
+        how_many=options.how_many,
+        console=session,
+        **_search(options, session, table),
     )
-    return None
+    planned.plan.write(options.out)
+    session.write_json(planned.to_dict())
+    if session.report is not None:
+        write_design(session.report, table, planned)
+    if planned.sizes:
+        _print_sizes(planned.sizes, session)
+    for sentence in planned.sentences():
+        session.print(sentence)
+    time = "" if planned.minutes is None else f", about {planned.minutes:.0f} minutes on the rig"
+    session.print(f"{options.out}: {len(planned.plan)} rows{time}")
 
 
-def _included(text: str | None, table: Table) -> Sequence[int]:
-    from ecm.designs.rows import row_list
+def _search(options: Options, session: Session, table: Table) -> dict[str, Any]:
+    """The options of the search for the rows."""
+    names = ("model", "share", "metres_per_radian", "replicates", "ridge", "starts", "iterations")
+    include = options.include
+    return {name: getattr(options, name) for name in names} | {
+        "criterion": options.criterion.value,
+        "method": "paper" if options.search is Search.paper else "search",
+        "time_limit_s": options.time_limit,
+        "include": [] if include is None else row_list("--include", include, len(table)),
+        "exclude": _excluded(options.exclude, table),
+        "measured": _measured(options.augment, table, session),
+        "seed": session.seed,
+        "threads": session.threads,
+    }
 
-    return [] if text is None else [int(row) for row in row_list("--include", text, len(table))]
+
+def _effects(text: str | None) -> tuple[Effect, ...]:
+    if text is None:
+        return ()
+    load_installed()
+    return tuple(get_effect(id.strip()) for id in dict.fromkeys(text.split(",")))
 
 
 def _excluded(texts: list[str] | None, table: Table) -> list[int]:
     """Rows of lists and regions, and those that are no poses: home checks, unloaded readings."""
-    from ecm.designs.rows import list_or_region
-
     rows = set()
     if table.has("kind"):
         rows = {i for i, kind in enumerate(table.text("kind")) if kind not in ("", "pose")}
@@ -310,41 +164,15 @@ def _excluded(texts: list[str] | None, table: Table) -> list[int]:
     return sorted(rows)
 
 
-def _measured(path: Path | None, table: Table, console: Console) -> Any:
+def _measured(path: Path | None, table: Table, session: Session) -> F | None:
     if path is None:
         return None
-    done = load([path], console, need="predict").measured()
-    return done.matrix(table.pose_columns)
+    return session.read([path], need="predict").measured().matrix(table.pose_columns)
 
 
-def _told(
-    plan: Table,
-    nominal: NominalModel | None,
-    effects: Sequence[Effect],
-    preset: Preset | None,
-    rig: RigSettings | None,
-) -> list[Identifiability]:
-    from ecm.diagnosis.identifiability import identifiability
-
-    if preset is not Preset.diagnosable or nominal is None:
-        return []
-    return identifiability(plan, nominal, effects, rig=rig)
-
-
-def _sizes(
-    poses: Any, n: int, options: dict[str, Any], wanted: bool, console: Console
-) -> list[Size]:
-    """n against expected error up to N, printed with its knee."""
-    from ecm.designs import design_sizes
-
-    if not wanted:
-        return []
-    model_options = dict(options)
-    if model_options["criterion"] == "maximin":
-        model_options["criterion"] = "d"
-    sizes = design_sizes(poses, most=n, **model_options, progress=console.bar("how many"))
-    console.say("     n   error of h   of K (in units of one reading's noise)")
+def _print_sizes(sizes: tuple[Size, ...], session: Session) -> None:
+    """Print n against expected error, with its knee."""
+    session.print("     n   error of h   of K (in units of one reading's noise)")
     for size in sizes:
         mark = "  <- knee" if size.knee else ""
-        console.say(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")
-    return sizes
+        session.print(f"{size.n:6d} {size.wrench_error:11.3f} {size.stiffness_error:6.3f}{mark}")

@@ -2,109 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.diagnose_text import told
-from ecm.cli.options import (
-    Data,
-    HiddenThreads,
-    Json,
-    Meta,
-    ModelFile,
-    Quiet,
-    Report,
-    Seed,
-    SkipBadRows,
-    load,
-    load_effects,
-    need_report,
-    output,
-    output_plan,
-    save_json,
-)
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+from ecm.cli.command import Data, ModelFile, Session, command
+from ecm.cli.diagnosis_text import paragraphs
+from ecm.cli.models import open_model, prepare_physics
+from ecm.cli.outputs import check_output_plan
+from ecm.comparison import compare
+from ecm.designs import can_be_run, follow_up_plan
+from ecm.diagnosis import Diagnosis
+from ecm.diagnosis import diagnose as diagnose_model
+from ecm.diagnosis.page import write_diagnosis
+from ecm.effects import load_installed
+from ecm.effects.experiments import session_of
+from ecm.io.table import Table
+from ecm.models import Model
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("diagnose", short_help="Which effect is missing.")(diagnose)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def diagnose(
-    *,
-    model: ModelFile,
-    data: Data,
-    meta: Meta = None,
-    skip_bad_rows: SkipBadRows = False,
+    model: ModelFile
+    data: Data
     next_plan: Annotated[
         Path | None,
         typer.Option("--next", metavar="PLAN", help="Write the next experiment for campaign."),
-    ] = None,
-    json: Json = None,
-    report: Report = None,
-    seed: Seed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
+    ] = None
+
+
+@command(Options, tables=True, report=True, seed=True)
+def diagnose(options: Options, session: Session) -> None:
     """Rank the effects that the model may lack, and say which one is missing."""
-    from ecm.cli.models import open_model, prepare_physics
-    from ecm.cli.reports import write_diagnosis
-    from ecm.comparison import compare
-    from ecm.diagnosis import diagnose as run
-
-    with Console(quiet=quiet) as console:
-        output(json, report)
-        output_plan(next_plan)
-        need_report(report)
-        table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        load_effects()
-        before = open_model(model, console, table)
-        if before.base.kind != "physics":
-            prepare_physics(table, console, threads)
-        table = table.with_length(before.known_length_m)
-        found = run(before, table, seed=seed)
-        document = found.to_dict()
-        document["warnings"] = [*document["warnings"], *table.warnings]
-        save_json(json, document)
-        if report is not None:
-            compared = compare(before, table, seed=seed)
-            predicted = None
-            # A model of fewer columns has no rows on which the effects could act.
-            whole = (before.inputs, before.outputs) == (table.pose_columns, table.wrench_columns)
-            if found.effects and whole:
-                after = replace(before, effects=(*before.effects, *found.effects))
-                predicted = (after.predict(table) - before.predict(table))[compared.row]
-            write_diagnosis(report, document, compared, predicted)
-        for paragraph in told(document):
-            console.say(paragraph)
-        if next_plan is not None:
-            _write_next(next_plan, table, document["next_experiment"], console)
-        for warning in found.warnings:
-            console.warn(warning)
+    check_output_plan(options.next_plan)
+    table = session.read(options.data, need="fit")
+    load_installed()
+    model = open_model(options.model, session, table)
+    if model.base.kind != "physics":
+        prepare_physics(table, session)
+    table = table.with_length(model.known_length_m)
+    result = diagnose_model(model, table, seed=session.seed)
+    document = result.to_dict()
+    document["warnings"] = [*document["warnings"], *table.warnings]
+    session.write_json(document)
+    if session.report is not None:
+        _write_report(session.report, document, model, table, result)
+    for paragraph in paragraphs(document):
+        session.print(paragraph)
+    if options.next_plan is not None:
+        _write_next(options.next_plan, table, document, session)
+    for warning in result.warnings:
+        session.warn(warning)
 
 
-def _write_next(
-    path: Path, table: Table, proposed: Sequence[Mapping[str, Any]], console: Console
+def _write_report(
+    path: Path, document: dict[str, Any], model: Model, table: Table, result: Diagnosis
 ) -> None:
-    """The first proposed experiment, or of a session what a campaign can drive."""
-    from ecm.designs import can_be_run, follow_up_plan
-    from ecm.effects.experiments import session_of
+    compared = compare(model, table, seed=result.seed)
+    predicted = None
+    # A model of fewer columns has no rows on which the effects could act.
+    complete = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
+    if result.effects and complete:
+        after = replace(model, effects=(*model.effects, *result.effects))
+        predicted = (after.predict(table) - model.predict(table))[compared.row]
+    write_diagnosis(path, document, compared, predicted)
 
-    chosen = next((item["action"] for item in proposed if can_be_run(item["action"])), None)
-    if chosen is None:
-        console.say(f"{path}: not written, no campaign is needed or could drive what is proposed")
+
+def _write_next(path: Path, table: Table, document: dict[str, Any], session: Session) -> None:
+    """Write the first proposed experiment that a campaign can drive, in whole or in part."""
+    actions = [item["action"] for item in document["next_experiment"]]
+    action = next((action for action in actions if can_be_run(action)), None)
+    if action is None:
+        session.print(f"{path}: not written, no campaign is needed or could drive what is proposed")
         return
-    plan = follow_up_plan(table, chosen)
+    plan = follow_up_plan(table, action)
     plan.write(path)
-    console.say(f"{path}: {len(plan)} visits, to {chosen}")
-    by_hand = [part.action for part in session_of(chosen) if not part.can_be_driven]
+    session.print(f"{path}: {len(plan)} visits, to {action}")
+    by_hand = [part.action for part in session_of(action) if not part.can_be_driven]
     if by_hand:
-        console.say(f"  by hand in the same session: {', '.join(by_hand)}")
+        session.print(f"  by hand in the same session: {', '.join(by_hand)}")

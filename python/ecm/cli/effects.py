@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import HiddenSeed, HiddenThreads, Json, Quiet, load_effects, output, save_json
+from ecm.cli.command import Session, command
 from ecm.cli.text import columns
-
-if TYPE_CHECKING:
-    from ecm.effects import Effect
+from ecm.effects import Effect, all_effects, get_effect, load_installed
+from ecm.effects.experiments import get_experiment
 
 _SIDES = {
     "physics": "acts on the controller as well",
@@ -25,60 +25,46 @@ _KINDS = {
 }
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("effects", short_help="The physical effects that can be named.")(effects)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
+
+    id: Annotated[str | None, typer.Argument(metavar="[ID]", help="One effect in full.")] = None
 
 
-def effects(
-    *,
-    id: Annotated[str | None, typer.Argument(metavar="[ID]", help="One effect in full.")] = None,
-    json: Json = None,
-    seed: HiddenSeed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
-    """The physical effects that diagnose can name."""
-    from ecm.effects import all_effects, get_effect
-
-    with Console(quiet=quiet) as console:
-        output(json)
-        load_effects()
-        found = list(all_effects()) if id is None else [get_effect(id)]
-        save_json(json, {"schema": 1, "effects": [_document(effect) for effect in found]})
-        if id is None:
-            rows = [(effect.id, _first_sentence(effect.physics)) for effect in found]
-            console.say(columns(rows, header=False))
-            console.say(f"\n{len(found)} effects. `ecm effects ID` shows one in full.")
-        else:
-            _print(found[0], console)
+@command(Options)
+def effects(options: Options, session: Session) -> None:
+    """List the physical effects that diagnose can name, or show one in full."""
+    load_installed()
+    listed = list(all_effects()) if options.id is None else [get_effect(options.id)]
+    session.write_json({"schema": 1, "effects": [_document(effect) for effect in listed]})
+    if options.id is None:
+        rows = [(effect.id, _first_sentence(effect.physics)) for effect in listed]
+        session.print(columns(rows, header=False))
+        session.print(f"\n{len(listed)} effects. `ecm effects ID` shows one in full.")
+    else:
+        _print(listed[0], session)
 
 
-def _print(effect: Effect, console: Console) -> None:
-    console.say(effect.id)
-    console.say(textwrap.fill(effect.physics, 78, initial_indent="  ", subsequent_indent="  "))
-    console.say(f"signature: {effect.signature}" if effect.signature else "")
-    console.say(f"needs: {_needs(effect)}")
-    console.say(f"side: {effect.side}, {_SIDES[effect.side]}")
-    console.say(f"kind: {effect.kind}, {_KINDS[effect.kind]}")
+def _print(effect: Effect, session: Session) -> None:
+    session.print(effect.id)
+    session.print(textwrap.fill(effect.physics, 78, initial_indent="  ", subsequent_indent="  "))
+    session.print(f"signature: {effect.signature}" if effect.signature else "")
+    session.print(f"needs: {effect.needs or 'nothing beside pose and wrench'}")
+    session.print(f"side: {effect.side}, {_SIDES[effect.side]}")
+    session.print(f"kind: {effect.kind}, {_KINDS[effect.kind]}")
     rows = [("parameter", "unit", "ordinary size", "from", "to")]
     for item in effect.parameters:
         ends = (f"{item.lower:g}", f"{item.upper:g}")
         rows.append((item.name, item.unit, f"{item.scale:g}", *ends))
-    console.say(columns(rows))
+    session.print(columns(rows))
     for rival, action in _rivals(effect).items():
-        console.say(f"confused with {rival}: {action}")
+        session.print(f"confused with {rival}: {action}")
 
 
 def _rivals(effect: Effect) -> dict[str, str]:
-    """Return what separates the effect from each rival, in words."""
-    from ecm.effects.experiments import get_experiment
-
+    """What separates the effect from each rival, in words."""
     return {rival: get_experiment(name).action for rival, name in effect.rivals.items()}
-
-
-def _needs(effect: Effect) -> str:
-    return effect.needs or "nothing beside pose and wrench"
 
 
 def _first_sentence(text: str) -> str:
@@ -86,26 +72,17 @@ def _first_sentence(text: str) -> str:
 
 
 def _document(effect: Effect) -> dict[str, Any]:
-    return {
-        "id": effect.id,
-        "physics": effect.physics,
-        "signature": effect.signature,
-        "needs": effect.needs,
-        "side": effect.side,
-        "kind": effect.kind,
+    fields = ("id", "physics", "signature", "needs", "side", "kind")
+    return {name: getattr(effect, name) for name in fields} | {
         "parameters": [
             {
                 "name": item.name,
                 "unit": item.unit,
                 "scale": item.scale,
-                "lower": _bound(item.lower),
-                "upper": _bound(item.upper),
+                "lower": item.lower if math.isfinite(item.lower) else None,
+                "upper": item.upper if math.isfinite(item.upper) else None,
             }
             for item in effect.parameters
         ],
         "rivals": _rivals(effect),
     }
-
-
-def _bound(value: float) -> float | None:
-    return value if abs(value) < float("inf") else None

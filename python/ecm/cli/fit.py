@@ -2,93 +2,101 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, cast
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import (
-    Data,
-    HiddenThreads,
-    Json,
-    Meta,
-    Out,
-    Quiet,
-    Seed,
-    SkipBadRows,
-    load,
-    output,
-    save_json,
+from ecm.cli.command import Data, Out, Session, command
+from ecm.cli.models import build_physics, is_mechanism, read_mechanism
+from ecm.cli.outputs import check_output
+from ecm.errors import InputError
+from ecm.io.table import Table
+from ecm.models import Model, fit_model
+from ecm.models.fit import Weights
+from ecm.models.fit_summary import fit_summary
+from ecm.models.selection import choose_model, default_candidates, learning_curve
+
+_SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
+_MODELS = (
+    "choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, energyD-general, "
+    "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with [mechanism]."
 )
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("fit", short_help="A model of measured or simulated pairs.")(fit)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def fit(
-    *,
-    data: Data,
-    out: Out,
-    model: Annotated[
-        str,
-        typer.Option(
-            "--model",
-            metavar="NAME",
-            help="choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, "
-            "energyD-general, energyD+GROUP, physics, rod, constant-curvature, gp, mlp, "
-            "or a TOML with [mechanism].",
-        ),
-    ] = "cubic",
+    data: Data
+    out: Out
+    model: Annotated[str, typer.Option("--model", metavar="NAME", help=_MODELS)] = "cubic"
     pcr: Annotated[
         str | None,
         typer.Option("--pcr", metavar="B", help="B, B/sqrtN, rank:R or press (poly)."),
-    ] = None,
+    ] = None
     zero_at_home: Annotated[
         bool, typer.Option("--zero-at-home", help="No wrench at the undeformed pose.")
-    ] = False,
+    ] = False
     stable: Annotated[
         bool, typer.Option("--stable", help="A stable rest at the undeformed pose.")
-    ] = False,
+    ] = False
     curve: Annotated[
-        bool, typer.Option("--curve", help="Also say how many poses are enough.")
-    ] = False,
+        bool, typer.Option("--curve", help="Also print how many poses are enough.")
+    ] = False
     weights: Annotated[
         str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
-    ] = "auto",
-    meta: Meta = None,
-    skip_bad_rows: SkipBadRows = False,
-    json: Json = None,
-    seed: Seed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
-    """Fit a model to a table and write its file."""
-    from ecm.cli.choose import chosen_model, how_many_poses
-    from ecm.cli.models import fit_named, fit_summary
+    ] = "auto"
 
-    with Console(quiet=quiet) as console:
-        output(out, json)
-        table = load(data, console, meta=meta, skip_bad_rows=skip_bad_rows, need="fit")
-        choice = None
-        if model == "choose":
-            model, pcr, choice = chosen_model(table, pcr, seed, console)
-        fitted = fit_named(
-            table,
-            model,
-            pcr=pcr,
-            threads=threads,
-            console=console,
-            zero_at_home=zero_at_home,
-            stable=stable,
-            weights=weights,
-        )
-        fitted.save(out)
-        summary = fit_summary(fitted, table, model, pcr=pcr, seed=seed)
-        enough = how_many_poses(table, model, seed, console) if curve else None
-        more = {"choice": choice, "curve": enough, "warnings": list(table.warnings)}
-        save_json(json, summary | more)
-        for line in summary["sentences"]:
-            console.say(line)
-        console.say(f"{out}: model {model}")
+
+@command(Options, tables=True, seed=True)
+def fit(options: Options, session: Session) -> None:
+    """Fit a model to a table and write its file."""
+    check_output(options.out)
+    table = session.read(options.data, need="fit")
+    name, pcr, choice = options.model, options.pcr, None
+    if name == "choose":
+        if pcr is not None:
+            raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
+        if table.meta.length_m is None:
+            session.print("energies are left out: no [mechanism] length_m in the data's TOML")
+        choice = choose_model(table, default_candidates(table), seed=session.seed)
+        for sentence in choice.sentences():
+            session.print(sentence)
+        name, pcr = choice.best.name, choice.best.pcr_text
+    model = _fitted(table, name, pcr, options, session)
+    model.save(options.out)
+    summary = fit_summary(model, table, name, pcr=pcr, seed=session.seed)
+    summary["choice"] = None if choice is None else choice.to_dict()
+    summary["curve"] = None
+    if options.curve:
+        curve = learning_curve(table, name, _SIZES, seed=session.seed)
+        summary["curve"] = curve.to_dict()
+        for sentence in curve.sentences(name):
+            session.print(sentence)
+    session.write_json(summary | {"warnings": list(table.warnings)})
+    for sentence in summary["sentences"]:
+        session.print(sentence)
+    session.print(f"{options.out}: model {name}")
+
+
+def _fitted(table: Table, name: str, pcr: str | None, options: Options, session: Session) -> Model:
+    """Fit the named model; the physics is built under a progress bar."""
+    if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
+        raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
+    body = physics = None
+    if is_mechanism(name):
+        name, body = "physics", read_mechanism(name)
+    elif name == "physics":
+        body = table.meta.body()
+    if body is not None:
+        physics = build_physics(body, session, table)
+    return fit_model(
+        table,
+        name,
+        pcr=pcr,
+        physics=physics,
+        zero_at_home=options.zero_at_home,
+        stable=options.stable,
+        weights=cast("Weights", options.weights),
+    )

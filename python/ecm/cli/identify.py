@@ -2,83 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import (
-    Json,
-    Quiet,
-    Report,
-    Seed,
-    Threads,
-    keep_note,
-    need_report,
-    output,
-    output_directory,
-    save_json,
-)
-
-if TYPE_CHECKING:
-    from ecm.workflow.identify import Console as JobConsole
+from ecm.cli.command import Session, command
+from ecm.cli.outputs import check_output_directory
+from ecm.io.cache import write_atomically
+from ecm.workflow.config import read_config, with_rig
+from ecm.workflow.identify import identify as identify_mechanism
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("identify", short_help="Simulate, select, measure, identify: mesh to report.")(
-        identify
-    )
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def identify(
-    *,
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="For the results.")],
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")]
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="For the results.")]
     rig: Annotated[
         Path | None,
         typer.Option("--rig", metavar="RIG.toml", help="Measure on this rig, not CONFIG's."),
-    ] = None,
-    json: Json = None,
-    report: Report = None,
-    seed: Seed = 0,
-    threads: Threads = 0,
-    quiet: Quiet = False,
-) -> None:
+    ] = None
+
+
+@command(Options, report=True, seed=True, threads=True)
+def identify(options: Options, session: Session) -> None:
     """Simulate, select, measure, identify; then find the effect that was hidden."""
-    from ecm.io.cache import write_atomically
-    from ecm.workflow.config import read_config, with_rig
-    from ecm.workflow.identify import identify as run
-
-    with Console(quiet=quiet) as console:
-        output(json, report)
-        output_directory(out)
-        need_report(report)
-        keep_note(f"Finished stages are kept in {out}: the same command goes on there.")
-        settings = read_config(config)
-        if rig is not None:
-            settings = with_rig(settings, rig)
-        summary = run(settings, out, seed=seed, threads=threads, console=_shown(console))
-        save_json(json, summary)
-        if report is not None:
-            write_atomically(report, (out / "report.html").read_bytes())
-
-
-def _shown(console: Console) -> JobConsole:
-    """The command's lines and bars, as the job wants them."""
-    from ecm.workflow.identify import Console as Base
-
-    class Shown(Base):
-        """Draws."""
-
-        def say(self, text: str = "") -> None:
-            """A line."""
-            console.say(text)
-
-        def bar(self, title: str) -> Callable[..., None] | None:
-            """A bar for the work that comes next."""
-            return console.bar(title)
-
-    return Shown()
+    out = options.out
+    check_output_directory(out)
+    session.on_interrupt(f"Finished stages are kept in {out}: the same command goes on there.")
+    config = read_config(options.config)
+    if options.rig is not None:
+        config = with_rig(config, options.rig)
+    summary = identify_mechanism(
+        config, out, seed=session.seed, threads=session.threads, console=session
+    )
+    session.write_json(summary)
+    if session.report is not None:
+        write_atomically(session.report, (out / "report.html").read_bytes())

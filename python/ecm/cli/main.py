@@ -1,6 +1,7 @@
-"""From an exception to a message and an exit code: 0 done, 1 failed, 2 bad input, 130 interrupted.
+"""The entry point: every exception becomes a message and an exit code.
 
-Nobody sees a traceback; `ECM_DEBUG=1` in the environment asks for one.
+0 done, 1 the computation failed, 2 bad input, 130 interrupted. Tracebacks are shown only with
+`ECM_DEBUG=1` in the environment.
 """
 
 from __future__ import annotations
@@ -14,16 +15,25 @@ from collections.abc import Sequence
 from contextlib import suppress
 from types import FrameType
 
+from typer import Abort, Exit
+from typer.main import get_command
+
+from ecm.cli.app import app
+from ecm.cli.console import Console
+from ecm.errors import EcmError, exit_code
+from ecm.regression.blas import one_blas_thread_later
+
 _INTERRUPTED = 130
+_BROKEN_PIPE = -1
 
 
 def main() -> None:
     """Entry point of the command `ecm`."""
-    signal.signal(signal.SIGTERM, _terminated)
+    signal.signal(signal.SIGTERM, _terminate)
     if not os.environ.get("ECM_DEBUG"):
         warnings.simplefilter("ignore")
     code = run()
-    # Numbers may still be in the buffers of a pipe whose reader has gone.
+    # The buffers of a pipe whose reader has gone may still hold text.
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     if code == _BROKEN_PIPE:
@@ -33,16 +43,24 @@ def main() -> None:
     sys.exit(code)
 
 
-_BROKEN_PIPE = -1
-
-
 def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
-    """Run one command line and give its exit code.
+    """Run one command line and return its exit code.
 
     Parameters
     ----------
     arguments
-        Without the program's name; by default those of the process.
+        Arguments without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        0 done, 1 the computation failed, 2 bad input, 130 interrupted.
+
+    Examples
+    --------
+    >>> from ecm.cli import run
+    >>> run(["effects", "payload", "--quiet"])
+    0
     """
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:
@@ -55,32 +73,23 @@ def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
     except OSError as error:
         if debug:
             raise
-        return _disk(error)
+        return _system_error(error)
     except MemoryError:
-        _say("error: not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
+        _print("error: not enough memory. Use fewer rows, a coarser mesh or fewer --threads.")
         return 1
     except Exception as error:
         if debug:
             raise
-        return _known(error)
+        return _known_error(error)
     except BaseException as error:  # a panic of the Rust core is no Exception
         if debug or isinstance(error, (SystemExit, GeneratorExit)):
             raise
-        return _unexpected(error)
+        return _unexpected_error(error)
 
 
 def _invoke(arguments: Sequence[str] | None) -> int:
-    from typer.core import TyperGroup
-    from typer.main import get_command
-
-    from ecm.cli.app import app
-    from ecm.regression.blas import one_blas_thread_later
-
-    command = get_command(app)
-    if not isinstance(command, TyperGroup):
-        raise TypeError("the command line has no commands")
     with one_blas_thread_later():
-        result = command.main(
+        result = get_command(app).main(
             args=None if arguments is None else list(arguments),
             prog_name="ecm",
             standalone_mode=False,
@@ -88,10 +97,8 @@ def _invoke(arguments: Sequence[str] | None) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _known(error: Exception) -> int:
-    """Errors that say what to do: ours, and those of the parser."""
-    from typer import Abort, Exit
-
+def _known_error(error: Exception) -> int:
+    """Print an error that says what to do: one of this package, or of the parser."""
     if isinstance(error, Exit):
         return int(error.exit_code)
     if isinstance(error, Abort):
@@ -100,17 +107,15 @@ def _known(error: Exception) -> int:
     if callable(show) and isinstance(code, int):  # the parser: unknown option, missing argument
         show()
         return code
-    from ecm.errors import EcmError, exit_code
-
     if isinstance(error, EcmError):
-        _say(f"error: {error}")
+        _print(f"error: {error}")
         return exit_code(error)
-    return _unexpected(error)
+    return _unexpected_error(error)
 
 
-def _unexpected(error: BaseException) -> int:
+def _unexpected_error(error: BaseException) -> int:
     kind = type(error).__name__
-    _say(
+    _print(
         f"error: something unexpected happened ({kind}: {error}).\n"
         "This is a fault of ecm: please report it with the command line and, if you can, the "
         "files.\nWith ECM_DEBUG=1 in the environment the command shows where it happened."
@@ -118,29 +123,27 @@ def _unexpected(error: BaseException) -> int:
     return 1
 
 
-def _disk(error: OSError) -> int:
+def _system_error(error: OSError) -> int:
     place = f"{error.filename}: " if error.filename else ""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        _say(
+        _print(
             f"error: {place}the disk is full. Finished parts are kept: free some space, run again."
         )
     else:
-        _say(f"error: {place}{error.strerror or error}. Check the path and its permissions.")
+        _print(f"error: {place}{error.strerror or error}. Check the path and its permissions.")
     return 1
 
 
 def _interrupted() -> int:
-    from ecm.cli.options import kept
-
-    _say(f"\ninterrupted. {kept()}")
+    _print(f"\ninterrupted. {Console.interrupt_message}")
     return _INTERRUPTED
 
 
-def _terminated(_signal: int, _frame: FrameType | None) -> None:
+def _terminate(_signal: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     with suppress(OSError, ValueError):
         sys.stderr.write(text + "\n")
         sys.stderr.flush()

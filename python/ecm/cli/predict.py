@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import (
-    HiddenSeed,
-    HiddenThreads,
-    Json,
-    Meta,
-    ModelFile,
-    Out,
-    Quiet,
-    SkipBadRows,
-    load,
-    load_effects,
-    output,
-    save_json,
-)
+from ecm.cli.command import ModelFile, Out, Session, command
+from ecm.cli.models import open_model
+from ecm.cli.outputs import check_output
+from ecm.effects import load_installed
+from ecm.models.prediction import predict as predict_table
 
 
 class StiffnessKind(str, Enum):
@@ -33,43 +24,37 @@ class StiffnessKind(str, Enum):
     screw = "screw"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("predict", short_help="A model's wrench and stiffness at given poses.")(predict)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def predict(
-    *,
-    model: ModelFile,
-    poses: Annotated[Path, typer.Argument(metavar="POSES", help="Table with pose columns.")],
-    out: Out,
+    model: ModelFile
+    poses: Annotated[Path, typer.Argument(metavar="POSES", help="Table with pose columns.")]
+    out: Out
     stiffness: Annotated[
         bool, typer.Option("--stiffness", help="Add the 36 columns k_fx_x ... of K.")
-    ] = False,
+    ] = False
     stiffness_kind: Annotated[
         StiffnessKind, typer.Option("--stiffness-kind", help="Which of the three stiffnesses.")
-    ] = StiffnessKind.partial,
+    ] = StiffnessKind.partial
     leverage: Annotated[
         bool, typer.Option("--leverage", help="Add the columns leverage and extrapolates (0, 1).")
-    ] = False,
-    meta: Meta = None,
-    skip_bad_rows: SkipBadRows = False,
-    json: Json = None,
-    seed: HiddenSeed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
-    """The wrench of a model at each pose; other columns are kept."""
-    from ecm.cli.models import open_model, predicted_columns
+    ] = False
 
-    with Console(quiet=quiet) as console:
-        output(out, json)
-        load_effects()
-        table = load([poses], console, meta=meta, skip_bad_rows=skip_bad_rows, need="predict")
-        opened = open_model(model, console, table)
-        columns = predicted_columns(
-            opened, table, stiffness, stiffness_kind.value, console, leverage=leverage
-        )
-        table.with_columns(columns).write(out)
-        save_json(json, {"schema": 1, "rows": len(table), "columns": list(columns)})
-        console.say(f"{out}: {len(table)} rows, {len(columns)} predicted columns")
+
+@command(Options, tables=True)
+def predict(options: Options, session: Session) -> None:
+    """Predict the wrench of a model at each pose; other columns are kept."""
+    check_output(options.out)
+    load_installed()
+    table = session.read([options.poses], need="predict")
+    kind: Any = options.stiffness_kind.value if options.stiffness else None
+    predicted = predict_table(
+        open_model(options.model, session, table), table, stiffness=kind, leverage=options.leverage
+    )
+    for warning in predicted.warnings[len(table.warnings) :]:
+        session.warn(warning)
+    predicted.write(options.out)
+    new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
+    session.write_json({"schema": 1, "rows": len(table), "columns": new})
+    session.print(f"{options.out}: {len(table)} rows, {len(new)} predicted columns")

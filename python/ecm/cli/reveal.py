@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ecm.cli.console import Console
-from ecm.cli.options import HiddenSeed, HiddenThreads, Json, Quiet, output, save_json
+from ecm.cli.command import Session, command
+from ecm.rig import reveal as reveal_truth
 
 
-def add_to(app: typer.Typer) -> None:
-    """Make the command known."""
-    app.command("reveal", short_help="Open a sealed truth and score an answer.")(reveal)
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Arguments of the command."""
 
-
-def reveal(
-    *,
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Table of a simulated campaign.")],
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Table of a simulated campaign.")]
     answer: Annotated[
         Path | None,
         typer.Option("--answer", metavar="FILE", help="JSON of diagnose, to be scored."),
-    ] = None,
-    json: Json = None,
-    seed: HiddenSeed = 0,
-    threads: HiddenThreads = 0,
-    quiet: Quiet = False,
-) -> None:
-    """Open the sealed NAME.truth.json and score an answer."""
-    from ecm.rig import reveal as run
+    ] = None
 
-    with Console(quiet=quiet) as console:
-        output(json)
-        found = run(data, answer)
-        save_json(json, found.to_dict())
-        console.say(found.text())
+
+@command(Options)
+def reveal(options: Options, session: Session) -> None:
+    """Open the sealed NAME.truth.json and score an answer."""
+    revealed = reveal_truth(options.data, options.answer)
+    session.write_json(revealed.to_dict())
+    session.print(revealed.text())

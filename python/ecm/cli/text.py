@@ -1,4 +1,4 @@
-"""Plain text for the terminal: aligned columns, numbers with the digits that matter."""
+"""Aligned columns for the terminal."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 
 def columns(rows: Sequence[Sequence[str]], *, header: bool = True) -> str:
-    """Rows as aligned columns: the first and last flush left, the others flush right."""
+    """Return rows as aligned columns: columns of numbers but the first flush right."""
     count = max(len(row) for row in rows)
     filled = [[*row, *[""] * (count - len(row))] for row in rows]
     widths = [max(len(row[i]) for row in filled) for i in range(count)]
     numeric = [
-        all(_is_number(row[i]) for row in filled[1 if header else 0 :]) and i > 0
+        i > 0 and all(_is_number(row[i]) for row in filled[1 if header else 0 :])
         for i in range(count)
     ]
     lines = [
@@ -32,8 +32,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def significant(value: float, digits: int = 3) -> str:
-    """A number as people write it."""
-    return f"{value:.{digits}g}"

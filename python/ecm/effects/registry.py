@@ -207,12 +207,24 @@ def load_installed() -> None:
     """Register the effects that installed packages offer under the entry point `ecm.effects`.
 
     An entry point is an effect, its class, a function under `effect`, or a module of those.
+
+    Raises
+    ------
+    InputError
+        An entry point cannot be loaded.
     """
     for point in metadata.entry_points(group="ecm.effects"):
-        found = point.load()
-        if isinstance(found, ModuleType) or _is_registered(found):
-            continue
-        register(found() if isinstance(found, type) else found)
+        try:
+            loaded = point.load()
+            if not isinstance(loaded, ModuleType) and not _is_registered(loaded):
+                register(loaded() if isinstance(loaded, type) else loaded)
+        except EcmError:
+            raise
+        except Exception as error:
+            raise InputError(
+                "an effect of an installed package (entry point ecm.effects) cannot be loaded: "
+                f"{type(error).__name__}: {error}. Repair or remove that package."
+            ) from None
 
 
 def _is_registered(function: object) -> bool:

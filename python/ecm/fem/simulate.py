@@ -209,6 +209,14 @@ def _promising(cases: LoadCases, first: int, workspace: Workspace, wrenches: F) 
     return promising
 
 
+def write_vtu(mechanism: Mechanism, wrenches: F, directory: Path) -> None:
+    """Write the bodies deformed by wrenches (N, 6) as `pose_000.vtu`, ... for ParaView."""
+    directory.mkdir(parents=True, exist_ok=True)
+    body = mechanism.fem()
+    for i, wrench in enumerate(wrenches):
+        body.write_vtu(str(directory / f"pose_{i:03d}.vtu"), wrench=wrench.tolist())
+
+
 def fem_poses(
     mechanism: Mechanism,
     n: int,

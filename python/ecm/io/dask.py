@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from importlib import import_module
 from typing import Any
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
+from ecm.io.extras import require
 
 
 class DaskClient:
@@ -16,10 +16,7 @@ class DaskClient:
     """
 
     def __init__(self, scheduler: str, *, timeout_s: float = 10.0) -> None:
-        try:
-            self._distributed: Any = import_module("distributed")
-        except ImportError:
-            raise MissingExtra("distributed", "cluster", "--scheduler") from None
+        self._distributed = require("distributed", "cluster", "--scheduler")
         self._scheduler = scheduler
         try:
             self._client: Any = self._distributed.Client(

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ecm._native import Mesh
-from ecm.errors import FemError, InputError, MissingExtra
+from ecm.errors import FemError, InputError
 from ecm.io.arrays import F, I
+from ecm.io.extras import require
 
 CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 FACES = ("base", "top")
@@ -94,10 +94,7 @@ def _is_plain_gmsh(path: Path) -> bool:
 
 # --- meshio ------------------------------------------------------------
 def _from_meshio(path: Path) -> Mesh:
-    try:
-        meshio: Any = import_module("meshio")
-    except ImportError:
-        raise MissingExtra("meshio", "mesh", f"{path}: a mesh that is not Gmsh 4.1 ASCII") from None
+    meshio = require("meshio", "mesh", f"{path}: a mesh that is not Gmsh 4.1 ASCII")
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         raise InputError(
             f"{path}: unknown kind of mesh file '{path.suffix}'; expected .msh, .vtu, .vtk, .inp, "
@@ -173,9 +170,7 @@ def _candidates(content: Any, name: str) -> Iterator[I]:
 # --- CAD ---------------------------------------------------------------
 def _from_cad(path: Path, quality: str) -> Mesh:
     try:
-        gmsh: Any = import_module("gmsh")
-    except ImportError:
-        raise MissingExtra("gmsh", "cad", f"{path}: CAD") from None
+        gmsh = require("gmsh", "cad", f"{path}: CAD")
     except OSError as error:  # the package is installed, a system library is not
         raise InputError(
             f"{path}: gmsh is installed but cannot start ({error}); it needs libGLU, libXft, "

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
 from ecm.io.cache import atomic, write_atomically
+from ecm.io.extras import require
 from ecm.io.raw_table import RawTable, raw_table
 
 
 def require_pyarrow(purpose: str) -> tuple[Any, Any]:
     """Return the modules pyarrow and pyarrow.parquet; MissingExtra where they are missing."""
-    try:
-        return import_module("pyarrow"), import_module("pyarrow.parquet")
-    except ImportError:
-        raise MissingExtra("pyarrow", "data", purpose) from None
+    return require("pyarrow", "data", purpose), require("pyarrow.parquet", "data", purpose)
 
 
 def write_parquet(columns: Mapping[str, NDArray[Any]], description_toml: str, path: Path) -> None:

@@ -10,19 +10,19 @@ import os
 from collections.abc import Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import read_csv, write_csv
 from ecm.io.description import Meta, read_meta
+from ecm.io.extras import require
 from ecm.io.join import join_runs
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
@@ -125,11 +125,7 @@ class Table:
 
     def to_pandas(self) -> Any:
         """Return a pandas DataFrame with the same columns; MissingExtra without pandas."""
-        try:
-            pandas: Any = import_module("pandas")
-        except ImportError:
-            raise MissingExtra("pandas", "data", "Table.to_pandas") from None
-        return pandas.DataFrame(dict(self.columns))
+        return require("pandas", "data", "Table.to_pandas").DataFrame(dict(self.columns))
 
     def has(self, *names: str) -> bool:
         """Whether all of these columns exist."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from ecm._native import EnergyModel, export_model, rotation_matrices, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.maps import EnergyMap
 from ecm.models.mujoco import mujoco_text
@@ -39,6 +41,57 @@ class Exported:
     notes: tuple[str, ...]
     left_out: tuple[str, ...]
     """Ids of the effects that are not in the files."""
+
+
+def export(
+    model: Model,
+    to: Target,
+    directory: str | Path,
+    *,
+    name: str = "ecm_model",
+    precision: Precision = "double",
+) -> Exported:
+    """Write a model as source code for a controller, or as a MuJoCo file.
+
+    Parameters
+    ----------
+    model
+        The model; effects that do not act through the pose are left out.
+    to
+        `c`, `rust` (a crate without the standard library) or `mujoco` (linear part, MJCF).
+    directory
+        Folder to write into; it is made where it does not exist.
+    name
+        Begins every public name: a lower-case letter, then at most 39 of a-z, 0-9 and _.
+    precision
+        Floating-point type of the code, `c` and `rust` only: `double` or `single`.
+
+    Returns
+    -------
+    Exported
+        The files (path to text), notes for their reader, and the effects that were left out.
+
+    Raises
+    ------
+    InputError
+        A wrong name, or a model that cannot be exported.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> model = ecm.fit(ecm.as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = ecm.export(model, "c", folder, name="spring")
+    >>> sorted(exported.files)[:2]
+    ['spring.c', 'spring.h']
+    """
+    exported = export_files(model, to, name, precision)
+    for path, text in exported.files.items():
+        file = Path(directory) / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(file, text)
+    return exported
 
 
 def export_files(

@@ -6,14 +6,14 @@ Their stiffness is the derivative of what they predict; nothing makes it symmetr
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
-from ecm.errors import InputError, MissingExtra
+from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.extras import require
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
 
 _HIDDEN = (32, 32)
@@ -240,7 +240,4 @@ def _scales(values: F) -> F:
 
 
 def _sklearn(module: str) -> Any:
-    try:
-        return importlib.import_module(f"sklearn.{module}")
-    except ImportError:
-        raise MissingExtra("scikit-learn", "learn", "fitting gp and mlp models") from None
+    return require(f"sklearn.{module}", "learn", "fitting gp and mlp models")

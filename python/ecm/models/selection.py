@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap
 from ecm.models.pcr import Threshold
@@ -34,6 +35,11 @@ class Candidate:
     name: str
     pcr: Threshold = None
 
+    @property
+    def pcr_text(self) -> str | None:
+        """The threshold as the option --pcr takes it."""
+        return None if self.pcr is None else str(self.pcr)
+
 
 @dataclass(frozen=True)
 class ModelChoice:
@@ -51,6 +57,53 @@ class ModelChoice:
     def best(self) -> Candidate:
         """The one to take."""
         return self.candidates[self.chosen]
+
+    def sentences(self) -> list[str]:
+        """The held-out error of each candidate in words, and why one was chosen."""
+        lines = []
+        for i, candidate in enumerate(self.candidates):
+            if np.isfinite(self.error[i]):
+                pcr = "" if candidate.pcr is None else f" --pcr {candidate.pcr}"
+                lines.append(
+                    f"{candidate.name}{pcr}: {self.coefficients[i]} coefficients, held-out error "
+                    f"{self.error[i]:.3g} +- {self.standard_error[i]:.2g} of the noise"
+                )
+        rule = "the fewest coefficients within one standard error of the smallest error"
+        return [*lines, f"chosen: {rule}"]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The candidates as plain values."""
+        listed = [
+            {
+                "model": candidate.name,
+                "pcr": candidate.pcr,
+                "coefficients": self.coefficients[i],
+                "error": float(self.error[i]) if np.isfinite(self.error[i]) else None,
+                "chosen": i == self.chosen,
+            }
+            for i, candidate in enumerate(self.candidates)
+        ]
+        return {"candidates": listed}
+
+
+def default_candidates(table: Table) -> list[Candidate]:
+    """Return the models of `ecm fit --model choose`: polynomials, and energies where L is known.
+
+    Raises
+    ------
+    InputError
+        The table has not all six pose and wrench columns.
+    """
+    if table.pose_columns != POSE or table.wrench_columns != WRENCH:
+        raise InputError(
+            "--model choose needs all six pose and wrench columns: its errors are over the noise "
+            "of a row; name a model instead"
+        )
+    candidates = [Candidate(name) for name in ("linear", "quadratic", "cubic")]
+    candidates += [Candidate("cubic", "press"), Candidate("cubic", "0.01/sqrtN")]
+    if table.meta.length_m is not None:
+        candidates += [Candidate(f"energy{degree}") for degree in (4, 5, 6)]
+    return candidates
 
 
 def choose_model(
@@ -123,6 +176,33 @@ class LearningCurve:
     """The fewest poses that the stop rule accepts, None where more are needed."""
     one_standard_error: int | None
     """The fewest poses whose mean error over draws is within one standard error of the best's."""
+
+    def sentences(self, name: str) -> list[str]:
+        """The curve of a model in words."""
+        lines = [
+            f"{name} from {n} poses: held-out error {error:.3g} of the noise"
+            for n, error in zip(self.sizes, self.error, strict=True)
+            if np.isfinite(error)
+        ]
+        if self.enough is None:
+            return [
+                *lines,
+                "not enough: the curve still falls at the last of these; measure more poses",
+            ]
+        return [
+            *lines,
+            f"enough: {self.enough} poses are within 5 %, {self.one_standard_error} within one "
+            "standard error of the best",
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The curve as plain values."""
+        return {
+            "sizes": list(self.sizes),
+            "error": [float(e) if np.isfinite(e) else None for e in self.error],
+            "enough": self.enough,
+            "one_standard_error": self.one_standard_error,
+        }
 
 
 def learning_curve(

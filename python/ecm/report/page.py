@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from ecm.errors import MissingExtra
 from ecm.io.cache import write_atomically
+from ecm.io.extras import require
 
 _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
 """Numbers have one letter at the most (1e-3), and intervals the word `to`."""
@@ -115,10 +115,7 @@ def write_page(path: Path, title: str, lead: str, sections: Sequence[Section]) -
 
 def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
     """The HTML text of the report."""
-    require_report()
-    import jinja2
-    from plotly.offline import get_plotlyjs
-
+    jinja2, plotly = require_report()
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     figures: list[dict[str, Any]] = []
     prepared = []
@@ -134,18 +131,16 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
         prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
     # "<" never stands in the script's data, so no text of a data file can end the script.
     data = json.dumps(figures, allow_nan=False).replace("<", "\\u003c")
-    return environment.from_string(_TEMPLATE).render(
-        title=title, lead=lead, sections=prepared, figures=data, plotly=get_plotlyjs()
+    page: str = environment.from_string(_TEMPLATE).render(
+        title=title, lead=lead, sections=prepared, figures=data, plotly=plotly.get_plotlyjs()
     )
+    return page
 
 
-def require_report() -> None:
-    """Fail early where the extra `report` is not installed."""
-    try:
-        import jinja2  # noqa: F401
-        import plotly  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra(str(error.name), "report", "The HTML report") from error
+def require_report() -> tuple[Any, Any]:
+    """Return the modules jinja2 and plotly.offline; MissingExtra where they are not installed."""
+    purpose = "The HTML report"
+    return require("jinja2", "report", purpose), require("plotly.offline", "report", purpose)
 
 
 _TEMPLATE = """<!DOCTYPE html>

@@ -8,7 +8,7 @@ same seed gives the same bytes in the summary on any number of threads.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,6 +33,7 @@ from ecm.workflow import paper_selection as selection
 from ecm.workflow import paper_validation as validation
 from ecm.workflow.campaign_files import campaign_table, require_free
 from ecm.workflow.config import Config, read_config
+from ecm.workflow.console import Console, Silent
 from ecm.workflow.loop import run_loop
 
 DESIGNS = ("d", "maximin")
@@ -41,17 +42,6 @@ _CLEAN = tuple(f"measured-{name}" for name in DESIGNS)
 _LOOP = "measured-loop"
 _TIMED_PAIRS = 100
 _BUDGET = {"d": 300, "maximin": 50}  # a second; within 0.01 % of what the default finds here
-
-
-class Console:
-    """Where the job tells what it does; the command line passes one that draws bars."""
-
-    def say(self, text: str = "") -> None:
-        """A line for the reader."""
-
-    def bar(self, title: str) -> Callable[..., None] | None:
-        """A progress callback (done, total[, word]) for the work that comes next."""
-        return None
 
 
 @dataclass
@@ -73,7 +63,7 @@ class Job:
     @contextmanager
     def step(self, name: str, title: str) -> Iterator[None]:
         """Announces a step and takes its time."""
-        self.console.say(title)
+        self.console.print(title)
         start = time.perf_counter()
         yield
         self.stages_s[name] = round(time.perf_counter() - start, 3)
@@ -110,7 +100,7 @@ def identify(
     clean = _without_hidden(config.rig)
     require_free(out, out / "stages", _CLEAN, clean, seed)
     require_free(out, out / "stages", (_LOOP,), config.rig, seed)
-    job = Job(config, out, seed, threads, console or Console())
+    job = Job(config, out, seed, threads, console or Silent())
     out.mkdir(parents=True, exist_ok=True)
     summary: dict[str, Any] = {
         "format": "ecm-identify",
@@ -122,7 +112,7 @@ def identify(
     try:
         require_report()
     except MissingExtra as error:
-        job.console.say(f"There will be no report.html: {error}")
+        job.console.print(f"There will be no report.html: {error}")
     with job.step("simulate", "1 Simulate: FEM poses of random wrenches"):
         pairs = _simulate(job, summary)
     with job.step("select", "2 Select: a model, and the poses worth measuring"):
@@ -155,17 +145,17 @@ def _simulate(job: Job, summary: dict[str, Any]) -> Simulated:
         seed=job.seed,
         threads=job.threads,
         directory=job.out / "stages",
-        progress=job.console.bar("FEM pairs"),
+        progress=job.console.progress("FEM pairs"),
     )
     counts = pairs.counts
-    job.console.say(
+    job.console.print(
         f"  {counts['drawn']} wrenches drawn, {counts['screened']} passed the rod's screen, "
         f"{counts['solved']} solved, {counts['kept']} kept "
         f"({counts['unstable']} unstable, {counts['failed']} without a solution)"
     )
     rest = config.mechanism.fem().rest_stiffness()
     equation_11 = validation.against_equation_11(rest)
-    job.console.say(
+    job.console.print(
         "  K at rest against the paper's equation (11): "
         + ", ".join(f"{100.0 * row['difference']:+.1f} %" for row in equation_11)
     )
@@ -201,7 +191,7 @@ def _select(
     test = pairs.poses[test_rows], pairs.wrenches[test_rows]
     table_two = selection.table_two(train, test, settings.degrees, settings.thresholds)
     for row in table_two["degrees"]:
-        job.console.say(
+        job.console.print(
             f"  degree {row['degree']}: RMSE fx {row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, "
             f"fz {row['rmse'][2]:.3g} N; kappa {row['kappa']:.4g}"
         )
@@ -254,7 +244,7 @@ def _designs(job: Job, poses: F) -> dict[str, Design]:
             iterations=_BUDGET[criterion],
             title=f"{criterion} design",
         )
-        job.console.say(f"  {criterion}: {designs[criterion].sentence()}")
+        job.console.print(f"  {criterion}: {designs[criterion].sentence()}")
     return designs
 
 
@@ -280,7 +270,7 @@ def _design(job: Job, poses: F, name: str, *, title: str = "", **search: Any) ->
             seed=job.seed,
             threads=job.threads,
             starts=settings.starts,
-            progress=job.console.bar(title) if title else None,
+            progress=job.console.progress(title) if title else None,
             **search,
         )
         return dict(vars(found))
@@ -312,7 +302,7 @@ def _measure(
             "skipped": len(design.indices) - count,
             "minutes": float(tables[name].column("time_s").max()) / 60.0,
         }
-        job.console.say(
+        job.console.print(
             f"  {name}: {rows[name]['rows']} poses in {rows[name]['minutes']:.0f} robot minutes"
         )
     summary["identify"] = {"campaigns": rows}
@@ -352,13 +342,13 @@ def measure(job: Job, plan: Table, name: str, rig: RigSettings) -> Table:
         rig,
         seed=job.seed,
         threads=job.threads,
-        progress=job.console.bar(name),
+        progress=job.console.progress(name),
     )
 
 
 def _physics(job: Job, pairs: Simulated) -> PhysicsMap:
     """FEM of the body as a map over these pairs; built once per shape, in the cache folder."""
-    bar = job.console.bar("FEM of the body, kept for the next time")
+    bar = job.console.progress("FEM of the body, kept for the next time")
     return physics_map(
         job.config.mechanism,
         threads=job.threads,
@@ -375,7 +365,7 @@ def _identify(
     rows, figures = validation.table_three(tables, settings.thresholds, degree=settings.degrees[-1])
     step["table_three"] = rows
     for row in rows:
-        job.console.say(
+        job.console.print(
             f"  trained on {row['trained_on']}, b = {row['threshold']:g}: RMSE fx "
             f"{row['rmse'][0]:.3g}, fy {row['rmse'][1]:.3g}, fz {row['rmse'][2]:.3g} N; "
             f"kappa {row['kappa']:.4g}"
@@ -401,7 +391,7 @@ def _identify(
     step["models"], step["floor"], step["best"], best = _model_table(job, tables, cubic, physics)
     best.save(job.out / "model.json")
     cubic.save(job.out / "model-cubic.json")
-    job.console.say(
+    job.console.print(
         "  error over noise on the other design: "
         + ", ".join(f"{row['model']} {row['whitened_rms']:.2f}" for row in step["models"])
         + f"; model.json is {best.name}"
@@ -468,7 +458,7 @@ def _loop(
         path=job.out / f"{_LOOP}.csv",
         seed=job.seed,
         threads=job.threads,
-        say=job.console.say,
+        say=job.console.print,
     )
     found.model.save(job.out / "model-loop.json")
     summary["loop"] = found.summary
@@ -487,7 +477,7 @@ def _times(job: Job, pairs: Simulated, test: I) -> dict[str, Any]:
         )
 
     found = stage.run(compute)
-    job.console.say(
+    job.console.print(
         f"  one evaluation: FEM {1e3 * float(np.median(found['fem_s'])):.0f} ms, model "
         f"{1e6 * float(np.median(found['model_s'])):.0f} us from Python; "
         f"{found['ratio_of_medians']:.0f} times faster"
@@ -508,9 +498,9 @@ def _report(job: Job, summary: dict[str, Any], times: dict[str, Any]) -> None:
     try:
         write_page(path, "Stiffness identification", lead, sections)
     except MissingExtra as error:
-        job.console.say(f"{job.out / 'summary.json'}: the numbers; no report.html: {error}")
+        job.console.print(f"{job.out / 'summary.json'}: the numbers; no report.html: {error}")
         return
-    job.console.say(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
+    job.console.print(f"{path}: the report; {job.out / 'summary.json'}: its numbers")
 
 
 def _described(config: Config) -> str:

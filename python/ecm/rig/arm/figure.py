@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.errors import MissingExtra
+from ecm.io.extras import require
 from ecm.rig.arm.plot_style import COLOURS, PANELS
 from ecm.rig.arm.procedure import Sortie, Stop, whole_way
 
@@ -20,14 +20,12 @@ def figure_7(sortie: Sortie, stop: Stop, length_m: float, path: Path) -> None:
     MissingExtra
         Where matplotlib is missing.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtra("matplotlib", "report", "--phases") from None
+    figure = require("matplotlib.figure", "report", "--phases").Figure(
+        figsize=(9.0, 6.0), layout="constrained"
+    )
     outcome = sortie.outcomes[0]
     time_s, way = whole_way(sortie)
     rest = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes: Any = figure.subplots(2, 3, sharex=True)
     for j, axis in enumerate(axes.ravel()):
         for name, begin, end in (*outcome.phases, *sortie.home.phases):

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.errors import ComputationError, MissingExtra
+from ecm.errors import ComputationError
 from ecm.io.arrays import F
+from ecm.io.extras import require
 from ecm.rig.arm.procedure import Stop
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.simulation import Simulation
@@ -82,11 +83,8 @@ class Film:
 
     def write(self, path: Path) -> None:
         """As an animated GIF."""
-        try:
-            from PIL import Image
-        except ImportError:
-            raise MissingExtra("pillow", "robot", "--film") from None
-        frames = [Image.fromarray(image).quantize(96) for image in self.images]
+        pillow = require("PIL.Image", "robot", "--film")
+        frames = [pillow.fromarray(image).quantize(96) for image in self.images]
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             frames[0].save(

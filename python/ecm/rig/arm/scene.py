@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ecm.errors import MissingExtra
 from ecm.io.arrays import F
+from ecm.io.extras import require
 from ecm.rig.arm.inverse import flange, solve, swivel
 from ecm.rig.arm.kuka import HOME_RAD, chain_text, tool_length_m
 from ecm.rig.settings import RigSettings
@@ -26,11 +26,7 @@ _RIM_M = 0.055
 
 def mujoco() -> Any:
     """The library, or an error that names the extra."""
-    try:
-        import mujoco as library
-    except ImportError:
-        raise MissingExtra("mujoco", "robot", '[rig] mode = "robot"') from None
-    return library
+    return require("mujoco", "robot", '[rig] mode = "robot"')
 
 
 @dataclass(frozen=True)

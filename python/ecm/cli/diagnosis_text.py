@@ -10,15 +10,15 @@ from ecm.cli.text import columns
 _SHOWN = 10
 
 
-def told(document: Mapping[str, Any]) -> Iterator[str]:
-    """The paragraphs of a diagnosis report, in the order in which they matter."""
+def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
+    """The paragraphs of a diagnosis report, the most important first."""
     yield document["sentence"]
-    yield _rests_on(document)
+    yield _basis(document)
     yield from _sizes(document)
     if document["verdict"] == "none":
         yield from _limits(document["detection_limits"])
     if document["unknown"] is not None:
-        yield from _follows(document["unknown"])
+        yield from _variables(document["unknown"])
     yield from _ranking(document)
     if document["confusable"]:
         listed = "; ".join(" = ".join(members) for members in document["confusable"])
@@ -41,7 +41,7 @@ def told(document: Mapping[str, Any]) -> Iterator[str]:
         yield document["unknown"]["skeleton"]
 
 
-def _rests_on(document: Mapping[str, Any]) -> str:
+def _basis(document: Mapping[str, Any]) -> str:
     base, gate = document["base"], document["gate"]
     return (
         f"base: {base['kind']}, its own error {base['error_over_noise']:.2f} times the noise; "
@@ -52,8 +52,8 @@ def _rests_on(document: Mapping[str, Any]) -> str:
 
 def _sizes(document: Mapping[str, Any]) -> Iterator[str]:
     for item in document["effects"]:
-        for name, found in item["parameters"].items():
-            value = f"{found['value']:.4g} +- {found['sd']:.2g} {found['unit']}"
+        for name, fitted in item["parameters"].items():
+            value = f"{fitted['value']:.4g} +- {fitted['sd']:.2g} {fitted['unit']}"
             yield f"  {item['id']} {name} = {value}"
 
 
@@ -66,8 +66,8 @@ def _limits(limits: Mapping[str, Any]) -> Iterator[str]:
         yield "\n" + columns(rows)
 
 
-def _follows(unknown: Mapping[str, Any]) -> Iterator[str]:
-    """The variables that matter; words and the nearest effect stand in the sentence."""
+def _variables(unknown: Mapping[str, Any]) -> Iterator[str]:
+    """The variables that matter; the sentence holds words and the nearest effect."""
     shares = unknown["relevance"]
     parts = [
         f"{name} ({shares[name]:.0%})" if name in shares else name for name in unknown["variables"]

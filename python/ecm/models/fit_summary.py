@@ -1,0 +1,141 @@
+"""Summary of a fit: error on the fitted rows and on held-out rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import EcmError
+from ecm.io.columns import unit_of
+from ecm.io.table import Table
+from ecm.models.fit import cross_validate
+from ecm.models.model import Model
+from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.refit import physics_sentences
+
+_FOLDS = 10
+_HALVINGS = 25
+
+
+def fit_summary(
+    fitted: Model, table: Table, name: str, *, pcr: float | str | None = None, seed: int = 0
+) -> dict[str, Any]:
+    """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
+
+    Parameters
+    ----------
+    fitted
+        The model fitted to the table.
+    table
+        Its rows (N).
+    name
+        Name of the model, which is fitted again for the held-out error.
+    pcr
+        Its threshold; with one, no held-out error is computed.
+    seed
+        Seed of the random generator.
+
+    Returns
+    -------
+    dict
+        The JSON document of `ecm fit`: plain values, and `sentences` for people.
+    """
+    measured = table.measured()
+    predicted = fitted.predict(measured.matrix(fitted.inputs))
+    components: dict[str, dict[str, float | None]] = {}
+    sentences: list[str] = []
+    for j, column in enumerate(fitted.outputs):
+        values = measured.column(column)
+        rmse = float(np.sqrt(np.mean((predicted[:, j] - values) ** 2)))
+        spread = float(np.std(values))
+        share = rmse / spread if spread > 0.0 else None
+        components[column] = {"rmse": rmse, "spread": spread, "rmse_over_spread": share}
+        if share is None:
+            sentences.append(f"{column}: never excited, nothing was learnt about it")
+        else:
+            sentences.append(
+                f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
+                f"{100.0 * share:.2g} % of its spread"
+            )
+    held_out = None
+    if pcr is None and name != "physics" and not name.lower().endswith(".toml"):
+        held_out = _held_out(table, name, seed)
+    parameters = _parameters(fitted)
+    for part in (held_out, parameters):
+        if part is not None:
+            sentences += part.pop("sentences")
+    return {
+        "schema": 1,
+        "seed": seed,
+        "model": fitted.name,
+        "parameters": parameters,
+        "rows": len(measured),
+        "held_out": held_out,
+        "inputs": list(fitted.inputs),
+        "outputs": list(fitted.outputs),
+        "components": components,
+        "sentences": sentences,
+    }
+
+
+def _parameters(fitted: Model) -> dict[str, Any] | None:
+    """Parameters of a refit of the physics, with standard deviations and covariance."""
+    if not isinstance(fitted.base, PhysicsMap) or fitted.covariance is None:
+        return None
+    values, sd = fitted.base.coefficients, np.sqrt(np.diag(fitted.covariance))
+    return {
+        name: {"value": float(value), "sd": float(error)}
+        for name, value, error in zip(fitted.base.parameter_names, values, sd, strict=True)
+    } | {
+        "covariance": fitted.covariance.tolist(),
+        "sentences": physics_sentences(fitted.base, fitted.covariance),
+    }
+
+
+def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
+    """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
+
+    Groups are few, so a part is one half and the value is the median over many divisions.
+    None where a part of the rows is too few for the model.
+    """
+    try:
+        if not table.meta.group:
+            folds = _shares(table, name, _FOLDS, True, [seed])
+            sentence = f"held out, share of the spread: {_listed(folds)}"
+            return {"folds": folds, "sentences": [sentence]}
+        seeds = [seed + i for i in range(_HALVINGS)]
+        own = _shares(table, name, 2, True, seeds)
+        random = _shares(table, name, 2, False, seeds)
+    except EcmError:
+        return None
+    groups = ", ".join(table.meta.group)
+    sentences = [
+        f"one half held out by {groups}, share of the spread: {_listed(own)}",
+        f"one half held out by random rows, share of the spread: {_listed(random)}",
+    ]
+    flattered = [column for column in own if random[column] < own[column]]
+    if flattered:
+        sentences.append(
+            f"Random rows flatter the model in {', '.join(flattered)}: trust the split by group."
+        )
+    return {"by_group": own, "by_random_rows": random, "sentences": sentences}
+
+
+def _shares(
+    table: Table, name: str, folds: int, grouped: bool, seeds: Sequence[int]
+) -> dict[str, float]:
+    """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
+    results = [
+        cross_validate(table, name, folds=folds, grouped=grouped, seed=seed) for seed in seeds
+    ]
+    return {
+        column: float(np.median([result.rmse[column] for result in results])) / spread
+        for column, spread in results[0].spread.items()
+        if spread > 0.0
+    }
+
+
+def _listed(shares: dict[str, float]) -> str:
+    return ", ".join(f"{column} {share:.2f}" for column, share in shares.items())

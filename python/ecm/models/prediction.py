@@ -1,0 +1,93 @@
+"""Predictions of a model as columns of a table: wrench, standard deviation, stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, STIFFNESS, WRENCH
+from ecm.io.table import Table
+from ecm.models.model import Model
+
+StiffnessKind = Literal["partial", "generalised", "screw"]
+_MARGIN = 0.1
+"""A pose is outside the training data beyond this share of the range of a column."""
+
+
+def predict(
+    model: Model, table: Table, *, stiffness: StiffnessKind | None = None, leverage: bool = False
+) -> Table:
+    """Predict the wrench of a model at each pose of a table.
+
+    Parameters
+    ----------
+    model
+        Any model.
+    table
+        N poses; its other columns are kept.
+    stiffness
+        Add the 36 columns `k_fx_x`, ... of this stiffness: `partial` (dh/dp, the paper's),
+        `generalised` (d(f, J'tau)/dp) or `screw` (in rotation increments of the base axes).
+    leverage
+        Add the columns `leverage`, where it is known, and `extrapolates` (0 or 1).
+
+    Returns
+    -------
+    Table
+        The table with the predicted wrench (N, N m), `sd_` columns where the model knows its
+        standard deviation, and a warning where poses are outside the training data.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> model = ecm.fit(ecm.as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")
+    >>> predicted = ecm.predict(model, ecm.as_table({"y_m": [0.005, 0.05]}))
+    >>> predicted["fy_N"].round(6)
+    array([ 15., 150.])
+    >>> predicted.warnings
+    ('1 of 2 poses are outside what the model was trained on: there it extrapolates',)
+    """
+    poses = table.matrix(model.inputs)
+    wrench = model.predict(table if model.effects else poses)
+    columns: dict[str, F] = {name: wrench[:, j] for j, name in enumerate(model.outputs)}
+    sd = model.predict_sd(poses)
+    if sd is not None:
+        columns |= {f"sd_{name}": sd[:, j] for j, name in enumerate(model.outputs)}
+    if stiffness is not None:
+        columns |= _stiffness_columns(model, poses, stiffness)
+    if leverage:
+        known = model.leverage(poses)
+        if known is not None:
+            columns["leverage"] = known
+        columns["extrapolates"] = model.extrapolates(poses).astype(np.float64)
+    warnings = (*table.warnings, *_outside(model, table))
+    return replace(table.with_columns(columns), warnings=warnings)
+
+
+def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:
+    matrix = model.stiffness(poses, kind)
+    short = {name: name.rsplit("_", 1)[0] for name in (*POSE, *WRENCH)}
+    columns = {
+        f"k_{short[force]}_{short[coordinate]}": matrix[:, i, j]
+        for i, force in enumerate(model.outputs)
+        for j, coordinate in enumerate(model.inputs)
+    }
+    return {name: columns[name] for name in STIFFNESS if name in columns}
+
+
+def _outside(model: Model, table: Table) -> list[str]:
+    outside = np.zeros(len(table), dtype=bool)
+    for name, (low, high) in model.domain.items():
+        margin = _MARGIN * (high - low)
+        values = table.column(name)
+        outside |= (values < low - margin) | (values > high + margin)
+    if not outside.any():
+        return []
+    return [
+        f"{int(outside.sum())} of {len(table)} poses are outside what the model was trained on: "
+        "there it extrapolates"
+    ]

@@ -1,0 +1,86 @@
+"""Refit of a model with effects added or removed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ecm.effects.protocol import Effect
+from ecm.errors import InputError
+from ecm.io.table import Table
+from ecm.models.model import Model
+
+
+def refit(
+    model: Model,
+    table: Table,
+    *,
+    add: Sequence[str | Effect] = (),
+    remove: Sequence[str] = (),
+    freeze: Sequence[str] = (),
+) -> Model:
+    """Fit a model again to a table, with an effect more or less.
+
+    Parameters
+    ----------
+    model
+        The model before.
+    table
+        Measured rows (N).
+    add
+        Effects, or their ids, that the model lacks.
+    remove
+        Ids of effects that it has and shall not have.
+    freeze
+        Ids of effects whose values are kept.
+
+    Returns
+    -------
+    Model
+        Base and effects fitted together; `history` says what each change was worth.
+
+    Raises
+    ------
+    InputError
+        Nothing to change, an unknown id, or an effect that the table cannot test.
+
+    Examples
+    --------
+    >>> import numpy as np, ecm
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> time_s = np.arange(20.0)
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (20, 6))
+    >>> wrenches = 1000.0 * poses
+    >>> wrenches[:, 1] += 0.05 * time_s
+    >>> rows = np.column_stack([poses, wrenches, time_s]).T
+    >>> table = ecm.as_table(dict(zip([*POSE, *WRENCH, "time_s"], rows)))
+    >>> model = ecm.refit(ecm.fit(table, "linear"), table, add=["fts_drift"])
+    >>> print(model.fit_report().splitlines()[3])
+        fy_rate = 0.05 +- 0.016 N/s
+    """
+    if not (add or remove or freeze):
+        raise InputError(
+            "refit: nothing to change; give add, remove or freeze "
+            "(--add EFFECT, --remove EFFECT, --freeze NAME)"
+        )
+    return model.remove(*remove).add(*add).freeze(*freeze).fit(table)
+
+
+def refit_summary(model: Model) -> dict[str, Any]:
+    """Return values of the effects, correlations and fit history, and the fit report in words."""
+    effects = []
+    for item in model.effects:
+        values = [
+            {"name": p.name, "value": float(v), "sd": float(s), "unit": p.unit}
+            for p, v, s in zip(item.effect.parameters, item.values, item.sd, strict=True)
+        ]
+        effects.append({"id": item.id, "frozen": item.frozen, "parameters": values})
+    pairs = [{"between": [a, b], "value": value} for a, b, value in model.correlations]
+    return {
+        "schema": 1,
+        "model": model.name,
+        "effects": effects,
+        "correlations": pairs,
+        "history": [record.to_dict() for record in model.history],
+        "sentences": model.fit_report().splitlines(),
+    }

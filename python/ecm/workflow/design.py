@@ -1,0 +1,219 @@
+"""A plan of the poses worth measuring, with what it can show and how long it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ecm.designs import (
+    Design,
+    NominalModel,
+    Size,
+    design_sizes,
+    diagnosable_plan,
+    nominal_model,
+    optimal_design,
+    paper_plan,
+    plain_plan,
+    rig_noise,
+)
+from ecm.diagnosis.identifiability import Identifiability, identifiability
+from ecm.effects import Effect, all_effects
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models import Model
+from ecm.rig import RigSettings, campaign_minutes
+from ecm.workflow.console import Console, Silent
+
+Preset = Literal["paper", "diagnosable"]
+_PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan}
+
+
+@dataclass(frozen=True)
+class PlannedDesign:
+    """A design as a plan, with what is known about it before anything is measured."""
+
+    plan: Table
+    """The rows in visiting order."""
+    design: Design
+    """The chosen candidates and how good they are."""
+    model: str | None
+    """Model that the design is for; None where only distances count."""
+    seed: int
+    reproducible: bool
+    """False with a time limit."""
+    minutes: float | None
+    """Minutes on the rig; None where no length is known."""
+    effects: tuple[Identifiability, ...] = ()
+    """What a diagnosable plan can name, and from what size."""
+    sizes: tuple[Size, ...] = ()
+    """Expected error against the number of poses, where it was asked for."""
+
+    def sentences(self) -> list[str]:
+        """The result in words."""
+        lines = [self.design.sentence()]
+        if not self.reproducible:
+            lines.append("with a time limit another run may give another design")
+        return lines + ["  " + item.sentence() for item in self.effects]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of `ecm design`."""
+        return {
+            "schema": 1,
+            "seed": self.seed,
+            "criterion": self.design.criterion,
+            "model": self.model,
+            "n": len(self.design.indices),
+            "rows": (self.design.indices + 1).tolist(),
+            "value": self.design.value,
+            "bound": self.design.bound,
+            "efficiency": self.design.efficiency,
+            "status": self.design.status,
+            "reproducible": self.reproducible,
+            "minutes": self.minutes,
+            "effects": [item.to_dict() for item in self.effects],
+            "how_many": [size.to_dict() for size in self.sizes],
+        }
+
+
+def design(
+    candidates: Table,
+    n: int,
+    *,
+    preset: Preset | None = None,
+    base: Model | None = None,
+    rig: RigSettings | None = None,
+    effects: Sequence[Effect] = (),
+    how_many: bool = False,
+    console: Console | None = None,
+    **search: Any,
+) -> PlannedDesign:
+    """Choose the n poses of a table that are worth measuring, and plan their visits.
+
+    Parameters
+    ----------
+    candidates
+        Table of N poses.
+    n
+        Number of poses to choose.
+    preset
+        Protocol of the plan: `paper`, `diagnosable` (repeats, both approaches, several dwells), or
+        None for the chosen rows alone.
+    base
+        Nominal model: rows are weighed by their noise at its stiffness.
+    rig
+        Instruments and times of the rig; the default rig where none is given.
+    effects
+        Effects to be told apart; needs the preset `diagnosable`, whose default is all of them.
+    how_many
+        Also compute the expected error for every smaller number of poses.
+    console
+        Where progress is printed.
+    search
+        Options of `optimal_design`: criterion, model, seed, threads, starts, include, exclude, ...
+
+    Returns
+    -------
+    PlannedDesign
+        Plan, design, and what is known of them.
+
+    Raises
+    ------
+    InputError
+        Effects without the preset, or a table or options that cannot give a design.
+
+    Examples
+    --------
+    >>> import numpy as np, ecm
+    >>> x = np.linspace(-0.01, 0.01, 21)
+    >>> planned = ecm.design(ecm.as_table({"y_m": x, "z_m": x**2 / 0.01}), 4, model="linear")
+    >>> len(planned.plan), planned.design.efficiency > 0.9
+    (4, True)
+    """
+    if effects and preset != "diagnosable":
+        raise InputError(
+            "--effects: needs --preset diagnosable, whose protocol tells effects apart; add it"
+        )
+    console = console or Silent()
+    # Free polynomials absorb the effects.
+    model = search.pop("model", None) or ("energy4" if effects else "cubic")
+    threads, seed = search.get("threads", 0), search.get("seed", 0)
+    weighted = base is not None or rig is not None or model == "physics" or bool(effects)
+    nominal = None
+    if weighted:
+        physics = model == "physics"
+        nominal = nominal_model(
+            candidates,
+            base,
+            physics=physics,
+            noise=None if rig is None else rig_noise(rig),
+            threads=threads,
+            progress=console.progress("physics base") if physics else None,
+        )
+    elif preset == "diagnosable":
+        nominal = _free_nominal(candidates, threads, console)
+    names = candidates.pose_columns
+    poses = candidates.matrix(names)
+    common = {
+        "criterion": search.pop("criterion", "d"),
+        "model": model,
+        "length_m": candidates.meta.length_m,
+        "base": nominal if weighted else None,
+        "seed": search.pop("seed", 0),
+        "threads": search.pop("threads", 0),
+    }
+    chosen = optimal_design(
+        poses,
+        n,
+        **common,
+        **search,
+        effects=effects,
+        columns=names,
+        progress=console.progress("design"),
+    )
+    plan = _PLANS[preset](candidates, chosen, seed=seed)
+    testable: list[Identifiability] = []
+    if preset == "diagnosable" and nominal is not None:
+        testable = identifiability(plan, nominal, effects or all_effects(), rig=rig)
+    sizes: list[Size] = []
+    if how_many:
+        criterion = "d" if chosen.criterion == "maximin" else chosen.criterion
+        sizes = design_sizes(
+            poses,
+            most=n,
+            **common | {"criterion": criterion},
+            progress=console.progress("how many"),
+        )
+    return PlannedDesign(
+        plan=plan,
+        design=chosen,
+        model=None if chosen.criterion == "maximin" else model,
+        seed=seed,
+        reproducible=not search.get("time_limit_s"),
+        minutes=_minutes(plan, rig),
+        effects=tuple(testable),
+        sizes=tuple(sizes),
+    )
+
+
+def _free_nominal(table: Table, threads: int, console: Console) -> NominalModel | None:
+    """The nominal model where it costs no option: measured wrenches or a body are there."""
+    try:
+        if table.wrench_columns == WRENCH or table.meta.body() is not None:
+            return nominal_model(table, threads=threads)
+    except InputError:
+        pass
+    console.print(
+        "which effects this plan can name is not known without a nominal stiffness; give --base "
+        "MODEL, or a [mechanism] beside the candidates"
+    )
+    return None
+
+
+def _minutes(plan: Table, rig: RigSettings | None) -> float | None:
+    """Minutes on this rig, or on the default one; None where no length is known."""
+    if plan.meta.length_m is None or plan.pose_columns != POSE:
+        return None
+    return campaign_minutes(plan, rig or RigSettings())
