@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from ecm.designs.plans import diagnosable_plan, paper_plan
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
-    from ecm.diagnosis.verdict import Diagnosis
+    from ecm.diagnosis.result import Diagnosis
+    from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
@@ -47,7 +48,8 @@ _NAMES = {
     "designs.plans": ("diagnosable_plan", "paper_plan"),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
-    "diagnosis.verdict": ("Diagnosis",),
+    "diagnosis.result": ("Diagnosis",),
+    "diagnosis.settings": ("DiagnosisSettings",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
@@ -75,6 +77,7 @@ __all__ = [
     "ComputationError",
     "Design",
     "Diagnosis",
+    "DiagnosisSettings",
     "EcmError",
     "InputError",
     "Mechanism",

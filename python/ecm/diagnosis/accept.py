@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.regression.normal_equations import explained_squares
 
 ClassOf = Callable[..., list[str]]
-"""(problem, chosen, item, least_bic) -> the ids that cannot be told from an effect, its own first."""
+"""(problem, chosen, item, least_bic) -> ids that cannot be told from an effect, its own first."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,12 @@ class AcceptanceCheck:
     winners: dict[str, float] = field(repr=False)
     """Share of bootstraps that each effect wins."""
     settings: DiagnosisSettings = field(default=DEFAULTS, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the part of the report."""
+        hidden = ("winners", "settings")
+        shown = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in hidden}
+        return shown | {"accepted": self.accepted}
 
     @property
     def accepted(self) -> bool:
@@ -169,9 +176,7 @@ def fullest_forms(problem: Problem, effects: Sequence[Candidate]) -> tuple[Candi
     return tuple(fullest)
 
 
-def _share(
-    winners: dict[str, float], members: Sequence[str], settings: DiagnosisSettings
-) -> float:
+def _share(winners: dict[str, float], members: Sequence[str], settings: DiagnosisSettings) -> float:
     """Return the share of bootstraps that a class wins; of a longer list its best members."""
     won = sorted((winners.get(id, 0.0) for id in members), reverse=True)
     return sum(won[: settings.most_in_class])

@@ -79,7 +79,9 @@ class _Block:
     """(g, b k k) of each candidate's columns."""
 
     @staticmethod
-    def of(normal: NormalEquations, fixed: Sequence[int], candidates: Sequence[Candidate]) -> _Block:
+    def of(
+        normal: NormalEquations, fixed: Sequence[int], candidates: Sequence[Candidate]
+    ) -> _Block:
         """Sums over the rows of each group."""
         known = np.column_stack([normal.rows[:, list(fixed)], normal.response])
         columns = normal.rows[:, [column for c in candidates for column in c.columns]]

@@ -82,7 +82,9 @@ def confusion_class(
         alike = alike or (rival in problem.imitators and loss < 0.5 * own)
         return (loss < least_bic or alike) and not later.refutes(rival)
 
-    nearest = _nearest(pair for pair in zip(rivals, losses.tolist(), strict=True) if is_member(*pair))
+    nearest = _nearest(
+        pair for pair in zip(rivals, losses.tolist(), strict=True) if is_member(*pair)
+    )
     near = [id for id, loss in nearest.items() if loss < least_bic]
     # Rivals that only look alike, and lose in BIC: a long list names nothing.
     alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]

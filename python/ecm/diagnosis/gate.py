@@ -12,8 +12,8 @@ from ecm.diagnosis.bounds import Bounded, bounded_estimate
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import F
-from ecm.models.noise_estimate import repeat_cells
 from ecm.regression.f_test import FTest, lack_of_fit, omnibus_test
+from ecm.regression.repeats import repeat_cells
 
 
 @dataclass(frozen=True)

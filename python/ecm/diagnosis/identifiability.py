@@ -137,9 +137,9 @@ def identifiability(
             found.append(
                 Identifiability(
                     effect.id,
-                    limit["parameter"],
-                    limit["size"],
-                    limit["unit"],
+                    limit.parameter,
+                    limit.size,
+                    limit.unit,
                     tuple(rivals.get(effect.id, ())),
                 )
             )

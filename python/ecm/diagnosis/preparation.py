@@ -39,9 +39,7 @@ class Prepared:
     """Effects that the model has already."""
 
 
-def prepare(
-    model: Model, table: Table, effects: Sequence[str | Effect] | None = None
-) -> Prepared:
+def prepare(model: Model, table: Table, effects: Sequence[str | Effect] | None = None) -> Prepared:
     """Select the rows and the effects of a diagnosis.
 
     Parameters

@@ -101,7 +101,7 @@ class Problem:
 
     @cached_property
     def equations(self) -> tuple[F, F]:
-        """Matrix G (K, K) and vector c (K,) of all rows over the noise scale; do not change them."""
+        """Matrix (K, K) and vector (K,) of all rows over the noise scale; do not change them."""
         if self.reduced is not None:
             return self.reduced
         matrix, vector, _ = self.normal.total()
@@ -185,7 +185,13 @@ def assemble(
     whitener = whiteners(noise.covariance(rows, base.error))
     base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
     columns = effect_columns(
-        rows, whitener, fit.whitened, base_block, base.kind, effects, settings
+        rows,
+        effects,
+        whitener=whitener,
+        response=fit.whitened,
+        base_block=base_block,
+        base_kind=base.kind,
+        settings=settings,
     )
     response, kept, projection = fit.whitened, columns.kept, columns.projection
     projected = base_block[:, :, :0]

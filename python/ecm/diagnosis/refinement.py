@@ -15,7 +15,7 @@ from ecm.effects import Shape
 
 @dataclass(frozen=True)
 class Refinement:
-    """A richer form of an accepted effect, and its held-out errors beside those of the plain one."""
+    """A richer form of an accepted effect, with held-out errors of both forms."""
 
     id: str
     shape: Shape

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
-
-import numpy as np
 
 from ecm.diagnosis.accept import AcceptanceCheck
 from ecm.diagnosis.classify import Headline
@@ -18,7 +15,7 @@ from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.noise_effects import NoiseFinding
 from ecm.diagnosis.refinement import Refinement
 from ecm.diagnosis.unexplained import Unknown
-from ecm.errors import MissingExtra
+from ecm.io.extras import require
 from ecm.models.joint_fit import FittedEffect
 from ecm.regression.noise import Noise
 
@@ -108,7 +105,7 @@ class HeldOut:
     before: float
     after: float
     ceiling: float | None = field(default=None, metadata={"optional": True})
-    by_run: tuple[RunError, ...] | None = field(default=None, metadata={"optional": True})
+    by_run: tuple[RunError, ...] = field(default=(), metadata={"optional": True})
     """Of a continuous test, run by run."""
 
 
@@ -120,14 +117,15 @@ class Diagnosis:
     `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
     """
 
-    verdict: Headline
-    answer: tuple[tuple[str, ...], ...]
-    """One tuple per missing effect: one id when named, the class when ambiguous."""
-    effects: tuple[FittedEffect, ...]
-    """The accepted effects, fitted jointly; of a class its best member."""
+    seed: int
     base: BaseSummary
     noise: NoiseSummary
     gate: Gate
+    verdict: Headline
+    effects: tuple[FittedEffect, ...]
+    """The accepted effects, fitted jointly; of a class its best member."""
+    answer: tuple[tuple[str, ...], ...]
+    """One tuple per missing effect: one id when named, the class when ambiguous."""
     ranking: tuple[RankedEffect, ...]
     checks: tuple[AcceptanceCheck, ...]
     confusable: tuple[tuple[str, str], ...]
@@ -142,14 +140,13 @@ class Diagnosis:
     next_experiment: tuple[Proposal, ...]
     outliers: tuple[int, ...]
     """Rows of the table whose robust weight is below one half."""
-    seed: int
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""
-    warnings: tuple[str, ...]
-    refinements: tuple[Refinement, ...]
-    """Richer forms of the accepted effects that were tried."""
     left_over: Leftover
     """What is left after the accepted effects."""
+    refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
+    """Richer forms of the accepted effects that were tried."""
+    warnings: tuple[str, ...]
 
     def __str__(self) -> str:
         return self.sentence()
@@ -186,10 +183,7 @@ class Diagnosis:
         MissingExtra
             If pandas is not installed.
         """
-        try:
-            pandas = importlib.import_module("pandas")
-        except ModuleNotFoundError:
-            raise MissingExtra("pandas", "data", "The ranking as a DataFrame") from None
+        pandas = require("pandas", "data", "The ranking as a DataFrame")
         return pandas.DataFrame(to_json(self.ranking))
 
     def plot(self, most: int = 12) -> Any:
@@ -205,10 +199,7 @@ class Diagnosis:
         MissingExtra
             If plotly is not installed.
         """
-        try:
-            plotly = importlib.import_module("plotly.graph_objects")
-        except ModuleNotFoundError:
-            raise MissingExtra("plotly", "report", "The figure of the ranking") from None
+        plotly = require("plotly.graph_objects", "report", "The figure of the ranking")
         shown = self.ranking[:most][::-1]
         figure = plotly.Figure(
             plotly.Bar(
@@ -219,18 +210,15 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report of interfaces.md."""
-        return {"schema": 1, "seed": self.seed, "sentence": self.sentence()} | {
-            key: to_json(getattr(self, _RENAMED.get(key, key)))
-            for key in _KEYS
-            if key != "outliers"
-        }
+        document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
+        return document | _fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}
 
 
 def to_json(value: Any) -> Any:
     """Return plain JSON of results: records become objects, tuples lists.
 
     A field's metadata may change its key (`json`; empty: left out) or leave out a value that is
-    None (`optional`). A `to_dict` of the record's own goes first.
+    None or empty (`optional`). A `to_dict` of the record's own goes first.
 
     Examples
     --------
@@ -239,20 +227,25 @@ def to_json(value: Any) -> Any:
     """
     if hasattr(value, "to_dict"):
         return value.to_dict()
-    if isinstance(value, FittedEffect):
-        return _effect_json(value)
     if is_dataclass(value):
-        return {
-            key: to_json(getattr(value, item.name))
-            for item in fields(value)
-            if (key := item.metadata.get("json", item.name))
-            and not (item.metadata.get("optional") and getattr(value, item.name) is None)
-        }
+        return _fields_json(value)
     if isinstance(value, Mapping):
         return {key: to_json(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [to_json(entry) for entry in value]
-    return value.item() if isinstance(value, np.generic) else value
+    return value
+
+
+def _fields_json(record: Any) -> dict[str, Any]:
+    if isinstance(record, FittedEffect):
+        return _effect_json(record)
+    pairs = [(item, getattr(record, item.name)) for item in fields(record)]
+    return {
+        item.metadata.get("json", item.name): to_json(value)
+        for item, value in pairs
+        if item.metadata.get("json", item.name)
+        and not (item.metadata.get("optional") and value in (None, ()))
+    }
 
 
 def _effect_json(item: FittedEffect) -> dict[str, Any]:

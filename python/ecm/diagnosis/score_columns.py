@@ -91,11 +91,12 @@ class EffectColumns:
 
 def effect_columns(
     rows: Rows,
+    effects: Sequence[Effect],
+    *,
     whitener: F,
     response: F,
     base_block: F,
     base_kind: str,
-    effects: Sequence[Effect],
     settings: DiagnosisSettings,
 ) -> EffectColumns:
     """Return the columns of all effects that the base does not absorb, with robust weights.

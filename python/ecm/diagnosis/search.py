@@ -138,7 +138,7 @@ def _p_values(problem: Problem, drops: F, parameters: I) -> F:
     caught = problem.size * problem.base_error**2 / 3.0
     if caught > 1e-6:
         # Imported here: scipy.stats takes a second to load, and only its tail is exact far out.
-        from scipy.stats import ncx2  # noqa: PLC0415
+        from scipy.stats import ncx2
 
         return np.asarray(np.clip(ncx2.sf(drops, parameters, caught), 0.0, 1.0))
     return np.asarray(special.chdtrc(parameters, drops))
@@ -195,9 +195,7 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
     ]
     for size in range(2, settings.most_effects + 1):
         different = {frozenset(c.columns for c in chosen): chosen for chosen in sets}
-        valued = sorted(
-            different.values(), key=lambda chosen: -delta_bic(problem, chosen)
-        )
+        valued = sorted(different.values(), key=lambda chosen: -delta_bic(problem, chosen))
         good = [
             chosen
             for chosen in valued[: 4 * settings.beam]
@@ -213,16 +211,14 @@ def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]
             break
         sets = [
             (*chosen, candidate)
-            for chosen in good[:settings.beam]
+            for chosen in good[: settings.beam]
             for candidate, _, _ in _best_beside(problem, chosen)
         ]
     best = _swapped(problem, best)
     while len(best) > 1 and not _is_valid(problem, best):
         # After an exchange a member may no longer be needed, or allowed.
         fewer = [(*best[:i], *best[i + 1 :]) for i in range(len(best))]
-        best = _swapped(
-            problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen))
-        )
+        best = _swapped(problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen)))
     return best
 
 
@@ -264,9 +260,7 @@ def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     return bool(own > (single - chance).max(initial=0.0) + least)
 
 
-def _swapped(
-    problem: Problem, chosen: tuple[Candidate, ...]
-) -> tuple[Candidate, ...]:
+def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
     """Exchange single members as long as that lowers BIC."""
     best, value = chosen, delta_bic(problem, chosen)
     improved = True

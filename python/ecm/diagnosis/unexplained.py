@@ -90,7 +90,9 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
     for _ in range(problem.settings.most_terms):
         gains = np.where(usable, (columns.T @ rest) ** 2 / np.maximum(sizes, 1e-300) ** 2, 0.0)
         best = int(np.argmax(gains))
-        if chosen and gains[best] < problem.settings.least_term_gain * max(total - float(rest @ rest), 1e-300):
+        if chosen and gains[best] < problem.settings.least_term_gain * max(
+            total - float(rest @ rest), 1e-300
+        ):
             break
         chosen.append(best)
         usable[best] = False
@@ -115,7 +117,7 @@ def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
     basis, _ = np.linalg.qr(values[measured])
     seen = basis @ (basis.T @ left[measured])
     _, _, axes = np.linalg.svd(seen, full_matrices=False)
-    targets = left[measured] @ axes[:problem.settings.residual_directions].T
+    targets = left[measured] @ axes[: problem.settings.residual_directions].T
     shares = ard_relevance(variables, targets)
     named = zip(np.array(names)[varied].tolist(), shares.tolist(), strict=True)
     ordered = sorted(named, key=lambda item: -item[1])
