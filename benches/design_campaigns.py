@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
-from ecm.designs import Design, nominal_model, optimal_design, paper_plan
+from ecm.designs import Design, DesignSettings, nominal_model, optimal_design, paper_plan
+from ecm.designs.regressors import model_columns
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, read_table
 from ecm.models import EnergyMap, fit_model
@@ -76,9 +77,11 @@ def figure_5(table: Table, seeds: int) -> dict[str, dict[str, list[float]]]:
         train, test = selection.split(len(table), TEST, seed)
         pool = table.poses[train], table.wrenches[train]
         designs = {
-            "D": optimal_design(pool[0], N_PAPER, criterion="d", iterations=100, seed=seed),
+            "D": optimal_design(
+                pool[0], N_PAPER, DesignSettings(criterion="d", iterations=100, seed=seed)
+            ),
             "maximin": optimal_design(
-                pool[0], N_PAPER, criterion="maximin", iterations=100, seed=seed
+                pool[0], N_PAPER, DesignSettings(criterion="maximin", iterations=100, seed=seed)
             ),
             "random": random_design(len(train), N_PAPER, seed),
         }
@@ -169,16 +172,23 @@ def small_campaigns(table: Table, seeds: int) -> list[dict[str, Any]]:
             flush=True,
         )
 
-    paper = optimal_design(table.poses, N_PAPER, criterion="d", iterations=200)
+    paper = optimal_design(table.poses, N_PAPER, DesignSettings(criterion="d", iterations=200))
     add("cubic", "D", [paper] * seeds)
     for model in MODELS:
         for n in SIZES:
             for criterion in ("d", "i"):
-                options: dict[str, Any] = {"model": model, "base": base, "iterations": 30}
                 if 6 * n < 1.2 * terms(model, table):
                     continue
                 design = optimal_design(
-                    table.poses, n, criterion=criterion, length_m=table.meta.length_m, **options
+                    table.poses,
+                    n,
+                    DesignSettings(
+                        criterion=criterion,
+                        model=model,
+                        length_m=table.meta.length_m,
+                        iterations=30,
+                    ),
+                    base=base,
                 )
                 add(model, criterion.upper(), [design] * seeds)
             if 6 * n >= 1.2 * terms(model, table):
@@ -213,11 +223,18 @@ def certified(table: Table, seeds: int = 3) -> list[dict[str, Any]]:
         clock = time.process_time()
         found = [
             optimal_design(
-                table.poses, n, criterion=criterion, model=model or "cubic",
-                length_m=table.meta.length_m, iterations=iterations, seed=seed,
+                table.poses,
+                n,
+                DesignSettings(
+                    criterion=criterion,
+                    model=model or "cubic",
+                    length_m=table.meta.length_m,
+                    iterations=iterations,
+                    seed=seed,
+                ),
             )
             for seed in range(seeds)
-        ]  # fmt: skip
+        ]
         spent = (time.process_time() - clock) / seeds
         shares = [design.efficiency for design in found]
         rows.append(
@@ -233,9 +250,8 @@ def certified(table: Table, seeds: int = 3) -> list[dict[str, Any]]:
 
 def terms(model: str, table: Table) -> int:
     """Coefficients of an energy model."""
-    from ecm.designs.regressors import model_columns
-
-    return int(model_columns(table.poses[:1], model, table.meta.length_m, None).shape[2])
+    settings = DesignSettings(model=model, length_m=table.meta.length_m)
+    return int(model_columns(table.poses[:1], settings, None).shape[2])
 
 
 def main() -> int:

@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ecm.designs import diagnosable_plan, optimal_design
+from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.diagnosis import diagnose
 from ecm.fem.simulate import fem_poses
 from ecm.io.cache import write_atomically
@@ -67,7 +67,7 @@ def plan_of(mechanism: Mechanism, poses: int, visits: int) -> Table:
     candidates, _ = fem_poses(mechanism, 2 * poses, seed=100)
     columns = {name: candidates[:, j] for j, name in enumerate(POSE)}
     table = Table(columns, Meta(mechanism=mechanism.to_dict()), "candidates")
-    chosen = optimal_design(candidates, poses, criterion="maximin", seed=0)
+    chosen = optimal_design(candidates, poses, DesignSettings(criterion="maximin", seed=0))
     return diagnosable_plan(table, chosen, visits, seed=0)
 
 

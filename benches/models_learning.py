@@ -26,7 +26,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.models.fit import Weights
+from ecm.models.specification import Weights
 from ecm.regression.noise import Noise, whiteners
 
 F = NDArray[np.float64]

@@ -31,7 +31,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models import StiffnessMap, fit_model
+from ecm.models import StiffnessMap, fit_model, parse_model
 from ecm.models.selection import free_coefficients
 from ecm.regression.noise import Noise, whiteners
 
@@ -97,7 +97,7 @@ def measure(
                 try:
                     part = table_of(poses[train[:n]], wrenches[train[:n]])
                     known, pcr = ("cubic", "press") if name == "pcr" else (name, None)
-                    base = fit_model(part, known, pcr=pcr).base
+                    base = fit_model(part, parse_model(known, pcr=pcr)).base
                 except MissingExtra:
                     raise
                 except EcmError:

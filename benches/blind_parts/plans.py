@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from blind_parts.rod import Section
 from blind_parts.rod_tables import rod_mechanism
 from ecm import _native
-from ecm.designs import diagnosable_plan, optimal_design
+from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.plans import paper_plan
 from ecm.fem.simulate import fem_poses
 from ecm.io.cache import write_atomically
@@ -61,7 +61,7 @@ def plan_of(candidates: Table, protocol: str) -> Table:
     """
     count, visits = (ARM_POSES, ARM_VISITS) if protocol == "arm" else (POSES, VISITS)
     count = PAPER_POSES if protocol == "paper" else count
-    chosen = optimal_design(candidates.poses, count, criterion="maximin", seed=0)
+    chosen = optimal_design(candidates.poses, count, DesignSettings(criterion="maximin", seed=0))
     if protocol == "paper":
         return paper_plan(candidates, chosen, seed=0)
     plan = diagnosable_plan(candidates, chosen, visits, seed=0)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design
     from ecm.designs.plans import diagnosable_plan, paper_plan
+    from ecm.designs.settings import DesignSettings
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
     from ecm.diagnosis.result import Diagnosis
@@ -28,12 +29,19 @@ if TYPE_CHECKING:
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
+    from ecm.models.cross_validation import cross_validate
+    from ecm.models.energy import EnergyModel
+    from ecm.models.estimator import ModelEstimator
     from ecm.models.export import export
     from ecm.models.fit import fit_model
     from ecm.models.fit import fit_model as fit
+    from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
     from ecm.models.model import Model, load_model
+    from ecm.models.physics.refit import PhysicsModel
+    from ecm.models.polynomial import PolynomialModel
     from ecm.models.prediction import predict
     from ecm.models.refit import refit
+    from ecm.models.rod import ConstantCurvatureModel, RodModel
     from ecm.rig.hidden.truth import reveal
     from ecm.rig.run import run_campaign
     from ecm.rig.run import run_campaign as campaign
@@ -46,6 +54,7 @@ _NAMES = {
     "comparison.comparison": ("Comparison", "compare"),
     "designs.optimal": ("Design", "optimal_design"),
     "designs.plans": ("diagnosable_plan", "paper_plan"),
+    "designs.settings": ("DesignSettings",),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),
@@ -54,11 +63,18 @@ _NAMES = {
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
+    "models.cross_validation": ("cross_validate",),
+    "models.energy": ("EnergyModel",),
+    "models.estimator": ("ModelEstimator",),
     "models.export": ("export",),
     "models.fit": ("fit", "fit_model"),
+    "models.learned": ("GaussianProcessModel", "NeuralNetworkModel"),
     "models.model": ("Model", "load_model"),
+    "models.physics.refit": ("PhysicsModel",),
+    "models.polynomial": ("PolynomialModel",),
     "models.prediction": ("predict",),
     "models.refit": ("refit",),
+    "models.rod": ("ConstantCurvatureModel", "RodModel"),
     "rig.hidden.truth": ("reveal",),
     "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),
@@ -75,16 +91,25 @@ _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names
 __all__ = [
     "Comparison",
     "ComputationError",
+    "ConstantCurvatureModel",
     "Design",
+    "DesignSettings",
     "Diagnosis",
     "DiagnosisSettings",
     "EcmError",
+    "EnergyModel",
+    "GaussianProcessModel",
     "InputError",
     "Mechanism",
     "MissingExtra",
     "Model",
+    "ModelEstimator",
+    "NeuralNetworkModel",
+    "PhysicsModel",
     "PlannedDesign",
+    "PolynomialModel",
     "RigSettings",
+    "RodModel",
     "Simulated",
     "Table",
     "Workspace",
@@ -93,6 +118,7 @@ __all__ = [
     "campaign",
     "check",
     "compare",
+    "cross_validate",
     "design",
     "diagnosable_plan",
     "diagnose",

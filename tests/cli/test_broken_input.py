@@ -132,7 +132,7 @@ CASES = (
     Case("physics without a body", ("fit", "d.csv", "--model", "physics", "--out", "m.json"),
          ("physics", "[mechanism]"), {"d.csv": GOOD}),
     Case("threshold for an energy", ("fit", "d.csv", "--model", "energy4", "--pcr", "0.1",
-         "--out", "m.json"), ("--pcr is for polynomials",), {"d.csv": GOOD, "d.toml": NECK_TOML}),
+         "--out", "m.json"), ("belongs to polynomials",), {"d.csv": GOOD, "d.toml": NECK_TOML}),
     Case("negative threshold", ("fit", "d.csv", "--pcr", "-1", "--out", "m.json"),
          ("--pcr", "greater than or equal to 0"), {"d.csv": GOOD}),
     Case("model file is no JSON", ("compare", "m.json", "d.csv"), ("m.json",),

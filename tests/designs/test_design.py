@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from ecm.designs import (
     Design,
+    DesignSettings,
     design_sizes,
     diagnosable_plan,
     nominal_model,
@@ -25,7 +27,7 @@ from ecm.designs import (
     plain_plan,
     rig_noise,
 )
-from ecm.designs.regressors import regressor
+from ecm.designs.regressors import model_columns, regressor
 from ecm.designs.rows import list_or_region, row_list
 from ecm.designs.size import knee
 from ecm.diagnosis.identifiability import identifiability
@@ -56,7 +58,7 @@ def candidates(count: int = 120, *, wrenches: bool = True) -> Table:
 
 def test_criteria_are_what_a_fresh_evaluation_gives() -> None:
     poses, _ = neck_rows(80)
-    rows = regressor(poses, "linear").rows
+    rows = regressor(poses, DesignSettings(model="linear")).rows
 
     def of(design: Design) -> tuple[float, F, float]:
         chosen = rows[design.indices]
@@ -68,7 +70,9 @@ def test_criteria_are_what_a_fresh_evaluation_gives() -> None:
         return float(np.linalg.slogdet(information / len(chosen))[1] / 7.0), variance, both
 
     found = {
-        name: optimal_design(poses, 12, criterion=name, model="linear", iterations=30)
+        name: optimal_design(
+            poses, 12, DesignSettings(criterion=name, model="linear", iterations=30)
+        )
         for name in ("d", "i", "g", "di")
     }
     measures = {name: of(design) for name, design in found.items()}
@@ -93,15 +97,17 @@ def test_maximin_counts_a_radian_as_given() -> None:
         gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
         return float(gaps[np.triu_indices(len(points), 1)].min())
 
-    metres = optimal_design(poses, 9, criterion="maximin", metres_per_radian=0.05, iterations=20)
+    metres = optimal_design(
+        poses, 9, DesignSettings(criterion="maximin", metres_per_radian=0.05, iterations=20)
+    )
     scale = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
     assert metres.value == pytest.approx(smallest(poses[metres.indices] * scale))
-    plain = optimal_design(poses, 9, criterion="maximin", iterations=20)
+    plain = optimal_design(poses, 9, DesignSettings(criterion="maximin", iterations=20))
     size = np.ptp(poses, axis=0)
     assert plain.value == pytest.approx(smallest(2.0 * poses[plain.indices] / size))
     assert set(metres.indices) != set(plain.indices)
-    with pytest.raises(InputError, match="metres per radian"):
-        optimal_design(poses, 9, criterion="maximin", metres_per_radian=-1.0)
+    with pytest.raises(InputError, match=r"metres_per_radian = -1.0: expected above 0"):
+        optimal_design(poses, 9, DesignSettings(criterion="maximin", metres_per_radian=-1.0))
 
 
 def test_lists_measured_poses_and_repeats() -> None:
@@ -109,17 +115,21 @@ def test_lists_measured_poses_and_repeats() -> None:
     poses[40:] = poses[:20]
     for criterion in ("d", "g", "maximin"):
         found = optimal_design(
-            poses, 8, criterion=criterion, model="linear", include=[45, 3], exclude=[0, 1],
-            measured=poses[10:14], iterations=10,
-        )  # fmt: skip
+            poses,
+            8,
+            DesignSettings(criterion=criterion, model="linear", iterations=10),
+            include=[45, 3],
+            exclude=[0, 1],
+            measured=poses[10:14],
+        )
         rows = found.indices.tolist()
         assert len(rows) == 10
         assert {45, 3} <= set(rows)
         assert not {0, 1} & set(rows)
         assert len({poses[i].tobytes() for i in rows}) == 10
     with pytest.raises(EcmError, match="n = 45"):
-        optimal_design(poses, 45, model="linear")
-    again = optimal_design(poses, 45, model="linear", replicates=True, iterations=5)
+        optimal_design(poses, 45, DesignSettings(model="linear"))
+    again = optimal_design(poses, 45, DesignSettings(model="linear", replicates=True, iterations=5))
     assert len(again.indices) == 45
 
 
@@ -127,7 +137,11 @@ def test_lists_measured_poses_and_repeats() -> None:
 def test_the_same_design_on_any_number_of_threads(model: str) -> None:
     poses, _ = neck_rows(100)
     found = [
-        optimal_design(poses, 15, model=model, length_m=LENGTH_M, threads=t, seed=5, iterations=10)
+        optimal_design(
+            poses,
+            15,
+            DesignSettings(model=model, length_m=LENGTH_M, threads=t, seed=5, iterations=10),
+        )
         for t in (1, 2)
     ]
     np.testing.assert_array_equal(found[0].indices, found[1].indices)
@@ -137,26 +151,27 @@ def test_noise_of_the_pose_moves_the_design() -> None:
     """A row's information is A' Sigma^-1 A with the pose noise carried through the stiffness."""
     table = candidates()
     base = nominal_model(table)
-    rows = regressor(table.poses, "energy4", length_m=LENGTH_M, base=base)
+    settings = DesignSettings(model="energy4", length_m=LENGTH_M)
+    rows = regressor(table.poses, settings, base=base)
     blocks = rows.rows.reshape(len(table), 6, -1)
     at = base.rows(table.poses[:1])
     k = at.screw_stiffness[0]
     noise = base.noise
     sigma = np.diag([noise.force_sd_N**2] * 3 + [noise.torque_sd_Nm**2] * 3)
     pose = np.diag([noise.position_sd_m**2] * 3 + [noise.rotation_sd_rad**2] * 3)
-    from ecm.designs.regressors import model_columns
-
-    plain = model_columns(table.poses[:1], "energy4", LENGTH_M, None)[0]
+    plain = model_columns(table.poses[:1], settings, None)[0]
     wanted = plain.T @ np.linalg.solve(sigma + k @ pose @ k.T, plain)
     np.testing.assert_allclose(blocks[0].T @ blocks[0], wanted, rtol=1e-6)
-    weighted = optimal_design(table.poses, 10, model="energy4", base=base, iterations=10)
+    weighted = optimal_design(
+        table.poses, 10, DesignSettings(model="energy4", iterations=10), base=base
+    )
     assert 0.8 < weighted.efficiency <= 1.0
 
 
 def test_physics_needs_its_base() -> None:
     table = candidates()
     with pytest.raises(InputError, match="nominal base"):
-        optimal_design(table.poses, 5, model="physics")
+        optimal_design(table.poses, 5, DesignSettings(model="physics"))
     with pytest.raises(InputError, match=r"\[mechanism\] that FEM can solve"):
         nominal_model(table, physics=True)
     with pytest.raises(InputError, match="nominal stiffness"):
@@ -181,7 +196,7 @@ def test_a_design_for_the_physics_base_from_end_to_end(
     document = json.loads(Path("p.json").read_text())
     base = nominal_model(read_table("c.csv"), physics=True)
     assert base.base.kind == "physics"
-    rows = regressor(table.poses, "physics", base=base).rows
+    rows = regressor(table.poses, DesignSettings(model="physics"), base=base).rows
     # The columns are the wrench over E and its change with nu, whitened.
     whiteners = base.whiteners(table.poses)
     own = whiteners @ base.base.predict(table.poses)[:, :, None] / 6.5e5
@@ -209,15 +224,15 @@ def test_effects_of_the_poses_are_part_of_the_design() -> None:
     """With the effect in the model its parameters come out sharper than without."""
     table = candidates(200)
     base = nominal_model(table)
-    effects = [get_effect("fts_offset"), get_effect("tip_frame_misalignment")]
+    effects = (get_effect("fts_offset"), get_effect("tip_frame_misalignment"))
     with pytest.raises(InputError, match="absorbs"):
-        optimal_design(table.poses, 90, model="cubic", base=base, effects=effects)
-    options: dict[str, Any] = {"model": "energy4", "base": base, "iterations": 30}
-    plain = optimal_design(table.poses, 8, **options)
-    aware = optimal_design(table.poses, 8, effects=effects, **options)
-    joined = regressor(table.poses, "energy4", base=base, effects=effects)
+        optimal_design(table.poses, 90, DesignSettings(model="cubic", effects=effects), base=base)
+    settings = DesignSettings(model="energy4", iterations=30)
+    plain = optimal_design(table.poses, 8, settings, base=base)
+    aware = optimal_design(table.poses, 8, replace(settings, effects=effects), base=base)
+    joined = regressor(table.poses, DesignSettings(model="energy4", effects=effects), base=base)
     rows = joined.rows.reshape(len(table), 6, -1)
-    terms = regressor(table.poses, "energy4", base=base).rows.shape[1]
+    terms = regressor(table.poses, DesignSettings(model="energy4"), base=base).rows.shape[1]
     assert joined.prior is not None
     log_det = []
     for design in (plain, aware):
@@ -232,12 +247,12 @@ def test_effects_of_the_poses_are_part_of_the_design() -> None:
 
 def test_more_poses_tell_more_and_the_knee_is_marked_once() -> None:
     poses, _ = neck_rows(150)
-    sizes = design_sizes(poses, [8, 12, 20, 40, 80], model="linear", iterations=10)
+    sizes = design_sizes(poses, [8, 12, 20, 40, 80], DesignSettings(model="linear", iterations=10))
     errors = np.array([[s.wrench_error, s.stiffness_error] for s in sizes])
     assert (np.diff(errors, axis=0) < 0.0).all()
     assert [s.n for s in sizes if s.knee] == [sizes[knee([s.n for s in sizes], errors[:, 0])].n]
-    rows = regressor(poses, "linear").rows
-    found = optimal_design(poses, 20, model="linear", iterations=10)
+    rows = regressor(poses, DesignSettings(model="linear")).rows
+    found = optimal_design(poses, 20, DesignSettings(model="linear", iterations=10))
     chosen = rows[found.indices]
     seen = np.random.default_rng([0, 5]).permutation(len(poses))[:300]
     own = rows[seen] @ np.linalg.inv(chosen.T @ chosen)
@@ -246,7 +261,7 @@ def test_more_poses_tell_more_and_the_knee_is_marked_once() -> None:
     slope = np.sqrt(np.diag(np.linalg.inv(chosen.T @ chosen))[1:].mean())
     assert sizes[2].stiffness_error == pytest.approx(slope, rel=1e-6)
     with pytest.raises(InputError, match="expected 7"):
-        design_sizes(poses, [3], model="linear")
+        design_sizes(poses, [3], DesignSettings(model="linear"))
 
 
 def test_knee_of_a_hyperbola_and_of_a_line() -> None:
@@ -263,7 +278,7 @@ def test_columns_of_the_candidates_are_copied() -> None:
     extra: dict[str, Any] = {"leds_visible": np.arange(30.0), "own": np.arange(30.0) ** 2,
              "sd_fx_N": np.ones(30), "time_s": np.arange(30.0), "kind": ["pose"] * 30}  # fmt: skip
     table = table.with_columns(extra)
-    chosen = optimal_design(table.poses, 9, model="linear", iterations=5)
+    chosen = optimal_design(table.poses, 9, DesignSettings(model="linear", iterations=5))
     for plan in (plain_plan(table, chosen, seed=1), paper_plan(table, chosen, seed=1)):
         kept = [*POSE, "leds_visible", "own"]
         assert list(plan.columns) == [
@@ -284,7 +299,7 @@ def test_columns_of_the_candidates_are_copied() -> None:
 
 def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) -> None:
     table = candidates(100).with_columns({"own": np.arange(100.0)})
-    chosen = optimal_design(table.poses, 30, criterion="maximin", iterations=10)
+    chosen = optimal_design(table.poses, 30, DesignSettings(criterion="maximin", iterations=10))
     plan = diagnosable_plan(table, chosen, seed=0)
     kind = plan.text("kind")
     poses = plan.select(kind == "pose")
@@ -308,7 +323,7 @@ def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) 
 def test_which_effects_a_plan_can_name() -> None:
     table = candidates(150)
     base = nominal_model(table)
-    chosen = optimal_design(table.poses, 25, criterion="maximin", iterations=10)
+    chosen = optimal_design(table.poses, 25, DesignSettings(criterion="maximin", iterations=10))
     effects = [get_effect(i) for i in ("fts_drift", "hysteresis", "length_error", "fts_offset")]
     told = {s.id: s for s in identifiability(diagnosable_plan(table, chosen), base, effects)}
     once = {s.id: s for s in identifiability(paper_plan(table, chosen), base, effects)}
@@ -318,7 +333,7 @@ def test_which_effects_a_plan_can_name() -> None:
     assert "not visible" in once["hysteresis"].sentence()
     assert told["fts_offset"].size < once["fts_offset"].size, "two visits a pose tell more"
     # Four times the poses halve what can be seen.
-    many = optimal_design(table.poses, 100, criterion="maximin", iterations=10)
+    many = optimal_design(table.poses, 100, DesignSettings(criterion="maximin", iterations=10))
     more = {s.id: s for s in identifiability(diagnosable_plan(table, many), base, effects)}
     assert 0.35 < more["fts_offset"].size / told["fts_offset"].size < 0.75
 
@@ -470,16 +485,16 @@ def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Co
 def test_a_ridge_determines_what_few_poses_cannot() -> None:
     poses, _ = neck_rows(60)
     with pytest.raises(EcmError, match="28 coefficients"):
-        optimal_design(poses, 20, model="quadratic")
-    found = optimal_design(poses, 20, model="quadratic", ridge=0.1, iterations=20)
-    rows = regressor(poses, "quadratic").rows
+        optimal_design(poses, 20, DesignSettings(model="quadratic"))
+    found = optimal_design(poses, 20, DesignSettings(model="quadratic", ridge=0.1, iterations=20))
+    rows = regressor(poses, DesignSettings(model="quadratic")).rows
     prior = 0.1 * np.eye(28)
     prior[0, 0] = 0.0
     chosen = rows[found.indices]
     expected = np.linalg.slogdet(chosen.T @ chosen + prior)[1] / 28.0 - np.log(20.0)
     assert found.value == pytest.approx(expected)
-    with pytest.raises(InputError, match="--ridge"):
-        optimal_design(poses, 20, model="quadratic", ridge=-1.0)
+    with pytest.raises(InputError, match=r"ridge = -1.0: expected at least 0"):
+        optimal_design(poses, 20, DesignSettings(model="quadratic", ridge=-1.0))
 
 
 def test_augment_and_time_limit(neck: Path, ecm_command: Command) -> None:

@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
-from ecm.models import EnergyMap, PolynomialMap, StiffnessMap, fit_model
+from ecm.models import EnergyMap, PolynomialMap, PolynomialModel, StiffnessMap, fit_model
 from ecm.models.errors_in_variables import fit_with_pose_noise
 from ecm.models.polynomial_gls import fit_polynomial_gls
 from ecm.regression.noise import Noise, whiteners
@@ -190,8 +190,9 @@ def test_weights_by_spread_and_for_exact_data() -> None:
         ordinary.base.coefficients,
         fit_model(exact, "quadratic", weights="spread").base.coefficients,
     )
-    for wrong in ({"pcr": 0.1, "weights": "noise"}, {"weights": "even"}):
-        with pytest.raises(InputError):
-            fit_model(exact, "quadratic", **wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="belongs to ordinary least squares"):
+        fit_model(exact, PolynomialModel(2, pcr=0.1), weights="noise")
+    with pytest.raises(InputError, match="expected auto, noise, spread"):
+        fit_model(exact, "quadratic", weights="even")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="polynomials and energies only"):
         fit_model(exact, "rod", weights="spread")

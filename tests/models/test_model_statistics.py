@@ -16,10 +16,18 @@ from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
-from ecm.models import GROUPS, EnergyMap, Model, fit_model, load_model
+from ecm.models import (
+    GROUPS,
+    EnergyMap,
+    Model,
+    PolynomialModel,
+    choose_model,
+    fit_model,
+    learning_curve,
+    load_model,
+)
 from ecm.models.constraints import constrained
 from ecm.models.pcr import press_rank, singular_threshold
-from ecm.models.selection import Candidate, choose_model, learning_curve
 from ecm.rig.elastic import COS2
 from support.campaigns import campaign, workspace_poses
 from support.neck import Done
@@ -97,7 +105,7 @@ def test_rotation_about_the_axis_turns_the_groups_phase_only() -> None:
 
 
 def test_names_of_groups() -> None:
-    with pytest.raises(InputError, match="no group"):
+    with pytest.raises(InputError, match=r"groups\[0\] = 'crooked': expected one of unlike_ends"):
         fit_model(campaign(seed=3), "energy4+crooked")
     with pytest.raises(InputError, match="named twice"):
         fit_model(campaign(seed=3), "energy4+anisotropy+anisotropy")
@@ -136,18 +144,18 @@ def test_pcr_thresholds_in_four_ways() -> None:
     poses, wrenches = table.poses.copy(), table.wrenches.copy()
     regressor = _native.polynomial_regressor(poses, 3, poses.min(axis=0), poses.max(axis=0))
     values = np.linalg.svd(regressor, compute_uv=False)
-    assert fit_model(table, "cubic", pcr="rank:40").base.model.rank == 40  # type: ignore[attr-defined]
+    assert fit_model(table, PolynomialModel(3, pcr="rank:40")).base.model.rank == 40  # type: ignore[attr-defined]
     b = 0.02 * np.sqrt(len(poses))
     assert singular_threshold("0.02/sqrtN", poses, wrenches, 3) == pytest.approx(b)
-    kept = fit_model(table, "cubic", pcr="0.02/sqrtN").base.model.rank  # type: ignore[attr-defined]
+    kept = fit_model(table, PolynomialModel(3, pcr="0.02/sqrtN")).base.model.rank  # type: ignore[attr-defined]
     assert kept == int((values >= b).sum())
     found, rmse = _native.PolynomialModel.leave_one_out(poses, wrenches, 3)
     np.testing.assert_allclose(found, values, rtol=1e-9)
     rank = press_rank(rmse, len(poses))
-    assert fit_model(table, "cubic", pcr="press").base.model.rank == rank  # type: ignore[attr-defined]
+    assert fit_model(table, PolynomialModel(3, pcr="press")).base.model.rank == rank  # type: ignore[attr-defined]
     for wrong in ("rank:0", "rank:x", "presss", "-0.1", -0.1, "nan"):
         with pytest.raises(InputError, match="expected"):
-            fit_model(table, "cubic", pcr=wrong)
+            fit_model(table, PolynomialModel(3, pcr=wrong))
 
 
 def test_leave_one_out_is_leaving_one_out() -> None:
@@ -236,7 +244,7 @@ def test_leverage_grows_outside_and_the_flag_says_so(tmp_path: Path) -> None:
         model.save(tmp_path / "m.json")
         again = load_model(tmp_path / "m.json")
         np.testing.assert_array_equal(again.extrapolates(outside), model.extrapolates(outside))
-    cut = fit_model(campaign(seed=3), "cubic", pcr=0.5)
+    cut = fit_model(campaign(seed=3), PolynomialModel(3, pcr=0.5))
     assert cut.leverage(inside) is None
     assert cut.extrapolates(outside).mean() > 0.8
 
@@ -270,7 +278,8 @@ def test_intervals_cover() -> None:
 
 def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     table = campaign(seed=3)
-    choice = choose_model(table, ["linear", "energy4", "energy5", Candidate("cubic", 0.1)], folds=5)
+    cut = PolynomialModel(3, pcr=0.1)
+    choice = choose_model(table, ["linear", "energy4", "energy5", cut], folds=5)
     assert choice.best.name == "energy4"
     assert choice.error[0] > 2.0 * choice.error[1]
     assert choice.coefficients[1] == 22
@@ -278,7 +287,7 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     degrees = choose_model(table, ["linear", "quadratic", "cubic"], folds=5)
     within = degrees.error <= degrees.error.min() + degrees.standard_error[degrees.error.argmin()]
     assert degrees.chosen == int(np.argmax(within))
-    cuts = [Candidate("cubic", b) for b in (0.01, 0.1, 0.5, 2.0)]
+    cuts = [PolynomialModel(3, pcr=b) for b in (0.01, 0.1, 0.5, 2.0)]
     assert choose_model(table, cuts, folds=5).error.argmax() == 3
     with pytest.raises(InputError, match="no candidates"):
         choose_model(table, [])

@@ -14,7 +14,7 @@ from ecm.errors import InputError, MissingExtra
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models import Model, fit_model, load_model
+from ecm.models import Model, fit_model, load_model, parse_model
 from ecm.models.export import export_files
 from support.campaigns import workspace_poses
 from support.neck import ROOT
@@ -105,7 +105,7 @@ def test_baselines_keep_in_files_and_have_a_slope(name: str, tmp_path: Path) -> 
     with pytest.raises(Exception, match="not exported"):
         export_files(again, "c", "neck")
     with pytest.raises(InputError, match="PCR"):
-        fit_model(table, name, pcr=0.1)
+        parse_model(name, pcr=0.1)
 
 
 def test_a_learned_map_takes_any_columns_and_refuses_effects() -> None:

@@ -19,15 +19,19 @@ from ecm.io.description import Meta, Scene
 from ecm.io.table import Table
 from ecm.models import (
     EnergyMap,
+    EnergyModel,
     Model,
+    PhysicsModel,
+    PolynomialModel,
     cross_validate,
     fit_model,
     load_model,
-    parse_energy_name,
-    parse_polynomial_name,
+    parse_model,
     surrogate_of,
 )
 from ecm.models.joint_fit import FittedEffect
+from ecm.models.registry import MODELS
+from ecm.models.specification import ModelSpecification
 from support.campaigns import campaign, model, physics, workspace_poses
 from support.stand_in import L, wrench
 
@@ -40,17 +44,35 @@ def noise_free(count: int = 250, seed: int = 5) -> Table:
 
 
 def test_names() -> None:
-    assert [parse_polynomial_name(n) for n in ("linear", "quadratic", "cubic", "poly:4")] == [
-        1, 2, 3, 4,
-    ]  # fmt: skip
-    assert parse_energy_name("energy6") == (6, "alike")
-    assert parse_energy_name("energy4-general") == (4, "general")
-    for wrong in ("poly:0", "poly:x", "cubik"):
-        with pytest.raises(InputError, match="expected poly:D"):
-            parse_polynomial_name(wrong)
-    for wrong in ("energy7", "energy4-alike-general", "energy"):
-        with pytest.raises(InputError, match="expected energy4"):
-            parse_energy_name(wrong)
+    for name, degree in (("linear", 1), ("quadratic", 2), ("cubic", 3), ("poly:4", 4)):
+        assert parse_model(name) == PolynomialModel(degree)
+    assert parse_model("energy6") == EnergyModel(6)
+    assert parse_model("energy4-general") == EnergyModel(4, "general")
+    assert parse_model("energy5+face_tilt").name == "energy5+face_tilt"
+    for wrong, range_ in (("poly:0", "1 to 6"), ("poly:7", "1 to 6"), ("energy7", "4 to 6")):
+        with pytest.raises(InputError, match=f"model '{wrong}': degree = .: .* from {range_}"):
+            parse_model(wrong)
+    for wrong in ("poly:x", "cubik", "energy", "energy4-", "rods"):
+        with pytest.raises(InputError, match=r"expected poly:D .* energyD .* gp; mlp"):
+            parse_model(wrong)
+    with pytest.raises(InputError, match="symmetry = 'alike-general': expected one of alike"):
+        parse_model("energy4-alike-general")
+
+
+@pytest.mark.parametrize("family", MODELS)
+def test_a_specification_is_its_name(family: type[ModelSpecification]) -> None:
+    assert parse_model(family().name) == family()
+
+
+@pytest.mark.parametrize(
+    ("name", "specification"),
+    [("energy6", EnergyModel(degree=6)), ("cubic", PolynomialModel(degree=3))],
+)
+def test_a_specification_fits_as_its_name(name: str, specification: ModelSpecification) -> None:
+    table = campaign(seed=3)
+    by_name, typed = fit_model(table, name), fit_model(table, specification)
+    np.testing.assert_array_equal(typed.base.coefficients, by_name.base.coefficients)
+    np.testing.assert_array_equal(typed.covariance, by_name.covariance)
 
 
 def test_the_energy_of_the_truth_is_found_exactly() -> None:
@@ -96,10 +118,10 @@ def test_any_subset_of_columns_makes_a_polynomial() -> None:
 
 def test_pcr_lowers_the_rank_and_is_for_polynomials_only() -> None:
     table = campaign(seed=3)
-    plain, cut = fit_model(table, "cubic"), fit_model(table, "cubic", pcr=0.5)
+    plain, cut = fit_model(table, "cubic"), fit_model(table, PolynomialModel(3, pcr=0.5))
     assert cut.base.model.rank < plain.base.model.rank  # type: ignore[attr-defined]
     with pytest.raises(InputError, match="belongs to polynomials"):
-        fit_model(table, "energy4", pcr=0.1)
+        parse_model("energy4", pcr=0.1)
 
 
 def test_physics_states_its_own_error_and_finds_the_factor() -> None:
@@ -118,7 +140,7 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
 
     table = campaign(seed=3)
     stiffer = {name: 1.07 * table.column(name) for name in WRENCH}
-    fitted = fit_model(table.with_columns(stiffer), "physics", physics=base)
+    fitted = fit_model(table.with_columns(stiffer), PhysicsModel(base=base))
     assert fitted.base.coefficients[0] == pytest.approx(1.07, abs=0.003)
     with pytest.raises(InputError, match=r"\[mechanism\]"):
         fit_model(table.with_meta(Meta()), "physics")
@@ -127,7 +149,7 @@ def test_physics_states_its_own_error_and_finds_the_factor() -> None:
 @pytest.mark.parametrize("name", ["cubic", "energy4", "energy6-revolution", "physics"])
 def test_a_file_gives_the_same_model_back(name: str, tmp_path: Path) -> None:
     table = campaign("fts_drift", 1.0, 1)
-    fitted = fit_model(table, name, physics=physics() if name == "physics" else None)
+    fitted = fit_model(table, PhysicsModel(base=physics()) if name == "physics" else name)
     fitted = fitted.add("anisotropy").fit(table)
     fitted = fitted.add("fts_drift").freeze("anisotropy").fit(table)
     path = tmp_path / "model.json"

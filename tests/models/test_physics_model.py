@@ -25,7 +25,7 @@ from ecm.io.description import Meta
 from ecm.io.material import Material
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
-from ecm.models import Model, PhysicsMap, fit_model, load_model, physics_map
+from ecm.models import Model, PhysicsMap, PhysicsModel, fit_model, load_model, physics_map
 from ecm.models.physics import build as physics_build
 from ecm.models.physics import map as physics
 from ecm.models.physics.body_fits import LENGTH_M, SHEAR_MODULUS_PA, noise_whiteners
@@ -294,7 +294,7 @@ def test_modulus_and_poisson_ratio_come_back_with_their_errors(neck: PhysicsMap)
     assert abs(found.correlation[0, 1]) < 0.9
     rms = np.sqrt((np.array(off) ** 2).mean(axis=0))
     assert np.all((rms > 0.5) & (rms < 1.7)), rms
-    fitted = fit_model(table_of(seen, read), "physics", physics=neck)
+    fitted = fit_model(table_of(seen, read), PhysicsModel(base=neck))
     np.testing.assert_allclose(fitted.base.coefficients, found.values, rtol=1e-9)
     assert fitted.covariance is not None
     assert "E = 0.7" in found.sentences()[0]
@@ -336,7 +336,7 @@ def test_no_refit_leaves_what_was_tabulated(neck: PhysicsMap) -> None:
 def test_a_file_brings_the_family_along(neck: PhysicsMap, tmp_path: Path) -> None:
     poses = workspace_poses(NECK.fem().rest_stiffness(), LENGTH_M, 30, seed=3, margin=1.0)
     wrenches = neck.at(young_modulus_Pa=0.6e6, poisson_ratio=0.48).predict(poses)
-    fitted = fit_model(table_of(poses, wrenches), "physics", physics=neck)
+    fitted = fit_model(table_of(poses, wrenches), PhysicsModel(base=neck))
     path = tmp_path / "model.json"
     fitted.save(path)
     again = load_model(path)

@@ -59,7 +59,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
         ({"design": {"n": True}}, "expected a whole number"),
         ({"design": {"starts": "10"}}, "[design]: starts = '10': expected a whole number"),
         ({"select": {"degrees": [3, 1]}}, "degrees = [3, 1]: expected increasing numbers"),
-        ({"select": {"degrees": [9]}}, "degrees[0] = 9: expected a number from 1 to 5"),
+        ({"select": {"degrees": [9]}}, "degrees[0] = 9: expected a number from 1 to 6"),
         ({"select": {"degrees": 3}}, "expected a list in square brackets"),
         ({"select": {"thresholds": [-0.1]}}, "expected at least 0"),
         (

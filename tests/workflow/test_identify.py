@@ -22,7 +22,7 @@ from ecm.rig import RigSettings
 from ecm.workflow.campaign_files import require_free
 from ecm.workflow.config import Config
 from ecm.workflow.console import Console, Silent
-from ecm.workflow.identify import Job, measure
+from ecm.workflow.job import Job
 from support.browser import open_page
 from support.neck import ROOT, Done
 
@@ -147,8 +147,8 @@ def job(out: Path, console: Console | None = None) -> Job:
 def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
     plan: Table, tmp_path: Path, change: str
 ) -> None:
-    measure(job(tmp_path), plan, "measured-d", RigSettings())
-    measure(job(tmp_path), plan, "measured-d", OTHER)  # its own: that it may replace
+    job(tmp_path).measure(plan, "measured-d", RigSettings())
+    job(tmp_path).measure(plan, "measured-d", OTHER)  # its own: that it may replace
     path = tmp_path / "measured-d.csv"
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(
@@ -157,28 +157,28 @@ def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
     before = {file: file.read_bytes() for file in tmp_path.glob("measured-d*")}
     for rig in (RigSettings(), OTHER):
         with pytest.raises(InputError, match=r"measured-d\.csv: .*Move it away, or .* --out"):
-            measure(job(tmp_path), plan, "measured-d", rig)
+            job(tmp_path).measure(plan, "measured-d", rig)
         with pytest.raises(InputError, match="Move it away"):
             require_free(tmp_path, tmp_path / "stages", ("measured-d",), rig, 1)
     assert {file: file.read_bytes() for file in tmp_path.glob("measured-d*")} == before
     path.rename(tmp_path / "mine.csv")
-    assert len(measure(job(tmp_path), plan, "measured-d", OTHER).measured()) == 3
+    assert len(job(tmp_path).measure(plan, "measured-d", OTHER).measured()) == 3
 
 
 def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: Path) -> None:
     whole = Stops()
-    table = measure(job(tmp_path / "whole", whole), plan, "measured-d", OTHER)
+    table = job(tmp_path / "whole", whole).measure(plan, "measured-d", OTHER)
     out = tmp_path / "cut"
-    measure(job(out), plan, "measured-d", RigSettings())
+    job(out).measure(plan, "measured-d", RigSettings())
     with pytest.raises(KeyboardInterrupt):
-        measure(job(out, Stops(3)), plan, "measured-d", OTHER)
+        job(out, Stops(3)).measure(plan, "measured-d", OTHER)
     assert (out / "measured-d.journal.csv").exists()
     require_free(out, out / "stages", ("measured-d",), RigSettings(), 1)  # finished, and read again
-    assert len(measure(job(out), plan, "measured-d", RigSettings()).measured()) == 3
+    assert len(job(out).measure(plan, "measured-d", RigSettings()).measured()) == 3
     third = RigSettings.from_dict({"rig": {"dwell_s": 3.0}})
     for refused in (
         lambda: require_free(out, out / "stages", ("measured-d",), third, 1),
-        lambda: measure(job(out), plan, "measured-d", third),
+        lambda: job(out).measure(plan, "measured-d", third),
     ):
         with pytest.raises(InputError, match=r"measured-d\.journal\.csv: .*another rig .*remove"):
             refused()
@@ -186,10 +186,10 @@ def test_half_a_campaign_goes_on_with_its_own_rig_alone(plan: Table, tmp_path: P
         require_free(out, out / "stages", ("measured-d",), OTHER, 2)
     (out / "stages" / "measured-d.begun.json").unlink()
     with pytest.raises(InputError, match="journal of another campaign"):
-        measure(job(out), plan, "measured-d", third)
+        job(out).measure(plan, "measured-d", third)
     require_free(out, out / "stages", ("measured-d",), OTHER, 1)
     rest = Stops()
-    again = measure(job(out, rest), plan, "measured-d", OTHER)
+    again = job(out, rest).measure(plan, "measured-d", OTHER)
     assert rest.taken == whole.taken - 3
     assert np.array_equal(again.wrenches, table.wrenches)
     assert (out / "measured-d.csv").read_bytes() == (

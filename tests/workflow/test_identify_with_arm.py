@@ -21,7 +21,8 @@ from ecm.rig import HiddenTable, RigSettings
 from ecm.workflow.campaign_files import _identity, require_free
 from ecm.workflow.config import Config, read_config, with_rig
 from ecm.workflow.console import Silent
-from ecm.workflow.identify import DESIGNS, Job, _measure, measure
+from ecm.workflow.identify import DESIGNS, measure_designs
+from ecm.workflow.job import Job
 from ecm.workflow.report_arm import arm_section
 from support.arm_rig import FAST, settings
 from support.browser import open_page
@@ -85,9 +86,8 @@ class Step3:
             name: Design(np.array(rows), name, 1.0, 1.0, 1.0, "given")
             for name, rows in (("d", [0, 1, 2, 3]), ("maximin", [3, 4, 5, 6]))
         }
-        summary: dict[str, Any] = {}
-        tables = _measure(self.job, self.pairs, np.arange(7), designs, summary)
-        return tables, summary["identify"]
+        tables = measure_designs(self.job, self.pairs.table(), designs)
+        return tables, self.job.summary["identify"]
 
 
 @pytest.fixture(scope="module")
@@ -149,8 +149,8 @@ def test_the_same_folder_serves_another_rig_and_the_first_again(tmp_path: Path) 
     job = Job(Config(), tmp_path, seed=1, threads=1, console=Silent())
     pairs = simulate(job.config.mechanism, 3, job.config.workspace, seed=2, threads=2)
     other = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
-    tables = [measure(job, pairs.table(), "measured-d", rig) for rig in (RigSettings(), other)]
-    again = measure(job, pairs.table(), "measured-d", RigSettings())
+    tables = [job.measure(pairs.table(), "measured-d", rig) for rig in (RigSettings(), other)]
+    again = job.measure(pairs.table(), "measured-d", RigSettings())
     assert np.array_equal(again.wrenches, tables[0].wrenches)
     assert not np.array_equal(again.wrenches, tables[1].wrenches)
 

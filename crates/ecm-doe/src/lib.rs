@@ -22,10 +22,11 @@ pub mod regressor;
 mod spacing;
 
 pub use budget::{Control, ProgressFn, Status};
-pub use criterion::d::{DSettings, Design, Method, d_optimal};
+pub use criterion::d::d_optimal;
 pub use criterion::linear::{a_optimal, compound_optimal, i_optimal};
 pub use criterion::maximin::{MaximinSettings, SpacingMethod, maximin};
 pub use criterion::minimax::g_optimal;
+pub use criterion::settings::{DSettings, Design, Method};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
 pub use problem::Problem;

@@ -2,7 +2,8 @@
 
 use ecm_poly::ModelError;
 use ecm_poly::basis;
-use ecm_poly::energy::{Symmetry, fit, terms};
+use ecm_poly::energy::regressor::regressor;
+use ecm_poly::energy::{Symmetry, terms};
 use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
@@ -106,7 +107,7 @@ impl Model {
     ) -> Result<Regressor, ModelError> {
         let exponents = terms::terms(symmetry, degree)?;
         let scale = [length_m, 1.0];
-        let mut rows = fit::regressor(poses, length_m, symmetry, &exponents, scale)?;
+        let mut rows = regressor(poses, length_m, symmetry, (&exponents, &[]), scale)?;
         let terms = exponents.len();
         for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
             for v in row {

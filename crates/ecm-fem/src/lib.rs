@@ -24,7 +24,7 @@
 //! second belongs where bending compresses one side beyond a stretch ratio of 0.296, down to which
 //! a neo-Hookean surface is stable against small disturbances (Biot 1963); from 1/2.4 on it
 //! creases where disturbances are large (Hong, Zhao and Suo 2009; [`CaseResult::stretch_ratio`]
-//! tells). Plain Taylor–Hood loses stability long before, by itself: `at_points` has the cure and
+//! tells). Plain Taylor–Hood loses stability long before, by itself: `pressure_stabilisation` has the cure and
 //! its evidence. Contact within a crease is not modelled.
 //!
 //! ```
@@ -39,13 +39,12 @@
 // Units stand in names: shear_modulus_Pa, energy_J.
 #![allow(non_snake_case)]
 
-pub mod assembly;
-mod at_points;
+mod assembly;
+mod body;
+mod condensed_pressure;
 pub mod element;
 mod error;
 mod factor;
-mod inner_pressure;
-mod kernel;
 mod loads;
 pub mod material;
 pub mod mesh;
@@ -54,12 +53,14 @@ mod ordering_cost;
 pub mod output;
 mod pattern;
 mod platform;
+mod pressure_stabilisation;
 mod result;
 mod rod;
 mod solve;
+mod stress;
 pub mod tensor;
 
-pub use assembly::Formulation;
+pub use body::{Body, Field, Formulation};
 pub use error::FemError;
 pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
 pub use mesh::{Mesh, Profile, Quality};

@@ -1,6 +1,6 @@
 //! Dead forces on nodes: body force and traction.
 
-use crate::assembly::Body;
+use crate::body::Body;
 use crate::element::tet10;
 use crate::mesh::{FACES, surface};
 

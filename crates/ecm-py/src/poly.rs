@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use ecm_poly::basis::exponents;
-use ecm_poly::energy::fit::regressor_with_groups;
 use ecm_poly::energy::groups::{Group, group_terms};
+use ecm_poly::energy::regressor::regressor;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::export::Precision;
 use ecm_poly::{EnergyFit, Method, Symmetry};
@@ -390,7 +390,7 @@ impl EnergyModel {
         let groups = Group::from_names(&groups, symmetry).map_err(error)?;
         let broken = group_terms(&groups, degree);
         let flat = py
-            .detach(|| regressor_with_groups(&poses, length_m, symmetry, (&table, &broken), scale))
+            .detach(|| regressor(&poses, length_m, symmetry, (&table, &broken), scale))
             .map_err(error)?;
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6, table.len() + broken.len()])
     }

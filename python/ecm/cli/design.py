@@ -12,7 +12,7 @@ import typer
 from ecm.cli.command import Out, Session, command
 from ecm.cli.models import open_model
 from ecm.cli.outputs import check_output_plan
-from ecm.designs import Size
+from ecm.designs import CRITERIA, Size
 from ecm.designs.rows import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
 from ecm.io.arrays import F
@@ -20,17 +20,6 @@ from ecm.io.table import Table
 from ecm.workflow.config import read_rig
 from ecm.workflow.design import design as design_plan
 from ecm.workflow.report_design import write_design
-
-
-class Criterion(str, Enum):
-    """What the design is to be good at."""
-
-    d = "d"
-    i = "i"
-    a = "a"
-    g = "g"
-    di = "di"
-    maximin = "maximin"
 
 
 class Preset(str, Enum):
@@ -55,9 +44,8 @@ class Options:
     n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")]
     out: Out
     criterion: Annotated[
-        Criterion,
-        typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin."),
-    ] = Criterion.d
+        str, typer.Option("--criterion", metavar="NAME", help=f"{', '.join(CRITERIA)}.")
+    ] = "d"
     model: Annotated[
         str | None,
         typer.Option("--model", metavar="NAME", help="cubic, poly:D, energyD, physics."),
@@ -136,7 +124,7 @@ def _search(options: Options, session: Session, table: Table) -> dict[str, Any]:
     names = ("model", "share", "metres_per_radian", "replicates", "ridge", "starts", "iterations")
     include = options.include
     return {name: getattr(options, name) for name in names} | {
-        "criterion": options.criterion.value,
+        "criterion": options.criterion,
         "method": "paper" if options.search is Search.paper else "search",
         "time_limit_s": options.time_limit,
         "include": [] if include is None else row_list("--include", include, len(table)),

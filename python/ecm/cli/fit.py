@@ -12,10 +12,17 @@ from ecm.cli.models import build_physics, is_mechanism, read_mechanism
 from ecm.cli.outputs import check_output
 from ecm.errors import InputError
 from ecm.io.table import Table
-from ecm.models import Model, fit_model
-from ecm.models.fit import Weights
+from ecm.models import (
+    ModelSpecification,
+    PhysicsModel,
+    choose_model,
+    fit_model,
+    learning_curve,
+    parse_model,
+)
 from ecm.models.fit_summary import fit_summary
-from ecm.models.selection import choose_model, default_candidates, learning_curve
+from ecm.models.selection import default_candidates
+from ecm.models.specification import Weights
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 _MODELS = (
@@ -54,25 +61,33 @@ def fit(options: Options, session: Session) -> None:
     """Fit a model to a table and write its file."""
     check_output(options.out)
     table = session.read(options.data, need="fit")
-    name, pcr, choice = options.model, options.pcr, None
+    name, choice = options.model, None
     if name == "choose":
-        if pcr is not None:
+        if options.pcr is not None:
             raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
         if table.meta.length_m is None:
             session.print("energies are left out: no [mechanism] length_m in the data's TOML")
         choice = choose_model(table, default_candidates(table), seed=session.seed)
         for sentence in choice.sentences():
             session.print(sentence)
-        name, pcr = choice.best.name, choice.best.pcr_text
-    model = _fitted(table, name, pcr, options, session)
+        specification, name = choice.best, choice.best.alias
+    else:
+        specification = _named(name, options.pcr, table, session)
+    model = fit_model(
+        table,
+        specification,
+        zero_at_home=options.zero_at_home,
+        stable=options.stable,
+        weights=cast("Weights", options.weights),
+    )
     model.save(options.out)
-    summary = fit_summary(model, table, name, pcr=pcr, seed=session.seed)
+    summary = fit_summary(model, table, specification, seed=session.seed)
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
     if options.curve:
-        curve = learning_curve(table, name, _SIZES, seed=session.seed)
+        curve = learning_curve(table, specification, _SIZES, seed=session.seed)
         summary["curve"] = curve.to_dict()
-        for sentence in curve.sentences(name):
+        for sentence in curve.sentences():
             session.print(sentence)
     session.write_json(summary | {"warnings": list(table.warnings)})
     for sentence in summary["sentences"]:
@@ -80,23 +95,12 @@ def fit(options: Options, session: Session) -> None:
     session.print(f"{options.out}: model {name}")
 
 
-def _fitted(table: Table, name: str, pcr: str | None, options: Options, session: Session) -> Model:
-    """Fit the named model; the physics is built under a progress bar."""
-    if pcr is not None and not name.startswith(("poly", "linear", "quadratic", "cubic")):
-        raise InputError(f"--pcr is for polynomials, found --model {name}. Leave it out.")
-    body = physics = None
-    if is_mechanism(name):
-        name, body = "physics", read_mechanism(name)
-    elif name == "physics":
-        body = table.meta.body()
-    if body is not None:
-        physics = build_physics(body, session, table)
-    return fit_model(
-        table,
-        name,
-        pcr=pcr,
-        physics=physics,
-        zero_at_home=options.zero_at_home,
-        stable=options.stable,
-        weights=cast("Weights", options.weights),
-    )
+def _named(name: str, pcr: str | None, table: Table, session: Session) -> ModelSpecification:
+    """Specification of --model NAME; the physics of a body is built under a progress bar."""
+    mechanism = read_mechanism(name) if is_mechanism(name) else None
+    specification = parse_model("physics" if mechanism else name, pcr=pcr)
+    if isinstance(specification, PhysicsModel):
+        body = mechanism or table.meta.body()
+        if body is not None:
+            return PhysicsModel(base=build_physics(body, session, table))
+    return specification

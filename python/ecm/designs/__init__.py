@@ -10,11 +10,14 @@ from ecm.designs.nominal import NominalModel, nominal_model, rig_noise
 from ecm.designs.optimal import Design, optimal_design
 from ecm.designs.plans import DWELLS_S, diagnosable_plan, paper_plan, plain_plan
 from ecm.designs.regressors import polynomial_degree
+from ecm.designs.settings import CRITERIA, DesignSettings
 from ecm.designs.size import Size, design_sizes
 
 __all__ = [
+    "CRITERIA",
     "DWELLS_S",
     "Design",
+    "DesignSettings",
     "NominalModel",
     "Size",
     "can_be_run",

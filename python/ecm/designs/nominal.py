@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,15 +17,13 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
+from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
 from ecm.rig.frames import top_from_sensor_wrench
 from ecm.rig.instruments import Camera, ForceTorqueSensor
-
-if TYPE_CHECKING:
-    from ecm.io.mechanism import Mechanism
-    from ecm.rig.settings import RigSettings
+from ecm.rig.settings import RigSettings
 
 _ENOUGH = 100
 """Simulated poses from which a physics map can be made and tried."""

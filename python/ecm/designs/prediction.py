@@ -11,6 +11,7 @@ import numpy as np
 from ecm._native import polynomial_regressor
 from ecm.designs.nominal import NominalModel
 from ecm.designs.regressors import COMPONENT_SD, model_columns, polynomial_degree
+from ecm.designs.settings import DesignSettings
 from ecm.io.arrays import F, I
 
 _REGION = 1000
@@ -20,7 +21,7 @@ _STEP = 1e-4
 
 
 def prediction_region(
-    poses: F, model: str, length_m: float | None, base: NominalModel | None, terms: int
+    poses: F, settings: DesignSettings, base: NominalModel | None, terms: int
 ) -> F:
     """Rows whose mean variance is that of h plus that of K times half the range.
 
@@ -29,7 +30,7 @@ def prediction_region(
     """
     stride = max(1, -(-len(poses) // _REGION))
     seen = np.arange(0, len(poses), stride)
-    values, slopes = predicted_columns(poses, seen, model, length_m, base)
+    values, slopes = predicted_columns(poses, seen, settings, base)
     count = slopes.shape[1] // values.shape[1]
     # The mean is over all rows there: what is wanted is over the poses of the sample.
     whole = np.sqrt(1.0 + count)
@@ -39,23 +40,19 @@ def prediction_region(
 
 
 def predicted_columns(
-    poses: F,
-    seen: I,
-    model: str,
-    length_m: float | None,
-    base: NominalModel | None,
+    poses: F, seen: I, settings: DesignSettings, base: NominalModel | None
 ) -> tuple[F, F]:
     """Columns of the sample in units of the noise, and of K times half the pose's range."""
     low, high = poses.min(axis=0), poses.max(axis=0)
     moving = np.flatnonzero(high > low)
+    degree = polynomial_degree(settings.model)
 
     def columns(at: F) -> F:
-        if model == "physics" or model.startswith("energy"):
-            blocks = model_columns(at, model, length_m, base)
+        if degree is None:
+            blocks = model_columns(at, settings, base)
             sd = COMPONENT_SD if base is None else _component_sd(base, poses)
             return blocks / sd[None, :, None]
         own = np.ascontiguousarray(at[:, moving])
-        degree = polynomial_degree(model)
         return polynomial_regressor(own, degree, low[moving], high[moving])[:, None, :]
 
     sample = poses[seen]

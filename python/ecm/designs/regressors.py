@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm._native import EnergyModel, polynomial_regressor
+from ecm._native import polynomial_regressor
 from ecm.designs.nominal import NominalModel
+from ecm.designs.settings import DesignSettings
 from ecm.effects import Effect
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.models import parse_energy_name
+from ecm.models import EnergyModel, PolynomialModel, parse_model
 
 COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])
 """One row's default noise: N and N m; fx carries the pose noise of the stiff axis."""
@@ -37,40 +38,38 @@ class Regressor:
     """(k, k) information known beforehand."""
 
 
-def polynomial_degree(model: str) -> int:
-    """Degree of `poly:D` or its aliases."""
-    names = {"linear": 1, "quadratic": 2, "cubic": 3}
-    if model in names:
-        return names[model]
-    if model.startswith("poly:") and model[5:].isdigit() and int(model[5:]) >= 1:
-        return int(model[5:])
-    raise InputError(
-        f"model {model!r}: expected linear, quadratic, cubic, poly:D with D >= 1, energyD "
-        "with D from 4 to 6, or physics"
-    )
+def polynomial_degree(model: str) -> int | None:
+    """Degree of a polynomial by its short name; None for an energy or physics.
+
+    Raises
+    ------
+    InputError
+        For other models: their design needs the parameters that it shall find.
+    """
+    if model == "physics":
+        return None
+    specification = parse_model(model)
+    if isinstance(specification, PolynomialModel):
+        return specification.degree
+    if isinstance(specification, EnergyModel):
+        return None
+    raise InputError(f"model {model!r}: designs are for polynomials, energies and physics")
 
 
 def regressor(
     poses: F,
-    model: str,
+    settings: DesignSettings,
     *,
-    length_m: float | None = None,
     measured: F | None = None,
     base: NominalModel | None = None,
-    effects: Sequence[Effect] = (),
-    ridge: float = 0.0,
 ) -> Regressor:
-    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose.
-
-    `ridge` is known beforehand of every coefficient but a polynomial's constant, in units of the
-    rows' information.
-    """
-    if not (ridge >= 0.0 and np.isfinite(ridge)):
-        raise InputError(f"--ridge: {ridge}, expected a positive number, 0 for none")
+    """Information rows of `poses` (N, d) for a model, with the effects that act at a pose."""
     everything = poses if measured is None else np.concatenate([poses, measured])
+    effects = settings.effects
     prior: F | None = None
-    if model == "physics" or model.startswith("energy"):
-        blocks = model_columns(everything, model, length_m, base)
+    degree = polynomial_degree(settings.model)
+    if degree is None:
+        blocks = model_columns(everything, settings, base)
         if effects:
             blocks, prior = _with_effects(blocks, everything, _needed(base, "effects"), effects)
         if base is None:
@@ -81,10 +80,10 @@ def regressor(
     else:
         if effects:
             raise InputError(
-                f"model {model!r}: a free polynomial absorbs most effects; "
+                f"model {settings.model!r}: a free polynomial absorbs most effects; "
                 "give --model energyD or physics with --effects"
             )
-        blocks = _polynomial(poses, everything, polynomial_degree(model))[:, None, :]
+        blocks = _polynomial(poses, everything, degree)[:, None, :]
         if base is not None:
             # One row for six outputs: weighted by the geometric mean of their precisions.
             _, log_det = np.linalg.slogdet(base.whiteners(everything))
@@ -92,8 +91,8 @@ def regressor(
         per_pose = 1
     rows = np.ascontiguousarray(blocks.reshape(-1, blocks.shape[2]))
     split = len(poses) * per_pose
-    if ridge > 0.0:
-        known = np.full(rows.shape[1], ridge)
+    if settings.ridge > 0.0:
+        known = np.full(rows.shape[1], settings.ridge)
         known[: 1 if per_pose == 1 else 0] = 0.0
         prior = np.diag(known) if prior is None else prior + np.diag(known)
     return Regressor(
@@ -101,12 +100,13 @@ def regressor(
     )
 
 
-def model_columns(poses: F, model: str, length_m: float | None, base: NominalModel | None) -> F:
+def model_columns(poses: F, settings: DesignSettings, base: NominalModel | None) -> F:
     """(N, 6, k) wrench per coefficient of an energy model or of physics.
 
     Physics: the sensitivities to the modulus and, where the base has it tabulated, to Poisson's
     ratio.
     """
+    model, length_m = settings.model, settings.length_m
     if model == "physics":
         return np.asarray(
             _needed(base, "the physics model").base.columns(np.ascontiguousarray(poses))
@@ -118,14 +118,10 @@ def model_columns(poses: F, model: str, length_m: float | None, base: NominalMod
             f"a design for {model} needs the mechanism's length: give [mechanism] length_m "
             "in the candidates' TOML"
         )
-    degree, symmetry = parse_energy_name(model)
-    return EnergyModel.regressor(
-        np.ascontiguousarray(poses),
-        length_m=length_m,
-        degree=degree,
-        symmetry=symmetry,
-        scale=np.array([length_m, 1.0]),
-    )
+    energy = parse_model(model)
+    if not isinstance(energy, EnergyModel):
+        raise InputError(f"model {model!r}: expected an energy or physics")
+    return energy.regressor(poses, length_m, np.array([length_m, 1.0]))
 
 
 def _needed(base: NominalModel | None, what: str) -> NominalModel:

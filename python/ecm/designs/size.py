@@ -16,9 +16,11 @@ from ecm.designs.nominal import NominalModel
 from ecm.designs.optimal import Progress, optimal_design
 from ecm.designs.prediction import predicted_columns
 from ecm.designs.regressors import regressor
+from ecm.designs.settings import DesignSettings
 from ecm.errors import DesignError, InputError
 from ecm.io.arrays import F
 
+_DEFAULT = DesignSettings(iterations=60)
 _SAMPLE = 300
 """Unseen poses on which the error is averaged."""
 _HOPELESS = 100.0
@@ -45,24 +47,49 @@ class Size:
 def design_sizes(
     poses: F,
     sizes: Sequence[int] = (),
+    settings: DesignSettings = _DEFAULT,
     *,
     most: int | None = None,
-    criterion: str = "d",
-    model: str = "cubic",
-    length_m: float | None = None,
     base: NominalModel | None = None,
-    iterations: int = 60,
-    seed: int = 0,
-    threads: int = 0,
     progress: Progress = None,
 ) -> list[Size]:
-    """The expected errors of the best designs of some sizes, and where further poses pay least.
+    """Expected errors of the best designs of some sizes, and where further poses pay least.
 
-    `sizes` empty: from the fewest poses that determine the model to `most`, eight times as many by
-    default.
+    Parameters
+    ----------
+    poses
+        (N, d) candidates, in any consistent units.
+    sizes
+        Numbers of poses; empty: from the fewest that determine the model to `most`.
+    settings
+        Criterion, model and search of each design; by default 60 iterations.
+    most
+        Largest number of poses; by default eight times the fewest.
+    base
+        Nominal model: weighs every row by the instruments' noise at its pose.
+    progress
+        Called with the sizes done and their number.
+
+    Returns
+    -------
+    list of Size
+        Errors in units of one reading's noise; one size is marked as the knee.
+
+    Raises
+    ------
+    InputError
+        A size does not determine the model or exceeds the candidates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> poses = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 2))
+    >>> sizes = design_sizes(poses, [4, 8, 16], DesignSettings(model="linear", iterations=5))
+    >>> [size.n for size in sizes], sum(size.knee for size in sizes)
+    ([4, 8, 16], 1)
     """
     poses = np.ascontiguousarray(poses, dtype=np.float64)
-    rows = regressor(poses, model, length_m=length_m, base=base)
+    rows = regressor(poses, settings, base=base)
     terms = rows.rows.shape[1]
     least = -(-terms // rows.rows_per_pose)
     given = len(sizes) > 0
@@ -73,10 +100,10 @@ def design_sizes(
     if min(sizes) < least or max(sizes) > len(poses):
         raise InputError(
             f"--how-many: sizes from {min(sizes)} to {max(sizes)}, expected {least} (fewer poses "
-            f"do not determine {model}) to {len(poses)} (the candidates)"
+            f"do not determine {settings.model}) to {len(poses)} (the candidates)"
         )
-    seen = np.random.default_rng([seed, 5]).permutation(len(poses))[:_SAMPLE]
-    values, slopes = predicted_columns(poses, seen, model, length_m, base)
+    seen = np.random.default_rng([settings.seed, 5]).permutation(len(poses))[:_SAMPLE]
+    values, slopes = predicted_columns(poses, seen, settings, base)
     # Columns of one length: the errors do not depend on it, their rounding does.
     norms = np.linalg.norm(rows.rows, axis=0)
     values, slopes = values / norms, slopes / norms
@@ -84,10 +111,7 @@ def design_sizes(
     found: list[Size] = []
     for done, n in enumerate(sizes):
         try:
-            design = optimal_design(
-                poses, n, criterion=criterion, model=model, length_m=length_m, base=base,
-                seed=seed, threads=threads, iterations=iterations,
-            )  # fmt: skip
+            design = optimal_design(poses, n, settings, base=base)
         except DesignError:
             # An energy model needs more poses than its terms over six.
             if given or n == sizes[-1]:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
-from ecm.effects.se3 import moved_in_base, turned
+from ecm.effects.protocol import Effect, EffectBase, Parameter, listed, optional
+from ecm.effects.se3 import moved_in_base, rotated, turned
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _ITERATIONS = 5
 
 
+@dataclass(eq=False)
 class BaseCompliance(EffectBase):
     """The clamp yields: a spring in series with the mechanism, loaded by the wrench at the base.
 
@@ -28,7 +25,7 @@ class BaseCompliance(EffectBase):
 
     id = "base_compliance"
     physics = "The base plate yields under the wrench at the base, in series with the mechanism."
-    parameters: tuple[Parameter, ...] = (
+    parameters = listed(
         Parameter("bending", "rad/(N m)", 1e-3, 0.0, 0.05),
         Parameter("lateral", "m/N", 2e-6, 0.0, 1e-4),
         Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
@@ -43,20 +40,17 @@ class BaseCompliance(EffectBase):
         "payload": "remove_payload",
     }
 
-    def __init__(self, plate: str = "round") -> None:
-        self._plate = plate
-        if plate == "uneven":
+    plate: str = optional("round")
+    """`round`: alike in all directions and stiff in torsion; or `uneven`."""
+
+    def __post_init__(self) -> None:
+        if self.plate == "uneven":
             self.parameters = (
                 Parameter("bending_y", "rad/(N m)", 1e-3, 0.0, 0.05),
                 Parameter("bending_z", "rad/(N m)", 1e-3, 0.0, 0.05),
                 Parameter("torsion", "rad/(N m)", 1e-3, 0.0, 0.05),
                 *BaseCompliance.parameters[1:],
             )
-
-    @property
-    def shape(self) -> Shape:
-        """A plate alike in all directions that does not twist, or an `uneven` one."""
-        return {} if self._plate == "round" else {"plate": self._plate}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both plates."""
@@ -67,7 +61,7 @@ class BaseCompliance(EffectBase):
         lateral, axial = values[-2:]
         along = np.array([axial, lateral, lateral])
         about = np.array([0.0, values[0], values[0]])
-        if self._plate == "uneven":
+        if self.plate == "uneven":
             about = np.array([values[2], values[0], values[1]])
         wrench = rows.wrench
         for _ in range(_ITERATIONS):
@@ -75,14 +69,10 @@ class BaseCompliance(EffectBase):
             moment = wrench[:, 3:] + np.cross(rows.poses[:, :3], force)
             shift, turn = along * force, about * moment
             # exp(w)^-1 (r - d): first turn back, then shift back.
-            back = -np.asarray(_turned_vectors(shift, -turn))
+            back = -rotated(shift, -turn)
             felt = moved_in_base(rows.poses, back, -turn)
             wrench = turned(rows.predict(felt), turn)
         return wrench - rows.wrench
 
 
-def _turned_vectors(vectors: F, rotation: F) -> F:
-    return turned(np.concatenate([vectors, vectors], axis=1), rotation)[:, :3]
-
-
-EFFECTS: Sequence[Effect] = (BaseCompliance(),)
+EFFECTS = (BaseCompliance(),)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,29 +11,30 @@ from ecm.effects.boundary import BaseCompliance
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
-    Kind,
     LinearEffect,
     Missing,
     Parameter,
     Shape,
+    listed,
     needs_full,
     needs_time,
+    optional,
 )
 from ecm.effects.rod_strain import rest_stiffness, rod_strain
 from ecm.effects.slip import base_twist_columns
 from ecm.io.arrays import F
-from ecm.regression.approach import step_times
+from ecm.io.table import Table
+from ecm.regression.approach import step_times, times_beside
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _SHARES = (0.5, 0.7, 0.85)
 """Quantiles of the tilt at which a stop is tried."""
 _AZIMUTHS = 8
+_TEARS = 5
+"""Times of a tear that are tried at first."""
 
 
+@dataclass(eq=False)
 class ContactStop(LinearEffect):
     """Beyond the tilt c a stop holds the rim: moment k (tilt - c) and a push along the base's axis.
 
@@ -50,15 +50,10 @@ class ContactStop(LinearEffect):
     signature = "a kink, one-sided, only at large poses"
     rivals = {"strain_stiffening": "fine_sweep"}
 
-    def __init__(self, tilt_rad: float = 0.3, azimuth_rad: float | None = None) -> None:
-        self._tilt_rad = tilt_rad
-        self._azimuth_rad = azimuth_rad
-
-    @property
-    def shape(self) -> Shape:
-        """Where it begins, and on which side if not on all."""
-        found: Shape = {"tilt_rad": self._tilt_rad}
-        return found if self._azimuth_rad is None else found | {"azimuth_rad": self._azimuth_rad}
+    tilt_rad: float = 0.3
+    """Tilt at which the stop is reached."""
+    azimuth_rad: float | None = optional(None)
+    """Side of the stop; None: all around."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three places of a stop all around, and two of a stop on each of eight sides."""
@@ -77,16 +72,16 @@ class ContactStop(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Tilts between this one and its neighbours."""
         factor = 1.0 + 0.2 * 0.5**round_
-        tilts = (self._tilt_rad / factor, self._tilt_rad * factor)
-        return tuple(ContactStop(t, self._azimuth_rad) for t in tilts)
+        tilts = (self.tilt_rad / factor, self.tilt_rad * factor)
+        return tuple(ContactStop(t, self.azimuth_rad) for t in tilts)
 
     def columns(self, rows: Rows) -> F:
         """Moment and push per unit of each."""
         tilt, lean = _tilt(rows.rotation_vectors)
-        if self._azimuth_rad is not None:
-            side = np.array([np.cos(self._azimuth_rad), np.sin(self._azimuth_rad)])
+        if self.azimuth_rad is not None:
+            side = np.array([np.cos(self.azimuth_rad), np.sin(self.azimuth_rad)])
             tilt, lean = tilt * (lean @ side), np.broadcast_to(side, lean.shape)
-        depth = np.maximum(0.0, tilt - self._tilt_rad)
+        depth = np.maximum(0.0, tilt - self.tilt_rad)
         columns = np.zeros((len(rows), 6, 2))
         # To lean towards (y, z) the platform turned about (-z, y).
         columns[:, 4, 0], columns[:, 5, 0] = -depth * lean[:, 1], depth * lean[:, 0]
@@ -103,6 +98,7 @@ def _tilt(rotation_vectors: F) -> tuple[F, F]:
     return np.arctan2(across, axis[:, 0]), lean
 
 
+@dataclass(eq=False)
 class Debonding(LinearEffect):
     """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
 
@@ -114,7 +110,7 @@ class Debonding(LinearEffect):
 
     id = "debonding"
     physics = "The bond to the platform opens: softer in tension, or softer after it tore."
-    parameters: tuple[Parameter, ...] = (Parameter("loss", "1", 0.03, 0.0, 1.0),)
+    parameters = listed(Parameter("loss", "1", 0.03, 0.0, 1.0))
     signature = "odd-even split in fx, or a step in order; proportional to h"
     needs = "order (time_s) for a tear in the course of the test; its other forms need nothing more"
     rivals = {
@@ -123,14 +119,20 @@ class Debonding(LinearEffect):
         "ageing": "repeat_first_poses",
     }
 
-    def __init__(
-        self, opens: str = "tension", at_s: float = 0.0, bending: float = 0.0, pull_N: float = 0.0
-    ) -> None:
-        self._opens = opens
-        self._at_s = at_s
-        self._bending, self._pull_N = bending, pull_N
-        self.kind: Kind = "time" if opens == "torn" else "pose"
-        if opens == "hinge":
+    opens: str = "tension"
+    """`tension` (of the centre line), `face` (of its points), `gap_base`, `gap_top`, `hinge`, or
+    `torn` at a time."""
+    at_s: float = 0.0
+    """Time of the tear."""
+    bending: float = 0.0
+    """Share b of the moment in the pull at the rim of a hinge."""
+    pull_N: float = 0.0
+    """Pull q0 at which a hinge is half open."""
+
+    def __post_init__(self) -> None:
+        if self.opens == "torn":
+            self.kind = "time"
+        elif self.opens == "hinge":
             self.parameters = (
                 Parameter("hinge", "rad/(N m)", 5e-4, 0.0, 0.05),
                 Parameter("lift", "m/N", 5e-7, 0.0, 1e-4),
@@ -138,14 +140,10 @@ class Debonding(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """`tension` (of the centre line), `face` (of its points), `gap_base`, `gap_top`, `hinge`,
-        or `torn` at a time."""
-        found: Shape = {"opens": self._opens}
-        if self._opens == "torn":
-            found["at_s"] = self._at_s
-        if self._opens == "hinge":
-            found |= {"bending": self._bending, "pull_N": self._pull_N}
-        return found
+        """The way in which the bond opens, with the numbers of that way."""
+        numbers = {"torn": ("at_s",), "hinge": ("bending", "pull_N")}
+        names = ("opens", *numbers.get(self.opens, ()))
+        return {name: value for name, value in super().shape.items() if name in names}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """In tension, at the edge of the face, and torn at a few moments where time is known."""
@@ -154,38 +152,34 @@ class Debonding(LinearEffect):
         for bending in (0.0, 0.15, 0.5):
             found += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
-            found += [Debonding("torn", t) for t in step_times(table, 5)]
+            found += [Debonding("torn", t) for t in step_times(table, _TEARS)]
         return tuple(found)
 
     def plain_form(self) -> Effect | None:
         """A joint that gives way in push as in pull is no open bond but a base that yields."""
-        return None if self._opens == "torn" else BaseCompliance()
+        return None if self.opens == "torn" else BaseCompliance()
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between a tear and its neighbours."""
-        if self._opens != "torn":
+        if self.opens != "torn":
             return ()
-        time = np.sort(table.column("time_s"))
-        place = int(np.searchsorted(time, self._at_s))
-        step = round(len(time) / 6 / 2.0 ** (round_ + 1))
-        near = [i for i in (place - step, place + step) if step > 0 and 0 < i < len(time)]
-        return tuple(Debonding("torn", float(0.5 * (time[i - 1] + time[i]))) for i in near)
+        return tuple(Debonding("torn", t) for t in times_beside(table, self.at_s, _TEARS, round_))
 
     def missing(self, table: Table) -> Missing | None:
         """Needs all columns; a tear also time, without which only the other forms are tried."""
-        torn = self._opens == "torn"
+        torn = self.opens == "torn"
         return needs_full(table) or (needs_time(table) if torn else None)
 
     def columns(self, rows: Rows) -> F:
         """-h after the tear, or the slope of -EA L max(0, e)^2 / 2."""
-        if self._opens == "torn":
-            after = (rows.time_s() > self._at_s).astype(np.float64)
+        if self.opens == "torn":
+            after = (rows.time_s() > self.at_s).astype(np.float64)
             return np.asarray(-(after[:, None] * rows.wrench)[:, :, None])
-        if self._opens == "hinge":
+        if self.opens == "hinge":
             return self._hinge(rows)
-        if self._opens.startswith("gap"):
+        if self.opens.startswith("gap"):
             return self._gap(rows)
-        if self._opens == "face":
+        if self.opens == "face":
             strain = rod_strain(rows)
             pulled = -np.maximum(0.0, strain.axial) * (strain.along < 0.0)
             return strain.wrench(rows, pulled, np.zeros_like(strain.shear))[:, :, None]
@@ -199,7 +193,7 @@ class Debonding(LinearEffect):
 
     def _gap(self, rows: Rows) -> F:
         """-K_s times the lift along the normal of the face, driven by the base map's own pull."""
-        normal = rows.rotation[:, :, 0] if self._opens == "gap_top" else np.eye(3)[:1]
+        normal = rows.rotation[:, :, 0] if self.opens == "gap_top" else np.eye(3)[:1]
         pull = np.maximum(0.0, (rows.wrench[:, :3] * normal).sum(axis=1))
         lift = normal * (pull / rest_stiffness(rows).axial)[:, None]
         return np.asarray(-(rows.screw_stiffness[:, :, :3] @ lift[:, :, None]))
@@ -209,9 +203,9 @@ class Debonding(LinearEffect):
         moment = rows.wrench[:, 3:] + np.cross(rows.poses[:, :3], rows.wrench[:, :3])
         moment[:, 0] = 0.0
         radius = max(rest_stiffness(rows).radius_m, 1e-6)
-        bent = self._bending * np.linalg.norm(moment, axis=1) / (0.5 * radius)
+        bent = self.bending * np.linalg.norm(moment, axis=1) / (0.5 * radius)
         pull = np.maximum(0.0, rows.wrench[:, 0] + bent)
-        turn = moment * (pull / (pull + max(self._pull_N, 1e-9)))[:, None]
+        turn = moment * (pull / (pull + max(self.pull_N, 1e-9)))[:, None]
         twist = np.zeros((len(rows), 6, 2))
         twist[:, 3:, 0] = turn
         twist[:, 0, 1] = np.maximum(0.0, rows.wrench[:, 0])
@@ -222,4 +216,4 @@ class Debonding(LinearEffect):
         return columns
 
 
-EFFECTS: Sequence[Effect] = (ContactStop(), Debonding())
+EFFECTS = (ContactStop(), Debonding())

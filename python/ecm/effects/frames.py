@@ -2,40 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Parameter, Shape
-from ecm.effects.se3 import moved_in_base, moved_in_top, turned
+from ecm.effects.protocol import Effect, EffectBase, Parameter
+from ecm.effects.se3 import moved_in_base, moved_in_top, rotated, turned
+from ecm.effects.slip import twist
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
-
-def twist(frame: str) -> tuple[Parameter, ...]:
-    """A small rigid motion."""
-    return (
-        *(Parameter(f"{frame}_d{axis}", "m", 1e-4, -0.02, 0.02) for axis in "xyz"),
-        *(Parameter(f"{frame}_w{axis}", "rad", 2e-3, -0.3, 0.3) for axis in "xyz"),
-    )
-
-
+@dataclass(eq=False)
 class _FrameMisalignment(EffectBase):
-    """What the two frames share: the wrench was turned with the measured rotation, or not."""
+    """Base of the two frames: the wrench was turned with the measured rotation, or not."""
 
     side = "measurement"
 
-    def __init__(self, wrench_axes: str = "measured") -> None:
-        self._wrench_axes = wrench_axes
-
-    @property
-    def shape(self) -> Shape:
-        """Whether the wrench was turned to base axes with the measured rotation."""
-        return {"wrench_axes": self._wrench_axes}
+    wrench_axes: str = "measured"
+    """`measured`: the wrench was turned to base axes with the measured rotation; else `base`."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Wrench turned with the measured rotation, or right in itself."""
@@ -62,9 +48,9 @@ class TipFrameMisalignment(_FrameMisalignment):
         """h(p exp(-(d, w))), turned with the error where the wrench was."""
         shift, turn = values[:3], values[3:]
         # Inverse of (d, w) in top axes: turn by -w, shift by -exp(-w) d.
-        back = _turned_vector(shift, -turn)
+        back = rotated(shift, -turn)
         wrench = rows.predict(moved_in_top(rows.poses, -back, -turn))
-        if self._wrench_axes == "measured":
+        if self.wrench_axes == "measured":
             wrench = turned(wrench, np.einsum("nij,j->ni", rows.rotation, turn))
         return wrench - rows.wrench
 
@@ -85,9 +71,9 @@ class BaseFrameMisalignment(_FrameMisalignment):
     def correction(self, rows: Rows, values: F) -> F:
         """h(exp(-(d, w)) p), turned with the error where the wrench was."""
         shift, turn = values[:3], values[3:]
-        back = _turned_vector(shift, -turn)
+        back = rotated(shift, -turn)
         wrench = rows.predict(moved_in_base(rows.poses, -back, -turn))
-        if self._wrench_axes == "measured":
+        if self.wrench_axes == "measured":
             wrench = turned(wrench, turn)
         return wrench - rows.wrench
 
@@ -109,13 +95,4 @@ class CameraScale(EffectBase):
         return rows.predict(poses) - rows.wrench
 
 
-def _turned_vector(vector: F, rotation: F) -> F:
-    both = np.concatenate([vector, vector])[None, :]
-    return turned(both, rotation)[0, :3]
-
-
-EFFECTS: Sequence[Effect] = (
-    TipFrameMisalignment(),
-    BaseFrameMisalignment(),
-    CameraScale(),
-)
+EFFECTS = (TipFrameMisalignment(), BaseFrameMisalignment(), CameraScale())

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,24 +13,23 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
-    Shape,
+    listed,
     needs_full,
     needs_time,
+    optional,
 )
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.table import Table
 from ecm.regression.approach import approach_sides, order_of_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _WAYS = (0.02, 0.05, 0.12)
 """Ways to the slip that are tried, over the spread of the poses."""
 
 
+@dataclass(eq=False)
 class Hysteresis(LinearEffect):
     """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material.
 
@@ -44,7 +41,7 @@ class Hysteresis(LinearEffect):
 
     id = "hysteresis"
     physics = "Internal friction: the wrench depends on the side from which a pose is approached."
-    parameters: tuple[Parameter, ...] = (Parameter("c", "m", 1e-4, -5e-3, 5e-3),)
+    parameters = listed(Parameter("c", "m", 1e-4, -5e-3, 5e-3))
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
     needs = "poses reached from both sides (approach)"
     kind = "time"
@@ -54,23 +51,21 @@ class Hysteresis(LinearEffect):
         "fts_hysteresis": "load_and_unload_weights",
     }
 
-    def __init__(self, stiffness: str = "local", yield_m: float = 0.0) -> None:
-        self._stiffness, self._yield_m = stiffness, yield_m
-        if stiffness == "each":
+    stiffness: str = "local"
+    """Stiffness that the friction follows: `local`, at `rest`; with a memory `middle` or `each`."""
+    yield_m: float = optional(0.0)
+    """Way in m to the slip; 0: no memory."""
+
+    def __post_init__(self) -> None:
+        if self.stiffness == "each":
             coordinates = (name.rsplit("_", 1)[0] for name in POSE)
             c = Hysteresis.parameters[0]
             self.parameters = tuple(replace(c, name=f"c_{name}") for name in coordinates)
 
-    @property
-    def shape(self) -> Shape:
-        """Whether the friction follows the local stiffness or that at rest; way to the slip."""
-        found: Shape = {"stiffness": self._stiffness}
-        return found | {"yield_m": self._yield_m} if self._yield_m > 0.0 else found
-
     def missing(self, table: Table) -> Missing | None:
         """Needs poses approached from both sides; with a memory also time."""
         found = needs_full(table)
-        if found is None and self._yield_m > 0.0:
+        if found is None and self.yield_m > 0.0:
             found = needs_time(table)
         if found is not None:
             return found
@@ -95,16 +90,16 @@ class Hysteresis(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Ways between this one and its neighbours."""
-        if self._yield_m == 0.0:
+        if self.yield_m == 0.0:
             return ()
         factor = 2.4 ** (0.5 ** (round_ + 1))
-        ways = (self._yield_m / factor, self._yield_m * factor)
+        ways = (self.yield_m / factor, self.yield_m * factor)
         most = 1.01 * max(_ways(table))
-        return tuple(Hysteresis(self._stiffness, way) for way in ways if way < most)
+        return tuple(Hysteresis(self.stiffness, way) for way in ways if way < most)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
-        if self._yield_m > 0.0:
+        if self.yield_m > 0.0:
             return self._with_memory(rows)
         step = rows.poses - rows.came_from
         step = np.where(np.isfinite(step), step, 0.0)
@@ -112,7 +107,7 @@ class Hysteresis(LinearEffect):
         size = np.sqrt((step**2) @ metric)
         direction = step / np.where(size > 1e-9, size, np.inf)[:, None]
         stiffness = rows.stiffness
-        if self._stiffness == "rest":
+        if self.stiffness == "rest":
             stiffness = np.broadcast_to(
                 rows.base.stiffness(rows.rest_pose[None, :])[0], stiffness.shape
             )
@@ -125,7 +120,7 @@ class Hysteresis(LinearEffect):
         metric = np.array([1.0, 1.0, 1.0, length, length, length])
         before = rows.known_before
         rest = rows.base.stiffness(rows.rest_pose[None, :])[0]
-        if self._stiffness == "each":
+        if self.stiffness == "each":
             at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
         else:
             at, came = mid_frame(rows.poses, length), mid_frame(before, length)
@@ -134,11 +129,11 @@ class Hysteresis(LinearEffect):
             state, here = np.zeros(6), np.zeros(6)
             for i in order:
                 for goal in (came[i], at[i]):
-                    state = np.clip(state + (goal - here) * metric, -self._yield_m, self._yield_m)
+                    state = np.clip(state + (goal - here) * metric, -self.yield_m, self.yield_m)
                     here = goal
                 held[i] = state
-        held *= (~rows.unloaded)[:, None] / self._yield_m
-        if self._stiffness == "each":
+        held *= (~rows.unloaded)[:, None] / self.yield_m
+        if self.stiffness == "each":
             return np.asarray((held * np.diag(rest) / metric)[:, :, None] * np.eye(6))
         stiffness = rest_stiffness(rows)
         along = [stiffness.axial, stiffness.lateral, stiffness.lateral]
@@ -154,4 +149,4 @@ def _ways(table: Table) -> list[float]:
     return [float(f"{share * far:.3g}") for share in _WAYS]
 
 
-EFFECTS: Sequence[Effect] = (Hysteresis(),)
+EFFECTS = (Hysteresis(),)

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import stretched, wrench_of
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
+from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, optional
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
 from ecm.effects.se3 import moved_in_base, turned
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _BENDING_POWER = 3.4
 """Of the diameter in the bending stiffness of a bonded cylinder as stubby as the neck."""
@@ -54,6 +50,7 @@ class LengthError(EffectBase):
         return stretched(rows, np.eye(6), shift) - rows.wrench
 
 
+@dataclass(eq=False)
 class DiameterError(EffectBase):
     """D larger by delta: axial D^2, torsion D^4; lateral D^3, bending D^3.4 of a bonded cylinder.
 
@@ -67,13 +64,8 @@ class DiameterError(EffectBase):
     signature = "m = 0, conservative; axial < lateral < bending < torsion"
     rivals = {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
-    def __init__(self, body: str = "stubby") -> None:
-        self._body = body
-
-    @property
-    def shape(self) -> Shape:
-        """A `stubby` bonded cylinder, or a `beam`."""
-        return {} if self._body == "stubby" else {"body": self._body}
+    body: str = optional("stubby")
+    """A `stubby` bonded cylinder, or a `beam`."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both; where the base knows its body they are one."""
@@ -88,7 +80,7 @@ class DiameterError(EffectBase):
         exact = wrench_of_other_body(rows, thicker)
         if exact is not None:
             return exact - rows.wrench
-        if self._body == "beam":
+        if self.body == "beam":
             return np.asarray(values[0] * thicker_beam(rows))
         d = 1.0 + values[0]
         lateral, bending = d**1.5, d ** (0.5 * _BENDING_POWER)
@@ -145,6 +137,7 @@ class Pretension(LinearEffect):
         return wrench[:, :, None]
 
 
+@dataclass(eq=False)
 class FaceTilt(EffectBase):
     """The base face is tilted by w = (0, w_y, w_z): h(exp(-w) p), wrench turned with it.
 
@@ -164,13 +157,8 @@ class FaceTilt(EffectBase):
         "pre_curvature": "end_for_end",
     }
 
-    def __init__(self, rest: str = "loaded") -> None:
-        self._rest = rest
-
-    @property
-    def shape(self) -> Shape:
-        """Whether the tilt loads the rest pose (`loaded`) or was cast in (`free`)."""
-        return {"rest": self._rest}
+    rest: str = "loaded"
+    """Whether the tilt loads the rest pose (`loaded`) or was cast in (`free`)."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Mounted askew, or cast as a wedge."""
@@ -180,7 +168,7 @@ class FaceTilt(EffectBase):
         """h(exp(-w) p) turned by w, less the pose error that w makes at rest where it is free."""
         turn = _turned_mounting(rows, values)
         felt = moved_in_base(rows.poses, np.zeros(3), -turn)
-        if self._rest == "free":
+        if self.rest == "free":
             n = len(rows)
             rest = np.ascontiguousarray(np.broadcast_to(rows.rest_pose, (n, 6)))
             felt = felt - (moved_in_base(rest, np.zeros(3), -turn) - rest)
@@ -194,10 +182,4 @@ def _turned_mounting(rows: Rows, values: F) -> F:
     return np.stack([np.zeros(len(rows)), y, z], axis=1)
 
 
-EFFECTS: Sequence[Effect] = (
-    Pretension(),
-    Taper(),
-    LengthError(),
-    DiameterError(),
-    FaceTilt(),
-)
+EFFECTS = (Pretension(), Taper(), LengthError(), DiameterError(), FaceTilt())

@@ -13,7 +13,6 @@ that the arm's controller uses.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +21,7 @@ from ecm.effects.kuka import Chain, chain
 from ecm.effects.protocol import Missing
 from ecm.io.arrays import F
 from ecm.io.columns import JOINTS
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
+from ecm.io.table import Table
 
 _LEAST_ROWS = 6
 _ROUNDS, _LAST_STEP = 20, 1e-9

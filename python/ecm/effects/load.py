@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm._native import left_jacobians, mid_frame, rotation_matrices
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_full
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    Missing,
+    Parameter,
+    listed,
+    needs_full,
+    optional,
+)
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.approach import approach_sides
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
-
 _SIDES = 8
 """Azimuths at which a cable is tried."""
+
+
+def needs_gravity(table: Table) -> Missing | None:
+    """Missing where neither the scene nor a run says that there is any."""
+    runs = [values.get("gravity_m_s2", (0.0,)) for values in table.meta.runs.values()]
+    if any(np.linalg.norm(gravity) > 0.0 for gravity in (table.meta.scene.gravity_m_s2, *runs)):
+        return None
+    return Missing("no gravity", "[scene] gravity_m_s2")
 
 
 class Payload(LinearEffect):
@@ -43,16 +55,13 @@ class Payload(LinearEffect):
         "gravity ([scene] gravity_m_s2), and the pose at zeroing where it was zeroed with the "
         "payload ([instrument] zeroed_with_payload, pose_at_zero)"
     )
+    requires = (needs_gravity, needs_full)
     side = "measurement"
     rivals = {
         "own_weight": "remove_payload",
         "fts_offset": "zero_without_payload",
         "pre_curvature": "remount_180",
     }
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs gravity."""
-        return needs_gravity(table) or needs_full(table)
 
     def columns(self, rows: Rows) -> F:
         """Per kg and per kg m of mass times lever."""
@@ -74,6 +83,7 @@ class Payload(LinearEffect):
         return columns
 
 
+@dataclass(eq=False)
 class OwnWeight(LinearEffect):
     """V = -m g . (mean place of the rod), the wrench of its gradient; m its unknown share of rho V.
 
@@ -87,27 +97,19 @@ class OwnWeight(LinearEffect):
     parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
     signature = "base axes; a constant part even, a part like a stiffness odd"
     needs = "gravity ([scene] gravity_m_s2)"
+    requires = (needs_gravity, needs_full)
     rivals = {
         "payload": "remove_payload",
         "pretension": "detached_length",
         "fts_offset": "unloaded_zero",
     }
 
-    def __init__(self, zeroed: str = "free") -> None:
-        self._zeroed = zeroed
-
-    @property
-    def shape(self) -> Shape:
-        """Whether the sensor was zeroed `free` of the mechanism, or with it `attached` at rest."""
-        return {"zeroed": self._zeroed}
+    zeroed: str = "free"
+    """Whether the sensor was zeroed `free` of the mechanism, or with it `attached` at rest."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both ways of zeroing."""
         return (OwnWeight("free"), OwnWeight("attached"))
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs gravity."""
-        return needs_gravity(table) or needs_full(table)
 
     def columns(self, rows: Rows) -> F:
         """Wrench per kg."""
@@ -121,7 +123,7 @@ class OwnWeight(LinearEffect):
     def _under(self, gravity: F, rows: Rows) -> F:
         """(N, 6) wrench per kg where gravity (3,) is this."""
         columns = _hanging(rows.poses, rows.length_m, gravity)
-        if self._zeroed == "attached":
+        if self.zeroed == "attached":
             rest = _hanging(np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity)[0]
             columns[:, :3] -= rows.rotation @ rest[:3]
             columns[:, 3:] -= rows.rotation @ rest[3:]
@@ -151,6 +153,7 @@ def _potential(poses: F, length_m: float, gravity: F) -> F:
     return np.asarray(-(0.5 * poses[:, :3] + np.einsum("nij,nj->ni", half, sag)) @ gravity)
 
 
+@dataclass(eq=False)
 class CableDrag(LinearEffect):
     """A constant wrench in base axes and a spring towards one point: F, M - k (r - r_rest).
 
@@ -160,7 +163,7 @@ class CableDrag(LinearEffect):
 
     id = "cable_drag"
     physics = "A cable pulls the platform towards one side."
-    parameters: tuple[Parameter, ...] = (
+    parameters = listed(
         *(Parameter(f"force_{axis}", "N", 0.5, -100.0, 100.0) for axis in "xyz"),
         *(Parameter(f"moment_{axis}", "N m", 0.01, -5.0, 5.0) for axis in "xyz"),
         Parameter("spring", "N/m", 10.0, 0.0, 1e4),
@@ -172,22 +175,21 @@ class CableDrag(LinearEffect):
         "own_weight": "detach_cable",
     }
 
-    def __init__(self, azimuth_rad: float | None = None, *, slack: bool = False) -> None:
-        self._azimuth_rad, self._slack = azimuth_rad, slack
-        if slack:
+    azimuth_rad: float | None = optional(None)
+    """Side to which a cable leaves from the rim; None: towards a point far away."""
+    slack: bool = optional(False)
+    """A spring to the rest place alone, the plain form."""
+
+    def __post_init__(self) -> None:
+        if self.slack:
             self.parameters = CableDrag.parameters[6:]
-        elif azimuth_rad is not None:
+        elif self.azimuth_rad is not None:
             self.parameters = (
                 *CableDrag.parameters[:3],
                 Parameter("along", "N/m", 10.0, -1e4, 1e4),
                 Parameter("across", "N/m", 10.0, -1e4, 1e4),
                 Parameter("along_growing", "N/m^2", 200.0, -1e6, 1e6),
             )
-
-    @property
-    def shape(self) -> Shape:
-        """The side to which the cable leaves, where it has one."""
-        return {} if self._azimuth_rad is None else {"azimuth_rad": self._azimuth_rad}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Towards a point far away, or from the rim to one of eight sides."""
@@ -196,22 +198,22 @@ class CableDrag(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Sides between this one and its neighbours."""
-        if self._azimuth_rad is None:
+        if self.azimuth_rad is None:
             return ()
         step = np.pi / _SIDES * 0.5**round_
-        return tuple(CableDrag(self._azimuth_rad + turn) for turn in (-step, step))
+        return tuple(CableDrag(self.azimuth_rad + turn) for turn in (-step, step))
 
     def plain_form(self) -> Effect | None:
         """A spring to the rest place pulls to no side: any softer or stiffer body does as much."""
-        return CableDrag(slack=True) if self._azimuth_rad is None and not self._slack else None
+        return CableDrag(slack=True) if self.azimuth_rad is None and not self.slack else None
 
     def columns(self, rows: Rows) -> F:
         """Constant wrench and spring, where a cable is attached."""
-        if self._azimuth_rad is None:
+        if self.azimuth_rad is None:
             columns = np.zeros((len(rows), 6, 7))
             columns[:, :, :6] = np.eye(6)
             columns[:, :3, 6] = rows.poses[:, :3] - rows.rest_pose[:3]
-            columns = columns[:, :, 6:] if self._slack else columns
+            columns = columns[:, :, 6:] if self.slack else columns
         else:
             columns = self._from_rim(rows)
         columns[rows.unloaded] = 0.0
@@ -220,7 +222,7 @@ class CableDrag(LinearEffect):
 
     def _from_rim(self, rows: Rows) -> F:
         """Force at the rim, and its moment about the platform's centre."""
-        angle = float(self._azimuth_rad or 0.0)
+        angle = float(self.azimuth_rad or 0.0)
         side = np.array([0.0, np.cos(angle), np.sin(angle)])
         rim = rest_stiffness(rows).radius_m * side
         lever = rows.rotation @ rim
@@ -235,6 +237,7 @@ class CableDrag(LinearEffect):
         return np.concatenate([force, moment], axis=1)
 
 
+@dataclass(eq=False)
 class TendonFriction(LinearEffect):
     """-mu a T_j u at the rim, r R s_j from the platform's centre, a = +-1 the side of approach.
 
@@ -253,13 +256,8 @@ class TendonFriction(LinearEffect):
     kind = "time"
     rivals = {"cable_drag": "slack_tendons", "hysteresis": "slack_tendons"}
 
-    def __init__(self, run: str = "guided") -> None:
-        self._run = run
-
-    @property
-    def shape(self) -> Shape:
-        """How the tendons run."""
-        return {"run": self._run}
+    run: str = "guided"
+    """How the tendons run: `guided` along the mechanism, or `free` from base to top."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both ways."""
@@ -283,7 +281,7 @@ class TendonFriction(LinearEffect):
         names = _tendons(rows.table)
         side = approach_sides(rows.table, rows.length_m)
         along = rows.rotation[:, :, 0]
-        if self._run == "free":
+        if self.run == "free":
             along = rows.poses[:, :3] / np.linalg.norm(rows.poses[:, :3], axis=1)[:, None]
         columns = np.zeros((len(rows), 6, 2))
         for j, name in enumerate(names):
@@ -298,14 +296,6 @@ class TendonFriction(LinearEffect):
 
 def _tendons(table: Table) -> list[str]:
     return [name for name in table.columns if name.startswith("tendon") and name.endswith("_N")]
-
-
-def needs_gravity(table: Table) -> Missing | None:
-    """Missing where neither the scene nor a run says that there is any."""
-    runs = [values.get("gravity_m_s2", (0.0,)) for values in table.meta.runs.values()]
-    if any(np.linalg.norm(gravity) > 0.0 for gravity in (table.meta.scene.gravity_m_s2, *runs)):
-        return None
-    return Missing("no gravity", "[scene] gravity_m_s2")
 
 
 def _payload_share(rows: Rows) -> F:
@@ -331,4 +321,4 @@ def _weight(rotation: F, gravity: F) -> F:
     return columns
 
 
-EFFECTS: Sequence[Effect] = (OwnWeight(), Payload(), CableDrag(), TendonFriction())
+EFFECTS = (OwnWeight(), Payload(), CableDrag(), TendonFriction())

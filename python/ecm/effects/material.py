@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm._native import mid_frame
 from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import generalised, stretched
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, Shape
+from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, listed
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _REFERENCE_STRAIN = 0.1
 _LAWS = {
@@ -30,6 +26,7 @@ _LAWS = {
 }
 
 
+@dataclass(eq=False)
 class Anisotropy(EffectBase):
     """EI (1 +- c) at the azimuth phi, as c cos 2 phi and c sin 2 phi.
 
@@ -47,13 +44,8 @@ class Anisotropy(EffectBase):
     signature = "m = 2, conservative"
     rivals = {"fts_gain": "remount_90"}
 
-    def __init__(self, lateral: float = 1.0) -> None:
-        self._lateral = lateral
-
-    @property
-    def shape(self) -> Shape:
-        """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
-        return {"lateral": self._lateral}
+    lateral: float = 1.0
+    """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A beam; bonded ends, where shear takes more of the lateral compliance; shear as well."""
@@ -62,11 +54,11 @@ class Anisotropy(EffectBase):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shares between this one and its neighbours."""
         factor = 2.0 ** (0.5 ** (round_ + 1))
-        return (Anisotropy(self._lateral / factor), Anisotropy(self._lateral * factor))
+        return (Anisotropy(self.lateral / factor), Anisotropy(self.lateral * factor))
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""
-        share = self._lateral * rest_stiffness(rows).bending_share
+        share = self.lateral * rest_stiffness(rows).bending_share
         double = 2.0 * rows.mount_angle_rad
         c = 0.5 * (np.cos(double) * values[0] - np.sin(double) * values[1])
         s = 0.5 * (np.sin(double) * values[0] + np.cos(double) * values[1])
@@ -74,10 +66,11 @@ class Anisotropy(EffectBase):
         matrix = np.tile(np.eye(6), (len(rows), 1, 1))
         matrix[:, 1:3, 1:3] += share * plane
         # A deflection towards n = (n_y, n_z) turns the section by (theta_y, theta_z) = (-n_z, n_y).
-        matrix[:, 4:6, 4:6] -= np.moveaxis(np.array([[c, s], [s, -c]]), 2, 0)
+        matrix[:, 4:6, 4:6] -= plane
         return stretched(rows, matrix, np.zeros(6)) - rows.wrench
 
 
+@dataclass(eq=False)
 class StrainStiffening(LinearEffect):
     """sigma = E e (1 + c (e / 0.1)^2) (Yeoh, Gent), or E e (1 - c e / 0.1) (Mooney, Ogden).
 
@@ -94,7 +87,7 @@ class StrainStiffening(LinearEffect):
 
     id = "strain_stiffening"
     physics = "The material is stiffer at large strain, or stiffer in compression than in tension."
-    parameters: tuple[Parameter, ...] = (Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0),)
+    parameters = listed(Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0))
     signature = "m = 0, conservative; odd and cubic, or even in the axial strain"
     rivals = {
         "contact_stop": "fine_sweep",
@@ -102,15 +95,12 @@ class StrainStiffening(LinearEffect):
         "length_error": "larger_axial_and_torsion",
     }
 
-    def __init__(self, law: str = "odd") -> None:
-        self._law = law
-        self.parameters = tuple(Parameter(n, "1", 0.05, -2.0, 5.0) for n in _LAWS[law])
+    law: str = "odd"
+    """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, `both` odd and energy, `series`, or
+    secant `sections`."""
 
-    @property
-    def shape(self) -> Shape:
-        """`odd` (Yeoh, Gent), `even` (Mooney, Ogden), `energy`, `both` odd and energy, `series`,
-        or secant `sections`."""
-        return {"law": self._law}
+    def __post_init__(self) -> None:
+        self.parameters = tuple(Parameter(n, "1", 0.05, -2.0, 5.0) for n in _LAWS[self.law])
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All laws."""
@@ -118,20 +108,18 @@ class StrainStiffening(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Wrench per unit of c."""
-        if self._law == "energy":
+        if self.law == "energy":
             return self._by_energy(rows)
         strain = rod_strain(rows)
-        if self._law == "sections":
+        if self.law == "sections":
             return _by_section(rows, strain)
         e, gamma = strain.axial, strain.shear
         even = strain.wrench(rows, -(e**2) / _REFERENCE_STRAIN, np.zeros_like(gamma))
-        if self._law == "even":
+        if self.law == "even":
             wrench = even
-        elif self._law == "series":
-            axial, shear = (
-                e**2 / _REFERENCE_STRAIN**2,
-                (gamma**2).sum(axis=2) / _REFERENCE_STRAIN**2,
-            )
+        elif self.law == "series":
+            axial = e**2 / _REFERENCE_STRAIN**2
+            shear = (gamma**2).sum(axis=2) / _REFERENCE_STRAIN**2
             lateral = strain.mean_of_sections(gamma)
             across = (lateral**2).sum(axis=2) / _REFERENCE_STRAIN**2
             none = np.zeros_like(gamma)
@@ -146,7 +134,7 @@ class StrainStiffening(LinearEffect):
         else:
             size = (e**2 + (gamma**2).sum(axis=2) / 3.0) / _REFERENCE_STRAIN**2
             wrench = strain.wrench(rows, size * e, size[:, :, None] * gamma / 3.0)
-        if self._law == "both":
+        if self.law == "both":
             return np.concatenate([wrench[:, :, None], self._by_energy(rows)], axis=2)
         return wrench[:, :, None]
 
@@ -205,4 +193,4 @@ class Compressibility(EffectBase):
         return stretched(rows, matrix, np.zeros(6)) - rows.wrench
 
 
-EFFECTS: Sequence[Effect] = (Anisotropy(), StrainStiffening(), Compressibility())
+EFFECTS = (Anisotropy(), StrainStiffening(), Compressibility())

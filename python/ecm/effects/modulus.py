@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,23 +10,34 @@ from ecm.effects.protocol import (
     Effect,
     LinearEffect,
     Missing,
+    Need,
     Parameter,
-    Shape,
     needs_full,
     needs_varying,
+    optional,
 )
 from ecm.io.arrays import F
-from ecm.regression.approach import largest_so_far, memory_options, memory_shape
+from ecm.io.table import Table
+from ecm.regression.approach import largest_so_far, memory_options
 from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _LEAST_AGAIN = 5
 
 
+def needs_again(record: str) -> Need:
+    """Missing without time, or where every pose is visited once: then time and pose are one."""
+
+    def need(table: Table) -> Missing | None:
+        lacking = needs_varying("time_s", 1.0)(table)
+        if lacking is None and repeat_visits(table) < _LEAST_AGAIN:
+            return Missing("no pose was measured again", record, imitates=True)
+        return lacking
+
+    return need
+
+
+@dataclass(eq=False)
 class TemperatureModulus(LinearEffect):
     """h (1 - beta (T - T0)); T0 is the table's mean, the modulus takes what is left."""
 
@@ -36,20 +46,12 @@ class TemperatureModulus(LinearEffect):
     parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
     signature = "proportional to h, follows T"
     needs = "temperature that varies (temperature_degC)"
+    requires = (needs_varying("temperature_degC", 0.25),)
     kind = "time"
     rivals = {"ageing": "warm_and_cold", "stress_relaxation": "hold_60_s"}
 
-    def __init__(self, reference_degC: float | None = None) -> None:
-        self._reference_degC = reference_degC
-
-    @property
-    def shape(self) -> Shape:
-        """The temperature at which the correction is zero."""
-        return {} if self._reference_degC is None else {"reference_degC": self._reference_degC}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs a temperature that varies by more than a quarter of a degree."""
-        return needs_varying(table, "temperature_degC", 0.25)
+    reference_degC: float | None = optional(None)
+    """Temperature at which the correction is zero; None: the mean of the table."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Referred to the mean temperature of the table."""
@@ -58,7 +60,7 @@ class TemperatureModulus(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """-(T - T0) h."""
         temperature = rows.table.column("temperature_degC")
-        zero = temperature.mean() if self._reference_degC is None else self._reference_degC
+        zero = temperature.mean() if self.reference_degC is None else self.reference_degC
         return np.asarray(-((temperature - zero)[:, None] * rows.wrench)[:, :, None])
 
 
@@ -70,21 +72,19 @@ class Ageing(LinearEffect):
     parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
     signature = "proportional to h, monotone in t"
     needs = "time (time_s), and poses that are measured again"
+    requires = (needs_again("repeat the first set at the end, and next day"),)
     kind = "time"
     rivals = {
         "temperature_modulus": "repeat_next_day",
         "mullins_softening": "repeat_first_poses",
     }
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs time, and poses that are measured again: else time and pose are one."""
-        return _needs_again(table, "repeat the first set at the end, and next day")
-
     def columns(self, rows: Rows) -> F:
         """t h."""
         return np.asarray((rows.time_s()[:, None] * rows.wrench)[:, :, None])
 
 
+@dataclass(eq=False)
 class MullinsSoftening(LinearEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
@@ -101,6 +101,7 @@ class MullinsSoftening(LinearEffect):
     parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
     signature = "first visit above later ones, only below the past maximum"
     needs = "order (time_s), and poses that are measured again"
+    requires = (needs_full, needs_again("repeat the first 10 poses"))
     kind = "time"
     rivals = {
         "ageing": "conditioning_cycles",
@@ -109,15 +110,12 @@ class MullinsSoftening(LinearEffect):
         "strain_stiffening": "conditioning_cycles",
     }
 
-    def __init__(self, width: float = 0.0, measure: str = "energy", history: str = "run") -> None:
-        self._width, self._measure, self._history = width, measure, history
-
-    @property
-    def shape(self) -> Shape:
-        """Over which the loss sets in, in typical sizes of the measure; none for a line."""
-        found: Shape = {} if self._width == 0.0 else {"width": self._width}
-        found |= {} if self._measure == "energy" else {"measure": self._measure}
-        return found | memory_shape(self._history)
+    width: float = optional(0.0)
+    """Width over which the loss sets in, over the median of the measure; 0: a straight line."""
+    measure: str = optional("energy")
+    """What the largest load is: `energy`, `bend` or `reach`."""
+    history: str = optional("run")
+    """Whether the memory ends with a `run` or is `kept` over all runs."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A straight line, and three widths, for each measure of the largest load."""
@@ -128,19 +126,15 @@ class MullinsSoftening(LinearEffect):
             for w in (0.0, 0.25, 0.7, 2.0)
         )
 
-    def missing(self, table: Table) -> Missing | None:
-        """Needs time, and poses that are measured again: else order and size are one."""
-        return needs_full(table) or _needs_again(table, "repeat the first 10 poses")
-
     def columns(self, rows: Rows) -> F:
         """The share that is lost, times -h."""
-        if self._measure != "energy":
+        if self.measure != "energy":
             return self._of_deflection(rows)
         energy = 0.5 * np.abs(((rows.poses - rows.rest_pose) * rows.wrench).sum(axis=1))
-        largest = largest_so_far(rows.table, energy, self._history)
-        if self._width > 0.0:
+        largest = largest_so_far(rows.table, energy, self.history)
+        if self.width > 0.0:
             typical = float(np.median(energy[~rows.unloaded])) if not rows.unloaded.all() else 1.0
-            lost = np.tanh((largest - energy) / max(self._width * typical, 1e-300))
+            lost = np.tanh((largest - energy) / max(self.width * typical, 1e-300))
         else:
             lost = 1.0 - energy / np.where(largest > 0.0, largest, 1.0)
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
@@ -149,25 +143,17 @@ class MullinsSoftening(LinearEffect):
         """The loss by the largest tilt and twist, or by the largest distance from rest."""
         away = rows.poses - rows.rest_pose
         size = np.linalg.norm(away[:, 3:], axis=1)
-        if self._measure == "reach":
+        if self.measure == "reach":
             size = np.hypot(np.linalg.norm(away[:, :3], axis=1), rows.length_m * size)
         size = np.where(rows.unloaded, 0.0, size)
-        largest = largest_so_far(rows.table, size, self._history)
+        largest = largest_so_far(rows.table, size, self.history)
         below = largest - size
-        if self._width > 0.0:
+        if self.width > 0.0:
             typical = float(np.median(size[~rows.unloaded])) if not rows.unloaded.all() else 1.0
-            lost = below / np.maximum(below + self._width * typical, 1e-300)
+            lost = below / np.maximum(below + self.width * typical, 1e-300)
         else:
             lost = below / np.where(largest > 0.0, largest, 1.0)
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
 
 
-def _needs_again(table: Table, record: str) -> Missing | None:
-    """Missing without time or with every pose visited once."""
-    found = needs_varying(table, "time_s", 1.0)
-    if found is None and repeat_visits(table) < _LEAST_AGAIN:
-        return Missing("no pose was measured again", record, imitates=True)
-    return found
-
-
-EFFECTS: Sequence[Effect] = (MullinsSoftening(), TemperatureModulus(), Ageing())
+EFFECTS = (MullinsSoftening(), TemperatureModulus(), Ageing())

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.protocol import LinearEffect, Missing, Parameter, needs_full
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
+from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits
+from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 def velocity(table: Table) -> F:
@@ -26,36 +23,27 @@ def velocity(table: Table) -> F:
 def _slope(table: Table, values: F) -> F:
     """(N, 6) central differences over time within each run."""
     time = table.column("time_s")
-    run = table.column("run") if table.has("run") else np.zeros(len(table))
-    found = np.zeros_like(values)
-    for number in np.unique(run):
-        rows = np.flatnonzero(run == number)
-        rows = rows[np.argsort(time[rows], kind="stable")]
+    slopes = np.zeros_like(values)
+    for rows in order_of_visits(table):
         if len(rows) > 2 and np.all(np.diff(time[rows]) > 0.0):
-            found[rows] = np.gradient(values[rows], time[rows], axis=0)
-    return found
+            slopes[rows] = np.gradient(values[rows], time[rows], axis=0)
+    return slopes
 
 
 def needs_velocity(table: Table) -> Missing | None:
     """Missing where rows neither have a velocity nor are samples of a continuous test."""
-    found = needs_full(table)
-    if found is not None:
-        return found
     if table.has(*VELOCITY):
         if float(np.abs(table.matrix(VELOCITY)).max(initial=0.0)) < 1e-9:
             return Missing("nothing moved", "v_ columns of two approach speeds")
         return None
-    if table.meta.file.kind == "continuous" and table.has("time_s"):
+    if is_continuous(table):
         return None
     return Missing("no velocity", "v_ columns, or the raw stream", absent=True)
 
 
 def needs_stream(table: Table) -> Missing | None:
     """Missing where rows are not samples of a continuous test."""
-    found = needs_full(table)
-    if found is not None:
-        return found
-    if table.meta.file.kind == "continuous" and table.has("time_s"):
+    if is_continuous(table):
         return None
     return Missing("no raw stream", "NAME.raw.parquet, diagnosed as a continuous test", absent=True)
 
@@ -71,16 +59,13 @@ class ViscousDamping(LinearEffect):
     )
     signature = "sign of the velocity, not conservative"
     needs = "velocity (v_ columns, or a continuous test)"
+    requires = (needs_full, needs_velocity)
     kind = "time"
     rivals = {
         "hysteresis": "two_speeds",
         "time_skew": "two_speeds",
         "inertia": "settle_longer",
     }
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs velocities."""
-        return needs_velocity(table)
 
     def columns(self, rows: Rows) -> F:
         """Velocity in each half."""
@@ -98,12 +83,9 @@ class Inertia(LinearEffect):
     )
     signature = "follows the acceleration, dies within a second of rest"
     needs = "the raw stream (NAME.raw.parquet)"
+    requires = (needs_full, needs_stream)
     kind = "time"
     rivals = {"viscous_damping": "settle_longer", "time_skew": "settle_longer"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the raw stream."""
-        return needs_stream(table)
 
     def columns(self, rows: Rows) -> F:
         """Acceleration in each half."""
@@ -118,13 +100,10 @@ class TimeSkew(LinearEffect):
     parameters = (Parameter("delay", "s", 5e-3, -1.0, 1.0),)
     signature = "proportional to the velocity, 0 at rest"
     needs = "the raw stream (NAME.raw.parquet)"
+    requires = (needs_full, needs_stream)
     side = "measurement"
     kind = "time"
     rivals = {"viscous_damping": "moving_log"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the raw stream."""
-        return needs_stream(table)
 
     def columns(self, rows: Rows) -> F:
         """K p'."""
@@ -140,4 +119,4 @@ def _halves(values: F, rows: Rows) -> F:
     return columns
 
 
-EFFECTS: Sequence[Effect] = (ViscousDamping(), Inertia(), TimeSkew())
+EFFECTS = (ViscousDamping(), Inertia(), TimeSkew())

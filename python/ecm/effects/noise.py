@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Missing, Parameter, needs_full
+from ecm.effects.protocol import EffectBase, Missing, Parameter, needs_full
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.noise import covariance_parts, declared_noise
 from ecm.regression.repeats import repeat_visits
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
-
 _LEAST_REPEATS = 10
+
+
+def needs_repeats(table: Table) -> Missing | None:
+    """Missing where poses are not visited again."""
+    repeats = repeat_visits(table)
+    if repeats < _LEAST_REPEATS:
+        return Missing(f"{repeats} repeats", "repeats at small and large poses")
+    return None
+
+
+def needs_resolution(table: Table) -> Missing | None:
+    """Missing where the sensor's steps are not known."""
+    if table.meta.instrument.fts_resolution is None:
+        return Missing("the sensor's steps are not known", "[instrument] fts_resolution")
+    return None
 
 
 class NoiseEffect(EffectBase):
@@ -38,17 +47,6 @@ class NoiseEffect(EffectBase):
     def variance(self, rows: Rows, values: F) -> F:
         """(N, m, m) what it adds to the covariance of each row."""
         raise NotImplementedError(f"effect {self.id} has no variance")
-
-
-def needs_repeats(table: Table) -> Missing | None:
-    """Missing where poses are not visited again."""
-    found = needs_full(table)
-    if found is not None:
-        return found
-    repeats = repeat_visits(table)
-    if repeats < _LEAST_REPEATS:
-        return Missing(f"{repeats} repeats", "repeats at small and large poses")
-    return None
 
 
 class Outliers(NoiseEffect):
@@ -76,11 +74,8 @@ class HeteroscedasticNoise(NoiseEffect):
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
+    requires = (needs_full, needs_repeats)
     rivals = {"pose_noise": "repeat_small_and_large"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs repeats."""
-        return needs_repeats(table)
 
     def variance(self, rows: Rows, values: F) -> F:
         """Diagonal (sigma g h)^2."""
@@ -102,11 +97,8 @@ class PoseNoise(NoiseEffect):
     )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
+    requires = (needs_full, needs_repeats)
     rivals = {"heteroscedastic_noise": "static_stream"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs repeats."""
-        return needs_repeats(table)
 
     def variance(self, rows: Rows, values: F) -> F:
         """K_s diag(position^2, rotation^2) K_s'."""
@@ -122,13 +114,8 @@ class FtsQuantisation(NoiseEffect):
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
+    requires = (needs_resolution, needs_full)
     rivals = {"heteroscedastic_noise": "longer_average"}
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the resolution."""
-        if table.meta.instrument.fts_resolution is None:
-            return Missing("the sensor's steps are not known", "[instrument] fts_resolution")
-        return needs_full(table)
 
     def variance(self, rows: Rows, values: F) -> F:
         """Per axis steps^2 resolution^2 / 12, in sensor axes turned to base axes."""
@@ -139,9 +126,4 @@ class FtsQuantisation(NoiseEffect):
         return np.asarray(spread @ np.swapaxes(spread, 1, 2))
 
 
-EFFECTS: Sequence[Effect] = (
-    Outliers(),
-    HeteroscedasticNoise(),
-    PoseNoise(),
-    FtsQuantisation(),
-)
+EFFECTS = (Outliers(), HeteroscedasticNoise(), PoseNoise(), FtsQuantisation())

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import factorial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.effects.frames import twist
-from ecm.effects.protocol import (
-    Effect,
-    LinearEffect,
-    Missing,
-    Parameter,
-    Shape,
-    needs_full,
-    needs_varying,
-)
+from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape, needs_full, needs_varying
+from ecm.effects.slip import twist
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _FORMS = (("sight", 2), ("sight", 3), ("sight", 4), ("all", 2), ("all", 3))
 _NEEDED = 3
@@ -45,6 +32,7 @@ class LedOcclusion(LinearEffect):
     physics = "Where some of the markers are hidden the camera's pose is biased."
     signature = "follows the number of visible markers, in clusters of orientation"
     needs = "visibility that varies (leds_visible)"
+    requires = (needs_full, needs_varying("leds_visible", 0.5))
     side = "measurement"
     rivals = {"outliers": "second_camera_place"}
 
@@ -89,10 +77,6 @@ class LedOcclusion(LinearEffect):
             for way in (sight, -sight)
         )
         return (LedOcclusion(), *warped)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the number of visible markers."""
-        return needs_full(table) or needs_varying(table, "leds_visible", 0.5)
 
     def columns(self, rows: Rows) -> F:
         """-K_s B (d, w)."""
@@ -208,4 +192,4 @@ def _warps(radius: F, angle: F, degree: int, along: str) -> F:
     return np.concatenate([linear, *warps] if along == "all" else warps, axis=2)
 
 
-EFFECTS: Sequence[Effect] = (LedOcclusion(),)
+EFFECTS = (LedOcclusion(),)

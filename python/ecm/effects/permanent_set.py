@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,18 +11,23 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
-    Shape,
     needs_full,
     needs_varying,
+    optional,
 )
 from ecm.io.arrays import F
-from ecm.regression.approach import largest_so_far, memory_options, memory_shape, order_of_visits
+from ecm.io.table import Table
+from ecm.regression.approach import largest_so_far, memory_options, order_of_visits
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+
+def _needs_home(table: Table) -> Missing | None:
+    if (table.text("kind") == "home").any():
+        return None
+    return Missing("no home checks", "home pose after every sample")
 
 
+@dataclass(eq=False)
 class PermanentSet(LinearEffect):
     """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
 
@@ -36,6 +40,7 @@ class PermanentSet(LinearEffect):
     parameters = (Parameter("share", "1", 5e-3, 0.0, 0.5),)
     signature = "the wrench at home grows after large poses"
     needs = "order (time_s), and home checks (kind home)"
+    requires = (needs_full, needs_varying("time_s", 1.0), _needs_home)
     kind = "time"
     rivals = {
         "marker_motion": "home_after_every_sample",
@@ -43,17 +48,12 @@ class PermanentSet(LinearEffect):
         "mullins_softening": "repeat_first_poses",
     }
 
-    def __init__(self, memory: str = "largest", yield_m: float = 0.0, history: str = "run") -> None:
-        self._memory = memory
-        self._yield_m = yield_m
-        self._history = history
-
-    @property
-    def shape(self) -> Shape:
-        """`largest`: the set of the largest pose; `summed`: of all poses beyond the yield."""
-        found: Shape = {"memory": self._memory}
-        found |= {"yield_m": self._yield_m} if self._yield_m > 0.0 else {}
-        return found | memory_shape(self._history)
+    memory: str = "largest"
+    """`largest`: the set follows the largest pose; `summed`: all poses beyond the yield length."""
+    yield_m: float = optional(0.0)
+    """Deflection in m that leaves no set."""
+    history: str = optional("run")
+    """Whether the set ends with a `run` or is `kept` over all runs."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Both memories, the second with four yield lengths."""
@@ -67,34 +67,27 @@ class PermanentSet(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Yield lengths between this one and its neighbours."""
-        if self._yield_m <= 0.0:
+        if self.yield_m <= 0.0:
             return ()
         factor = 1.0 + 0.2 * 0.5**round_
-        yields = (self._yield_m / factor, self._yield_m * factor)
-        return tuple(PermanentSet("summed", y, self._history) for y in yields)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs order and home checks."""
-        found = needs_full(table) or needs_varying(table, "time_s", 1.0)
-        if found is None and not (table.text("kind") == "home").any():
-            return Missing("no home checks", "home pose after every sample")
-        return found
+        yields = (self.yield_m / factor, self.yield_m * factor)
+        return tuple(PermanentSet("summed", y, self.history) for y in yields)
 
     def columns(self, rows: Rows) -> F:
         """-K (p_largest - p0), or -K times the mean of all earlier deflections."""
         deflection = rows.poses - rows.rest_pose
         deflection = np.where(rows.unloaded[:, None], 0.0, deflection)
-        if self._memory == "summed":
+        if self.memory == "summed":
             far = _far(deflection, rows.length_m)
-            excess = np.maximum(0.0, far - self._yield_m) / np.maximum(far, 1e-12)
+            excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
             deflection = deflection * excess[:, None]
             past = np.zeros_like(deflection)
-            for order in order_of_visits(rows.table, self._history):
+            for order in order_of_visits(rows.table, self.history):
                 own = deflection[order]
                 past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
         else:
             energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
-            found = largest_so_far(rows.table, energy, self._history, index=True)
+            found = largest_so_far(rows.table, energy, self.history, index=True)
             at = found.astype(np.int64)
             past = deflection[at]
         return np.asarray(-(rows.stiffness @ past[:, :, None]))
@@ -106,4 +99,4 @@ def _far(deflection: F, length_m: float) -> F:
     return np.asarray(np.sqrt(((deflection * metric) ** 2).sum(axis=1)))
 
 
-EFFECTS: Sequence[Effect] = (PermanentSet(),)
+EFFECTS = (PermanentSet(),)

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape
+from ecm.effects.protocol import Effect, LinearEffect, Parameter
 from ecm.effects.section_moment import section_moment_slopes
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _ALONG, _WEIGHT = np.polynomial.legendre.leggauss(5)
 _POWERS = (0.0, 2.0, 6.0)
 
 
+@dataclass(eq=False)
 class PreCurvature(LinearEffect):
     """V = -int kappa(s) . m(s) ds, to the first order of the natural curvature kappa.
 
@@ -42,13 +39,8 @@ class PreCurvature(LinearEffect):
         "face_tilt": "end_for_end",
     }
 
-    def __init__(self, power: float = 0.0) -> None:
-        self._power = power
-
-    @property
-    def shape(self) -> Shape:
-        """The power p with which the curvature grows towards both ends."""
-        return {"power": self._power}
+    power: float = 0.0
+    """Power p with which the curvature grows towards both ends."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """An arc, and a bend more and more at the ends."""
@@ -56,7 +48,7 @@ class PreCurvature(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """Wrench per radian of the whole bend; the bend turns with the mounting."""
-        weight = 0.5 * _WEIGHT * (self._power + 1.0) * np.abs(_ALONG) ** self._power
+        weight = 0.5 * _WEIGHT * (self.power + 1.0) * np.abs(_ALONG) ** self.power
         slopes = -np.einsum("p,npki->nik", weight, section_moment_slopes(rows, _ALONG))
         cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
         about_y, about_z = slopes[:, :, 1], slopes[:, :, 2]
@@ -71,4 +63,4 @@ class PreCurvature(LinearEffect):
         return columns
 
 
-EFFECTS: Sequence[Effect] = (PreCurvature(),)
+EFFECTS = (PreCurvature(),)

@@ -8,18 +8,17 @@ out. An effect knows its rows, never the diagnosis that uses it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from ecm.io.arrays import F
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.regression.rows import Rows
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.regression.rows import Rows
 
 Side = Literal["physics", "measurement"]
 Kind = Literal["pose", "time", "noise"]
@@ -52,6 +51,55 @@ class Missing:
     """The columns are not there at all, so that the effect cannot be predicted either."""
     imitates: bool = False
     """Its columns can be computed all the same: it may stand behind the name of another effect."""
+
+
+Need = Callable[[Table], Missing | None]
+"""What an effect needs of a table: None where it is there."""
+
+
+def optional(default: Any) -> Any:
+    """A field that the shape of an effect leaves out where it has its default."""
+    return field(default=default, metadata={"optional": True})
+
+
+def listed(*parameters: Parameter) -> tuple[Parameter, ...]:
+    """Parameters of an effect whose shapes have others."""
+    return parameters
+
+
+def needs_columns(*names: str) -> Need:
+    """Missing where one of these columns is not there."""
+
+    def need(table: Table) -> Missing | None:
+        lacking = [name for name in names if not table.has(name)]
+        if lacking:
+            return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
+        return None
+
+    return need
+
+
+needs_full = needs_columns(*POSE, *WRENCH)
+"""The six pose and six wrench columns."""
+needs_time = needs_columns("time_s")
+"""Time: without it the order of rows is not the order in which they were read."""
+
+
+def needs_varying(name: str, smallest_range: float) -> Need:
+    """Missing where a covariate is not there, unknown, or does not vary."""
+
+    def need(table: Table) -> Missing | None:
+        if not table.has(name):
+            return Missing(f"no column {name}", name, absent=True)
+        values = table.measured().column(name)
+        known = values[np.isfinite(values)]
+        if len(known) < len(values):
+            return Missing(f"{name} is unknown in {len(values) - len(known)} rows", name)
+        if len(known) == 0 or float(np.ptp(known)) < smallest_range:
+            return Missing(f"{name} does not vary", f"{name} over a wider range")
+        return None
+
+    return need
 
 
 @runtime_checkable
@@ -124,18 +172,26 @@ class EffectBase:
     parameters: tuple[Parameter, ...] = ()
     signature: str = ""
     needs: str = ""
+    requires: tuple[Need, ...] = (needs_full,)
+    """What the data must have; the first that is missing is named."""
     side: Side = "physics"
     kind: Kind = "pose"
     rivals: Mapping[str, str] = MappingProxyType({})
 
     @property
     def shape(self) -> Shape:
-        """No shape numbers."""
-        return {}
+        """The fields of a dataclass, `optional` ones only where they differ from their default."""
+        shape: Shape = {}
+        for item in getattr(self, "__dataclass_fields__", {}).values():
+            value = getattr(self, item.name)
+            if not (item.metadata.get("optional") and value == item.default):
+                shape[item.name] = value
+        return shape
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs the six pose and six wrench columns."""
-        return needs_full(table)
+        """The first of `requires` that the table lacks."""
+        lacking = (need(table) for need in self.requires)
+        return next((item for item in lacking if item is not None), None)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Only the plain form."""
@@ -183,31 +239,3 @@ class LinearEffect(EffectBase):
     def jacobian(self, rows: Rows, values: F) -> F:
         """The columns, whatever the values."""
         return self.columns(rows)
-
-
-def needs_full(table: Table) -> Missing | None:
-    """Missing where the table lacks one of the six pose or six wrench columns."""
-    from ecm.io.table import POSE, WRENCH
-
-    lacking = [name for name in (*POSE, *WRENCH) if not table.has(name)]
-    if lacking:
-        return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
-    return None
-
-
-def needs_time(table: Table) -> Missing | None:
-    """Missing without time: the order of rows is not the order in which they were read."""
-    return None if table.has("time_s") else Missing("no column time_s", "time_s", absent=True)
-
-
-def needs_varying(table: Table, name: str, smallest_range: float) -> Missing | None:
-    """Missing where a covariate is absent, unknown, or does not vary."""
-    if not table.has(name):
-        return Missing(f"no column {name}", name, absent=True)
-    values = table.measured().column(name)
-    known = values[np.isfinite(values)]
-    if len(known) < len(values):
-        return Missing(f"{name} is unknown in {len(values) - len(known)} rows", name)
-    if len(known) == 0 or float(np.ptp(known)) < smallest_range:
-        return Missing(f"{name} does not vary", f"{name} over a wider range")
-    return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib import metadata
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,12 +32,9 @@ from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter,
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _CATALOGUE: tuple[Effect, ...] = (
     *relaxation.EFFECTS,

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, Shape, needs_varying
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    Missing,
+    Parameter,
+    listed,
+    needs_varying,
+    optional,
+)
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.table import Table
 from ecm.regression.approach import order_of_visits
+from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _TAUS = 12
 """Time constants that are tried for a continuous test; the best is refined afterwards."""
 
 
+@dataclass(eq=False)
 class StressRelaxation(LinearEffect):
     """h (1 + g exp(-d / tau)), d the time at rest; in a continuous test its hereditary form.
 
@@ -33,7 +39,7 @@ class StressRelaxation(LinearEffect):
 
     id = "stress_relaxation"
     physics = "After a move the stress decays at rest, so a short dwell reads a larger wrench."
-    parameters: tuple[Parameter, ...] = (Parameter("g", "1", 0.02, -0.2, 1.0),)
+    parameters = listed(Parameter("g", "1", 0.02, -0.2, 1.0))
     signature = "proportional to h, decays at rest, zero at home"
     needs = "dwell times that differ (dwell_s), or a continuous test"
     kind = "time"
@@ -44,43 +50,31 @@ class StressRelaxation(LinearEffect):
         "viscous_damping": "hold_one_pose",
     }
 
-    def __init__(
-        self,
-        tau_s: float = 10.0,
-        overstress: str = "",
-        second_tau_s: float = 0.0,
-        path: str = "",
-    ) -> None:
-        self._tau_s, self._second_tau_s = float(tau_s), float(second_tau_s)
-        self._overstress, self._path = overstress, path
-        if overstress:
-            count = 2 if second_tau_s > 0.0 else 1
-            names = ("g", "g_second")[:count]
+    tau_s: float = 10.0
+    """Time constant."""
+    overstress: str = optional("")
+    """What relaxes in a continuous test: `linear` or `elastic` (see above)."""
+    second_tau_s: float = optional(0.0)
+    """Time constant of a second branch; 0: none."""
+    path: str = optional("")
+    """`visits`: integrated over the way between readings."""
+
+    def __post_init__(self) -> None:
+        if self.overstress:
+            names = ("g", "g_second")[: self.branches]
             # A soft adhesive holds several times its static load while it is moved.
             self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
 
     @property
-    def shape(self) -> Shape:
-        """The time constants, and for a continuous test what relaxes."""
-        found: Shape = {"tau_s": self._tau_s}
-        if self._overstress:
-            found["overstress"] = self._overstress
-        if self._second_tau_s > 0.0:
-            found["second_tau_s"] = self._second_tau_s
-        if self._path:
-            found["path"] = self._path
-        return found
-
-    @property
     def branches(self) -> int:
         """Number of time constants."""
-        return 2 if self._second_tau_s > 0.0 else 1
+        return 2 if self.second_tau_s > 0.0 else 1
 
     def missing(self, table: Table) -> Missing | None:
         """Needs dwell times that differ at least by half, or a continuous test."""
-        if continuous(table):
-            return needs_varying(table, "time_s", 1e-6)
-        found = needs_varying(table, "dwell_s", 1e-3)
+        if is_continuous(table):
+            return needs_varying("time_s", 1e-6)(table)
+        found = needs_varying("dwell_s", 1e-3)(table)
         if found is None:
             dwell = table.measured().column("dwell_s")
             if dwell.max() < 1.5 * max(float(dwell.min()), 1e-9):
@@ -89,7 +83,7 @@ class StressRelaxation(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times, or the samples, can tell apart."""
-        if continuous(table):
+        if is_continuous(table):
             return tuple(
                 StressRelaxation(float(t), overstress)
                 for overstress in ("linear", "elastic")
@@ -107,42 +101,37 @@ class StressRelaxation(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Time constants between this one and its neighbours."""
-        if not self._overstress:
+        if not self.overstress:
             return ()
         taus = _time_constants(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
         return tuple(
-            StressRelaxation(self._tau_s * factor, self._overstress) for factor in (1 / step, step)
+            StressRelaxation(self.tau_s * factor, self.overstress) for factor in (1 / step, step)
         )
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""
-        if not self._overstress or self._second_tau_s > 0.0:
+        if not self.overstress or self.second_tau_s > 0.0:
             return ()
         return tuple(
-            StressRelaxation(self._tau_s, self._overstress, float(t))
+            StressRelaxation(self.tau_s, self.overstress, float(t))
             for t in _time_constants(table)
-            if not 0.5 < t / self._tau_s < 2.0
+            if not 0.5 < t / self.tau_s < 2.0
         )
 
     def columns(self, rows: Rows) -> F:
         """exp(-d / tau) h, or the convolution, one column per branch."""
-        if not self._overstress:
+        if not self.overstress:
             dwell = rows.table.column("dwell_s")
-            if self._path:
-                return over_visits(rows, self._tau_s)[:, :, None]
-            decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self._tau_s)
+            if self.path:
+                return over_visits(rows, self.tau_s)[:, :, None]
+            decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self.tau_s)
             return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
         driven = rows.wrench
-        if self._overstress == "linear":
+        if self.overstress == "linear":
             driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
-        taus = [self._tau_s, self._second_tau_s][: self.branches]
+        taus = [self.tau_s, self.second_tau_s][: self.branches]
         return np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
-
-
-def continuous(table: Table) -> bool:
-    """Whether the rows are samples of a continuous test."""
-    return table.meta.file.kind == "continuous" and table.has("time_s")
 
 
 def hereditary(table: Table, driven: F, tau_s: float) -> F:
@@ -226,4 +215,4 @@ def _time_constants(table: Table) -> tuple[float, ...]:
     return tuple(float(t) for t in np.geomspace(low, max(0.5 * span, 2.0 * low), _TAUS))
 
 
-EFFECTS: Sequence[Effect] = (StressRelaxation(),)
+EFFECTS = (StressRelaxation(),)

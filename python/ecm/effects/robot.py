@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.effects.hand_eye import flange_from_top
@@ -21,10 +18,8 @@ from ecm.effects.protocol import (
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 class _OfJoints(EffectBase):
@@ -166,4 +161,4 @@ class JointOffset(_OfJoints, LinearEffect):
         return -_moved(rows, self.motion(rows))
 
 
-EFFECTS: Sequence[Effect] = (RobotCompliance(), Backlash(), JointOffset())
+EFFECTS = (RobotCompliance(), Backlash(), JointOffset())

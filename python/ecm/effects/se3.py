@@ -35,6 +35,13 @@ def turned(wrenches: F, rotation: F) -> F:
     return np.concatenate([force, torque], axis=1)
 
 
+def rotated(vectors: F, rotation: F) -> F:
+    """Vectors (3,) or (N, 3) turned by exp(w), w of the same shape."""
+    turn = rotation_matrices(np.ascontiguousarray(np.atleast_2d(rotation)))
+    turned = np.einsum("nij,nj->ni", turn, np.atleast_2d(vectors))
+    return np.asarray(turned.reshape(vectors.shape))
+
+
 def _rows(vector: F, n: int) -> F:
     return np.ascontiguousarray(np.broadcast_to(vector, (n, 3)))
 

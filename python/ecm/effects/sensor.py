@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
-    Missing,
     Parameter,
-    Shape,
     needs_full,
     needs_varying,
+    optional,
 )
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_times
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 AXES = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
 
@@ -48,11 +43,7 @@ def zeroings(table: Table) -> tuple[str, ...]:
     return ("each",) if set(begins_s) <= set(zero_times(table)) else ("once", "each")
 
 
-def zeroed_shape(zeroed: str) -> Shape:
-    """The entry of a shape; none for a sensor that was zeroed once."""
-    return {} if zeroed == "once" else {"zeroed": zeroed}
-
-
+@dataclass(eq=False)
 class FtsOffset(LinearEffect):
     """B b: a constant in sensor axes; of a sensor strained by its bolts only while they hold."""
 
@@ -66,13 +57,8 @@ class FtsOffset(LinearEffect):
         "tip_frame_misalignment": "unloaded_zero",
     }
 
-    def __init__(self, acts: str = "always") -> None:
-        self._acts = acts
-
-    @property
-    def shape(self) -> Shape:
-        """`mounted`: not on the free sensor; none for a zero that is wrong always."""
-        return {} if self._acts == "always" else {"acts": self._acts}
+    acts: str = optional("always")
+    """`always`, or `mounted`: not on the free sensor."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A zero that was taken wrongly; where the free sensor was read also a strain by bolts."""
@@ -81,11 +67,12 @@ class FtsOffset(LinearEffect):
 
     def columns(self, rows: Rows) -> F:
         """B, or B on rows where the mechanism hangs on the sensor."""
-        if self._acts == "always":
+        if self.acts == "always":
             return rows.base_from_top
         return np.asarray(rows.base_from_top * ~rows.unloaded[:, None, None])
 
 
+@dataclass(eq=False)
 class FtsDrift(LinearEffect):
     """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
 
@@ -97,6 +84,7 @@ class FtsDrift(LinearEffect):
     parameters = _six("rate", "/s", 1e-4, 3e-6)
     signature = "body axes, monotone in t, the same at home, not conservative"
     needs = "time (time_s)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
     side = "measurement"
     kind = "time"
     rivals = {
@@ -104,19 +92,10 @@ class FtsDrift(LinearEffect):
         "marker_motion": "zero_every_ten_poses",
     }
 
-    def __init__(self, tau_s: float = np.inf, zeroed: str = "once") -> None:
-        self._tau_s = float(tau_s)
-        self._zeroed = zeroed
-
-    @property
-    def shape(self) -> Shape:
-        """The time in which the drift settles, none for a steady one; when it was zeroed."""
-        found: Shape = {} if np.isinf(self._tau_s) else {"tau_s": self._tau_s}
-        return found | zeroed_shape(self._zeroed)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs time."""
-        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+    tau_s: float = optional(np.inf)
+    """Time in which the drift settles; infinite for a steady one."""
+    zeroed: str = optional("once")
+    """Whether the sensor was zeroed once or at the begin of `each` campaign."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Steady, and settling within the campaign."""
@@ -127,16 +106,17 @@ class FtsDrift(LinearEffect):
     def columns(self, rows: Rows) -> F:
         """B g(t), or B (g(t) - g(t_begin))."""
         grown = self._grown(rows.time_s())
-        if self._zeroed == "each":
+        if self.zeroed == "each":
             grown = grown - self._grown(rows.begin_s())
         return np.asarray(rows.base_from_top * grown[:, None, None])
 
     def _grown(self, time_s: F) -> F:
-        if np.isinf(self._tau_s):
+        if np.isinf(self.tau_s):
             return time_s
-        return np.asarray(self._tau_s * -np.expm1(-time_s / self._tau_s))
+        return np.asarray(self.tau_s * -np.expm1(-time_s / self.tau_s))
 
 
+@dataclass(eq=False)
 class FtsThermalDrift(LinearEffect):
     """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
 
@@ -148,6 +128,7 @@ class FtsThermalDrift(LinearEffect):
     parameters = _six("per_K", "/K", 0.3, 0.01)
     signature = "body axes, follows the sensor's temperature, not h"
     needs = "the sensor's temperature (sensor_temperature_degC)"
+    requires = (needs_full, needs_varying("sensor_temperature_degC", 0.25))
     side = "measurement"
     kind = "time"
     rivals = {
@@ -155,22 +136,14 @@ class FtsThermalDrift(LinearEffect):
         "temperature_modulus": "zero_warm_and_cold",
     }
 
-    def __init__(self, reference_degC: float | None = None, zeroed: str = "once") -> None:
-        if reference_degC is not None and zeroed == "each":
+    reference_degC: float | None = optional(None)
+    """Temperature at which the sensor was zeroed; None: that of the first row."""
+    zeroed: str = optional("once")
+    """Whether the sensor was zeroed once or at the begin of `each` campaign."""
+
+    def __post_init__(self) -> None:
+        if self.reference_degC is not None and self.zeroed == "each":
             raise InputError(f"effect {self.id}: zeroed 'each' has no reference_degC, remove one")
-        self._reference_degC = reference_degC
-        self._zeroed = zeroed
-
-    @property
-    def shape(self) -> Shape:
-        """The temperature at which the sensor was zeroed, and when."""
-        known = self._reference_degC is not None
-        found: Shape = {"reference_degC": float(self._reference_degC or 0.0)} if known else {}
-        return found | zeroed_shape(self._zeroed)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the sensor's temperature."""
-        return needs_full(table) or needs_varying(table, "sensor_temperature_degC", 0.25)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Zeroed at the temperature of the first row, or at the mean."""
@@ -186,12 +159,12 @@ class FtsThermalDrift(LinearEffect):
         """B (T - T0)."""
         temperature = rows.table.column("sensor_temperature_degC")
         zero = np.full(len(rows), temperature[0])
-        if self._reference_degC is not None:
-            zero[:] = self._reference_degC
-        elif self._zeroed == "each":
+        if self.reference_degC is not None:
+            zero[:] = self.reference_degC
+        elif self.zeroed == "each":
             first = np.unique(rows.campaign, return_index=True)[1]
             zero = temperature[first][np.unique(rows.campaign, return_inverse=True)[1]]
         return np.asarray(rows.base_from_top * (temperature - zero)[:, None, None])
 
 
-EFFECTS: Sequence[Effect] = (FtsOffset(), FtsDrift(), FtsThermalDrift())
+EFFECTS = (FtsOffset(), FtsDrift(), FtsThermalDrift())

@@ -6,29 +6,27 @@ wrongly, and moved back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm._native import rotation_matrices
+from ecm.effects.friction import Hysteresis
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
     Missing,
     Parameter,
-    Shape,
+    listed,
     needs_full,
     needs_time,
+    optional,
 )
 from ecm.effects.sensor import AXES
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_of_rows, zero_times
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _KNEES = (0.3, 0.6, 0.85)
 """Quantiles of an axis' readings at which a knee is tried."""
@@ -65,6 +63,7 @@ class FtsGain(LinearEffect):
         return np.asarray(base_from_sensor * own[:, None, :])
 
 
+@dataclass(eq=False)
 class FtsCrosstalk(LinearEffect):
     """B A C A^-1 B' h, C without its diagonal: each axis reads a little of the others.
 
@@ -82,20 +81,19 @@ class FtsCrosstalk(LinearEffect):
         "fts_gain": "dead_weights",
     }
 
-    def __init__(self, to: str = "each", of: str = "each") -> None:
-        self._to, self._of = to, of
+    to: str = optional("each")
+    """Axis that reads the others, or `each`."""
+    of: str = optional("each")
+    """Axis that the others read, `bending` (both bending axes), or `each`."""
+
+    def __post_init__(self) -> None:
         self._pairs = [
             (i, j)
             for i, reads in enumerate(AXES)
             for j, loaded in enumerate(AXES)
-            if i != j and to in ("each", reads) and loaded in _LOADED.get(of, (of,))
+            if i != j and self.to in ("each", reads) and loaded in _LOADED.get(self.of, (self.of,))
         ]
         self.parameters = tuple(_talk(i, j) for i, j in self._pairs)
-
-    @property
-    def shape(self) -> Shape:
-        """The axis that reads, and the one that is read; none where it is each."""
-        return {k: v for k, v in (("to", self._to), ("of", self._of)) if v != "each"}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All of the matrix, each row, each column, the two columns of bending."""
@@ -144,6 +142,13 @@ class FtsFrame(LinearEffect):
         return np.asarray(rows.base_from_top @ columns)
 
 
+def _needs_range(table: Table) -> Missing | None:
+    if table.meta.instrument.fts_range is None:
+        return Missing("the sensor's range is not known", "[instrument] fts_range")
+    return None
+
+
+@dataclass(eq=False)
 class FtsSaturation(LinearEffect):
     """Beyond a knee c one raw axis reads less: -u (|h_j| - c); u = 1 is a hard ceiling."""
 
@@ -152,17 +157,14 @@ class FtsSaturation(LinearEffect):
     parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"
+    requires = (needs_full, _needs_range)
     side = "measurement"
     rivals = {"contact_stop": "raw_counts", "fts_gain": "dead_weights"}
 
-    def __init__(self, axis: str = "fx", knee: float = 0.0) -> None:
-        self._axis = axis
-        self._knee = knee
-
-    @property
-    def shape(self) -> Shape:
-        """The axis, and where its reading begins to bend."""
-        return {"axis": self._axis, "knee": self._knee}
+    axis: str = "fx"
+    """Axis of the sensor."""
+    knee: float = 0.0
+    """Reading in N or N m at which the axis begins to read less."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Each axis, with knees at three quantiles of its readings."""
@@ -176,21 +178,14 @@ class FtsSaturation(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Knees between this one and its neighbours."""
         factor = 1.0 + 0.4 * 0.5**round_
-        knees = (self._knee / factor, self._knee * factor)
-        return tuple(FtsSaturation(self._axis, knee) for knee in knees)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the range."""
-        found = needs_full(table)
-        if found is None and table.meta.instrument.fts_range is None:
-            return Missing("the sensor's range is not known", "[instrument] fts_range")
-        return found
+        knees = (self.knee / factor, self.knee * factor)
+        return tuple(FtsSaturation(self.axis, knee) for knee in knees)
 
     def columns(self, rows: Rows) -> F:
         """What lies beyond the knee, taken away."""
         base_from_sensor, own = in_sensor(rows)
-        j = AXES.index(self._axis)
-        beyond = np.sign(own[:, j]) * np.maximum(0.0, np.abs(own[:, j]) - self._knee)
+        j = AXES.index(self.axis)
+        beyond = np.sign(own[:, j]) * np.maximum(0.0, np.abs(own[:, j]) - self.knee)
         return np.asarray(-(base_from_sensor[:, :, j] * beyond[:, None])[:, :, None])
 
 
@@ -204,6 +199,7 @@ def _readings(table: Table) -> F:
     return np.asarray(np.concatenate([force, torque], axis=1) @ inverse.T)
 
 
+@dataclass(eq=False)
 class FtsHysteresis(LinearEffect):
     """c_j times the lag of a play operator of width w s_j behind each axis' load, s_j its spread.
 
@@ -214,9 +210,10 @@ class FtsHysteresis(LinearEffect):
 
     id = "fts_hysteresis"
     physics = "The sensor itself reads differently when its load rises than when it falls."
-    parameters: tuple[Parameter, ...] = (Parameter("lag", "1", 0.02, -1.0, 1.0),)
+    parameters = listed(Parameter("lag", "1", 0.02, -1.0, 1.0))
     signature = "odd in the side of approach, body axes, also without the mechanism"
     needs = "loads reached from both sides (approach, time_s)"
+    requires = (needs_time, Hysteresis().missing)
     side = "measurement"
     kind = "time"
     rivals = {
@@ -225,16 +222,14 @@ class FtsHysteresis(LinearEffect):
         "stress_relaxation": "load_and_unload_weights",
     }
 
-    def __init__(self, width: float = 0.3, axes: str = "alike") -> None:
-        self._width = width
-        self._axes = axes
-        if axes == "each":
-            self.parameters = tuple(Parameter(f"{a}_lag", "1", 0.02, -1.0, 1.0) for a in AXES)
+    width: float = 0.3
+    """Width of the play over the spread of an axis' load."""
+    axes: str = "alike"
+    """Whether the axes are `alike`, or `each` has a parameter of its own."""
 
-    @property
-    def shape(self) -> Shape:
-        """Change of load over which the sensor turns over; axes `alike` or `each` on its own."""
-        return {"width": self._width, "axes": self._axes}
+    def __post_init__(self) -> None:
+        if self.axes == "each":
+            self.parameters = tuple(Parameter(f"{a}_lag", "1", 0.02, -1.0, 1.0) for a in AXES)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Three widths, axes alike or not."""
@@ -243,22 +238,16 @@ class FtsHysteresis(LinearEffect):
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours."""
         factor = 2.4 ** (0.5 ** (round_ + 1))
-        widths = (self._width / factor, self._width * factor)
+        widths = (self.width / factor, self.width * factor)
         # Wider than the loads it never turns over, and would be a gain.
         most = max(_WIDTHS)
-        return tuple(FtsHysteresis(float(f"{w:.3g}"), self._axes) for w in widths if w < most)
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs time, and loads that were reached from above and from below."""
-        from ecm.effects.friction import Hysteresis
-
-        return needs_time(table) or Hysteresis().missing(table)
+        return tuple(FtsHysteresis(float(f"{w:.3g}"), self.axes) for w in widths if w < most)
 
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""
         base_from_sensor, own = in_sensor(rows)
         _, own_before = in_sensor(rows, rows.predict(rows.known_before))
-        width = self._width * own[~rows.unloaded].std(axis=0)
+        width = self.width * own[~rows.unloaded].std(axis=0)
         time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
         lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
         state = np.zeros(6)
@@ -273,7 +262,7 @@ class FtsHysteresis(LinearEffect):
             lag[i] = state - own[i]
         lag -= zero_of_rows(time, zeros, zero_lag)
         columns = base_from_sensor * lag[:, None, :]
-        return np.asarray(columns if self._axes == "each" else columns.sum(axis=2, keepdims=True))
+        return np.asarray(columns if self.axes == "each" else columns.sum(axis=2, keepdims=True))
 
 
 def adjoint(top_from_sensor: tuple[float, ...] | None) -> F:
@@ -298,10 +287,4 @@ def _cross(v: F) -> F:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-EFFECTS: Sequence[Effect] = (
-    FtsGain(),
-    FtsCrosstalk(),
-    FtsSaturation(),
-    FtsHysteresis(),
-    FtsFrame(),
-)
+EFFECTS = (FtsGain(), FtsCrosstalk(), FtsSaturation(), FtsHysteresis(), FtsFrame())

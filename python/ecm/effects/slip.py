@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
-    Missing,
     Parameter,
     Shape,
-    Side,
     needs_full,
     needs_varying,
+    optional,
 )
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.regression.approach import step_times
+from ecm.io.table import Table
+from ecm.regression.approach import step_times, times_beside
 from ecm.regression.rows import Rows
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 STEPS = 7
 """Places of a jump that are tried at first; the best is refined afterwards."""
@@ -48,6 +43,7 @@ def base_twist_columns(rows: Rows) -> F:
     return np.asarray(columns)
 
 
+@dataclass(eq=False)
 class PlatformSlip(LinearEffect):
     """From t* on the mechanism's end stands elsewhere on the platform: -K_s B (d, w).
 
@@ -59,6 +55,7 @@ class PlatformSlip(LinearEffect):
     parameters = twist("slip")
     signature = "a jump at one moment, then constant in body axes"
     needs = "order (time_s)"
+    requires = (needs_full, needs_varying("time_s", 1.0))
     kind = "time"
     rivals = {
         "marker_motion": "return_home",
@@ -66,13 +63,8 @@ class PlatformSlip(LinearEffect):
         "fts_drift": "zero_every_ten_poses",
     }
 
-    def __init__(self, at_s: float = 0.0) -> None:
-        self._at_s = at_s
-
-    @property
-    def shape(self) -> Shape:
-        """The moment of the jump."""
-        return {"at_s": self._at_s}
+    at_s: float = 0.0
+    """Time of the jump."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A few moments."""
@@ -80,21 +72,18 @@ class PlatformSlip(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between this one and its neighbours."""
-        return tuple(PlatformSlip(t) for t in _between(table, self._at_s, round_))
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs order."""
-        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+        return tuple(PlatformSlip(t) for t in times_beside(table, self.at_s, STEPS, round_))
 
     def columns(self, rows: Rows) -> F:
         """-K_s B and the lever of the force, after the jump."""
-        after = (rows.time_s() > self._at_s).astype(np.float64)
+        after = (rows.time_s() > self.at_s).astype(np.float64)
         columns = -(rows.screw_stiffness @ rows.base_from_top)
         for j in range(3):
             columns[:, 3:, j] -= np.cross(rows.rotation[:, :, j], rows.wrench[:, :3])
         return np.asarray(columns * after[:, None, None])
 
 
+@dataclass(eq=False)
 class MarkerMotion(LinearEffect):
     """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
 
@@ -106,7 +95,8 @@ class MarkerMotion(LinearEffect):
     parameters = twist("marker")
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
     needs = "time (time_s)"
-    side: Side = "measurement"
+    requires = (needs_full, needs_varying("time_s", 1.0))
+    side = "measurement"
     kind = "time"
     rivals = {
         "fts_drift": "base_marker",
@@ -114,19 +104,24 @@ class MarkerMotion(LinearEffect):
         "platform_slip": "base_marker",
     }
 
-    def __init__(self, course: str = "ramp", at_s: float = 0.0, counted: str = "once") -> None:
-        if course == "step" and counted == "each":
+    course: str = "ramp"
+    """Motion over time: `ramp`, `settling` with its time constant, or `step` with its time."""
+    at_s: float = 0.0
+    """Time of the step, or time constant of the creep."""
+    counted: str = optional("once")
+    """Whether a creep counts from the first campaign or from the begin of `each`."""
+
+    def __post_init__(self) -> None:
+        if self.course == "step" and self.counted == "each":
             raise InputError(f"effect {self.id}: a step comes once, counted 'each' is for a creep")
-        self._course = course
-        self._at_s = at_s
-        self._counted = counted
 
     @property
     def shape(self) -> Shape:
-        """`ramp`, `settling` with its time, or `step` with its moment; from when it counts."""
-        moment: Shape = {} if self._course == "ramp" else {"at_s": self._at_s}
-        counted: Shape = {} if self._counted == "once" else {"counted": self._counted}
-        return {"course": self._course} | moment | counted
+        """The fields; a ramp has no time of its own."""
+        shape = super().shape
+        if self.course == "ramp":
+            del shape["at_s"]
+        return shape
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """A ramp, a creep that settles, and a few moments of a jump."""
@@ -138,37 +133,22 @@ class MarkerMotion(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Moments between a jump and its neighbours."""
-        if self._course != "step":
+        if self.course != "step":
             return ()
-        return tuple(MarkerMotion("step", t) for t in _between(table, self._at_s, round_))
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs time."""
-        return needs_full(table) or needs_varying(table, "time_s", 1.0)
+        return tuple(MarkerMotion("step", t) for t in times_beside(table, self.at_s, STEPS, round_))
 
     def columns(self, rows: Rows) -> F:
         """-K_s (d + w x r, w) g(t), g per hour for the ramp, else from 0 to 1."""
         time = rows.time_s()
-        if self._counted == "each":
+        if self.counted == "each":
             time = time - rows.begin_s()
-        if self._course == "step":
-            growth = (time > self._at_s).astype(np.float64)
-        elif self._course == "settling":
-            growth = -np.expm1(-time / self._at_s)
+        if self.course == "step":
+            growth = (time > self.at_s).astype(np.float64)
+        elif self.course == "settling":
+            growth = -np.expm1(-time / self.at_s)
         else:
             growth = time / 3600.0
         return np.asarray(base_twist_columns(rows) * growth[:, None, None])
 
 
-def _between(table: Table, at_s: float, round_: int) -> tuple[float, ...]:
-    """Two moments beside `at_s`, nearer each round."""
-    time = np.sort(table.column("time_s"))
-    place = int(np.searchsorted(time, at_s))
-    step = round(len(time) / (STEPS + 1) / 2.0 ** (round_ + 1))
-    if step < 1:
-        return ()
-    found = [i for i in (place - step, place + step) if 0 < i < len(time)]
-    return tuple(float(0.5 * (time[i - 1] + time[i])) for i in found)
-
-
-EFFECTS: Sequence[Effect] = (PlatformSlip(), MarkerMotion())
+EFFECTS = (PlatformSlip(), MarkerMotion())

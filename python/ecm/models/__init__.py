@@ -1,32 +1,47 @@
 """Models: pose in; wrench, stiffness and their uncertainty out."""
 
-from ecm.models.fit import CrossValidation, cross_validate, fit_model
+from ecm.models.cross_validation import CrossValidation, cross_validate
+from ecm.models.energy import GROUPS, EnergyModel
+from ecm.models.estimator import ModelEstimator
+from ecm.models.fit import fit_model
 from ecm.models.history import FitRecord
-from ecm.models.maps import (
-    GROUPS,
-    EnergyMap,
-    PolynomialMap,
-    StiffnessMap,
-    parse_energy_name,
-    parse_polynomial_name,
-)
+from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
+from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
 from ecm.models.model import Model, load_model
 from ecm.models.physics.map import PhysicsMap, physics_map, surrogate_of
+from ecm.models.physics.refit import PhysicsModel
+from ecm.models.polynomial import PolynomialModel
+from ecm.models.registry import parse_model
+from ecm.models.rod import ConstantCurvatureModel, RodModel
+from ecm.models.selection import LearningCurve, ModelChoice, choose_model, learning_curve
+from ecm.models.specification import ModelSpecification
 
 __all__ = [
     "GROUPS",
+    "ConstantCurvatureModel",
     "CrossValidation",
     "EnergyMap",
+    "EnergyModel",
     "FitRecord",
+    "GaussianProcessModel",
+    "LearningCurve",
     "Model",
+    "ModelChoice",
+    "ModelEstimator",
+    "ModelSpecification",
+    "NeuralNetworkModel",
     "PhysicsMap",
+    "PhysicsModel",
     "PolynomialMap",
+    "PolynomialModel",
+    "RodModel",
     "StiffnessMap",
+    "choose_model",
     "cross_validate",
     "fit_model",
+    "learning_curve",
     "load_model",
-    "parse_energy_name",
-    "parse_polynomial_name",
+    "parse_model",
     "physics_map",
     "surrogate_of",
 ]

@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from ecm.errors import ModelError
+from ecm.io.table import Table
+from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model
 from ecm.models.maps import StiffnessMap
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
-_ENERGY_DEGREES = (4, 5, 6)
-_POLYNOMIAL_DEGREES = (1, 2, 3)
+from ecm.models.polynomial import PolynomialModel
+from ecm.models.specification import ModelSpecification
 
 
 def symmetric_energy(table: Table) -> StiffnessMap:
-    """The symmetric energy model of the degree that the rows can carry."""
-    return _by_degree(table, [f"energy{d}" for d in _ENERGY_DEGREES])
+    """The symmetric energy of the degree that the rows can carry."""
+    return _by_degree(table, [EnergyModel(degree) for degree in (4, 5, 6)])
 
 
 def polynomial(table: Table) -> StiffnessMap:
     """The free polynomial of the degree that the rows can carry."""
-    return _by_degree(table, [f"poly:{d}" for d in _POLYNOMIAL_DEGREES])
+    return _by_degree(table, [PolynomialModel(degree) for degree in (1, 2, 3)])
 
 
-def _by_degree(table: Table, names: list[str]) -> StiffnessMap:
-    """The name of least generalised cross-validation error; the first, or one the rows carry."""
+def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
+    """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
-    tried = [fit_model(measured, names[0]).base]
-    for name in names[1:]:
+    tried = [fit_model(measured, models[0]).base]
+    for model in models[1:]:
         try:
-            base = fit_model(measured, name).base
+            base = fit_model(measured, model).base
         except ModelError:
             # More coefficients than equations: so are they for every degree above.
             break
@@ -47,8 +45,7 @@ def _score(base: StiffnessMap, measured: Table) -> float:
 
     A component that never varies has none, whatever the rounding of its mean makes of it.
     """
-    truth = np.stack([measured.column(c) for c in base.outputs], axis=1)
-    poses = np.stack([measured.column(c) for c in base.inputs], axis=1)
+    truth, poses = measured.matrix(base.outputs), measured.matrix(base.inputs)
     n, k = truth.size, len(base.coefficients)
     spread = np.where(np.ptp(truth, axis=0) > 1e-12, truth.std(axis=0), np.inf)
     square = float((((truth - base.predict(poses)) / spread) ** 2).sum())

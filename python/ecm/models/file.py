@@ -16,10 +16,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.description import Scene
 from ecm.models.joint_fit import FittedEffect
-from ecm.models.learned import learned_from_document
-from ecm.models.maps import EnergyMap, PolynomialMap, StiffnessMap
-from ecm.models.physics.map import PhysicsMap
-from ecm.models.rod import rod_from_document
+from ecm.models.maps import StiffnessMap
 
 FORMAT = "ecm-model"
 VERSION = 1
@@ -140,21 +137,6 @@ def scene_of(document: dict[str, Any]) -> Scene:
     known = {**asdict(Scene()), **document}
     gravity = [float(g) for g in known["gravity_m_s2"]]
     return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
-
-
-def base_of(document: dict[str, Any]) -> StiffnessMap:
-    kind = document["kind"]
-    if kind == "polynomial":
-        return PolynomialMap.from_document(document)
-    if kind == "energy":
-        return EnergyMap.from_document(document)
-    if kind == "physics":
-        return PhysicsMap.from_document(document)
-    if kind in ("gp", "mlp"):
-        return learned_from_document(document)
-    if kind in ("rod", "constant-curvature"):
-        return rod_from_document(document)
-    raise InputError(f"model kind {kind!r}: expected polynomial, energy or physics")
 
 
 def effect_of(document: dict[str, Any]) -> FittedEffect:

@@ -10,17 +10,18 @@ import numpy as np
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
-from ecm.models.fit import cross_validate
+from ecm.models.cross_validation import cross_validate
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
-from ecm.models.physics.refit import physics_sentences
+from ecm.models.physics.refit import PhysicsModel, physics_sentences
+from ecm.models.specification import ModelSpecification
 
 _FOLDS = 10
 _HALVINGS = 25
 
 
 def fit_summary(
-    fitted: Model, table: Table, name: str, *, pcr: float | str | None = None, seed: int = 0
+    fitted: Model, table: Table, model: ModelSpecification, *, seed: int = 0
 ) -> dict[str, Any]:
     """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
 
@@ -30,10 +31,9 @@ def fit_summary(
         The model fitted to the table.
     table
         Its rows (N).
-    name
-        Name of the model, which is fitted again for the held-out error.
-    pcr
-        Its threshold; with one, no held-out error is computed.
+    model
+        Its specification, which is fitted again for the held-out error; not with a PCR threshold,
+        and not for the physics model.
     seed
         Seed of the random generator.
 
@@ -59,9 +59,8 @@ def fit_summary(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
                 f"{100.0 * share:.2g} % of its spread"
             )
-    held_out = None
-    if pcr is None and name != "physics" and not name.lower().endswith(".toml"):
-        held_out = _held_out(table, name, seed)
+    fixed = isinstance(model, PhysicsModel) or getattr(model, "pcr", None) is not None
+    held_out = None if fixed else _held_out(table, model, seed)
     parameters = _parameters(fitted)
     for part in (held_out, parameters):
         if part is not None:
@@ -94,7 +93,7 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
     }
 
 
-def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
+def _held_out(table: Table, model: ModelSpecification, seed: int) -> dict[str, Any] | None:
     """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
 
     Groups are few, so a part is one half and the value is the median over many divisions.
@@ -102,12 +101,12 @@ def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
     """
     try:
         if not table.meta.group:
-            folds = _shares(table, name, _FOLDS, True, [seed])
+            folds = _shares(table, model, _FOLDS, True, [seed])
             sentence = f"held out, share of the spread: {_listed(folds)}"
             return {"folds": folds, "sentences": [sentence]}
         seeds = [seed + i for i in range(_HALVINGS)]
-        own = _shares(table, name, 2, True, seeds)
-        random = _shares(table, name, 2, False, seeds)
+        own = _shares(table, model, 2, True, seeds)
+        random = _shares(table, model, 2, False, seeds)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -124,11 +123,11 @@ def _held_out(table: Table, name: str, seed: int) -> dict[str, Any] | None:
 
 
 def _shares(
-    table: Table, name: str, folds: int, grouped: bool, seeds: Sequence[int]
+    table: Table, model: ModelSpecification, folds: int, grouped: bool, seeds: Sequence[int]
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
     results = [
-        cross_validate(table, name, folds=folds, grouped=grouped, seed=seed) for seed in seeds
+        cross_validate(table, model, folds=folds, grouped=grouped, seed=seed) for seed in seeds
     ]
     return {
         column: float(np.median([result.rmse[column] for result in results])) / spread

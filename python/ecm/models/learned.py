@@ -6,6 +6,7 @@ Their stiffness is the derivative of what they predict; nothing makes it symmetr
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -14,7 +15,15 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
+from ecm.io.table import Table
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.specification import (
+    FittedMap,
+    ModelSpecification,
+    Weights,
+    pose_and_wrench_columns,
+)
 
 _HIDDEN = (32, 32)
 
@@ -167,24 +176,61 @@ class MlpMap(_Learned):
         return self._document("mlp", {"layers": layers})
 
 
-def learned_from_document(document: dict[str, Any]) -> GpMap | MlpMap:
-    """The map of an opened model file."""
-    found = document["parameters"]
+def _array(value: Any) -> F:
+    return np.asarray(value, dtype=np.float64)
 
-    def array(value: Any) -> F:
-        return np.asarray(value, dtype=np.float64)
 
-    shared = (
+def _shared(document: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...], F, F]:
+    """Columns and scales of a map in a model file."""
+    parameters = document["parameters"]
+    return (
         tuple(document["inputs"]),
         tuple(document["outputs"]),
-        array(found["input_scale"]),
-        array(found["output_scale"]),
+        _array(parameters["input_scale"]),
+        _array(parameters["output_scale"]),
     )
-    if document["kind"] == "gp":
-        parts = (array(found[key]) for key in ("points", "lengths", "weights"))
-        return GpMap(*shared, *parts)
-    layers = tuple((array(layer["matrix"]), array(layer["shift"])) for layer in found["layers"])
-    return MlpMap(*shared, layers)
+
+
+@dataclass(frozen=True)
+class GaussianProcessModel(ModelSpecification):
+    """A Gaussian process with a squared exponential kernel; short name `gp`, extra `learn`."""
+
+    kind = "gp"
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Lengths and noise by the largest likelihood."""
+        inputs, outputs = pose_and_wrench_columns(table)
+        base = fit_gp(table.matrix(inputs), table.matrix(outputs), inputs, outputs)
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> GpMap:
+        """Return the map of an opened model file."""
+        parameters = document["parameters"]
+        parts = (_array(parameters[key]) for key in ("points", "lengths", "weights"))
+        return GpMap(*_shared(document), *parts)
+
+
+@dataclass(frozen=True)
+class NeuralNetworkModel(ModelSpecification):
+    """A network with two hidden layers of 32 tanh units; short name `mlp`, extra `learn`."""
+
+    kind = "mlp"
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """L-BFGS with a little weight decay."""
+        inputs, outputs = pose_and_wrench_columns(table)
+        base = fit_mlp(table.matrix(inputs), table.matrix(outputs), inputs, outputs)
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> MlpMap:
+        """Return the map of an opened model file."""
+        layers = document["parameters"]["layers"]
+        return MlpMap(
+            *_shared(document),
+            tuple((_array(layer["matrix"]), _array(layer["shift"])) for layer in layers),
+        )
 
 
 def fit_gp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GpMap:
@@ -198,8 +244,6 @@ def fit_gp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, .
     ) + kernels.WhiteKernel(1e-4, (1e-10, 1e1))
     # Lengths from at most 300 rows, the weights from all: the likelihood costs N^3 a step.
     part = np.random.default_rng(0).permutation(len(x))[:300]
-    import warnings
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = process.GaussianProcessRegressor(kernel, alpha=1e-10, random_state=0)
@@ -219,8 +263,6 @@ def fit_mlp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, 
     network = _sklearn("neural_network")
     scale_in, scale_out = _scales(poses), _scales(wrenches)
     x, y = (poses - scale_in[0]) / scale_in[1], (wrenches - scale_out[0]) / scale_out[1]
-    import warnings
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = network.MLPRegressor(

@@ -7,7 +7,7 @@ refitted together with effects.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, cast
+from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ecm.regression.rows import BaseMap, BodyChange
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
 Symmetry = Literal["alike", "revolution", "general"]
+SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
 
 
 class StiffnessMap(Protocol):
@@ -130,11 +131,15 @@ class PolynomialMap(MapDefaults):
         partial = self.model.jacobian(np.ascontiguousarray(poses))
         return partial_to(kind, partial, poses, self)
 
-    def columns(self, poses: F) -> F:
-        """Block diagonal: the same regressor for each output."""
-        regressor = polynomial_regressor(
+    def regressor(self, poses: F) -> F:
+        """(N, k / m) terms of one output at poses (N, n), normalised as in the fit."""
+        return polynomial_regressor(
             np.ascontiguousarray(poses), self.model.degree, self.model.lower, self.model.upper
         )
+
+    def columns(self, poses: F) -> F:
+        """Block diagonal: the same regressor for each output."""
+        regressor = self.regressor(poses)
         n, k = regressor.shape
         m = len(self.outputs)
         columns = np.zeros((n, m, m * k))
@@ -275,45 +280,3 @@ def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:
         source="partial",
         target=cast(StiffnessKind, kind),
     )
-
-
-def parse_energy_name(name: str) -> tuple[int, Symmetry]:
-    """Degree and symmetry of `energyD`, `energyD-revolution`, `energyD-general`."""
-    stem, _, suffix = name.partition("-")
-    digits = stem.removeprefix("energy")
-    symmetry = suffix or "alike"
-    if digits not in ("4", "5", "6") or symmetry not in ("alike", "revolution", "general"):
-        raise InputError(
-            f"model {name!r}: expected energy4, energy5 or energy6, alone or with -revolution "
-            "or -general"
-        )
-    return int(digits), cast(Symmetry, symmetry)
-
-
-GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
-"""Broken symmetries that an energy may be given terms for (docs/models.md)."""
-
-
-def parse_groups(name: str) -> tuple[str, tuple[str, ...]]:
-    """`energy6+anisotropy+face_tilt`: the energy's own name, and the groups."""
-    stem, *groups = name.split("+")
-    for group in groups:
-        if group not in GROUPS:
-            raise InputError(f"model {name!r}: no group {group!r}; there are {', '.join(GROUPS)}")
-    if len(set(groups)) < len(groups):
-        raise InputError(f"model {name!r}: a group is named twice; name each once")
-    return stem, tuple(groups)
-
-
-def parse_polynomial_name(name: str) -> int:
-    """Degree of `poly:D` or of linear, quadratic, cubic."""
-    aliases = {"linear": 1, "quadratic": 2, "cubic": 3}
-    if name in aliases:
-        return aliases[name]
-    digits = name.removeprefix("poly:")
-    if not digits.isdigit() or not 1 <= int(digits) <= 6:
-        raise InputError(
-            f"model {name!r}: expected poly:D with D from 1 to 6, linear, quadratic, cubic, "
-            "energy4, energy6, energy4-general, physics, rod, constant-curvature, gp or mlp"
-        )
-    return int(digits)

@@ -22,6 +22,7 @@ from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
 from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap
+from ecm.models.registry import map_from_document
 from ecm.models.training import domain_of, noise_for, training_of
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
@@ -370,7 +371,7 @@ def load_model(path: str | Path) -> Model:
     document = file.read_document(path)
     try:
         return Model(
-            base=file.base_of(document),
+            base=map_from_document(document),
             noise=Noise.from_dict(dict(document["noise"])),
             effects=tuple(file.effect_of(item) for item in document["effects"]),
             covariance=file.covariance_of(document),

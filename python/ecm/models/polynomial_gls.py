@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm._native import polynomial_regressor
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.models.maps import PolynomialMap
@@ -28,8 +27,8 @@ def fit_polynomial_gls(
     covariance
         (N, m, m) of each row.
     """
-    model, m = frame.model, len(frame.outputs)
-    x = polynomial_regressor(np.ascontiguousarray(poses), model.degree, model.lower, model.upper)
+    m = len(frame.outputs)
+    x = frame.regressor(poses)
     n, k = x.shape
     if n < k:
         raise InputError(

@@ -19,7 +19,10 @@ from ecm._native import EnergyModel, left_jacobians, mid_frame, rod_poses, rotat
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
 from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
 _ITERATIONS = 15
 _WALK = 8
@@ -260,13 +263,54 @@ class RodMap(_Backbone):
         return self._document("rod", ROD_SECTIONS)
 
 
-def rod_from_document(document: dict[str, Any]) -> ConstantCurvatureMap | RodMap:
-    """The map of an opened model file."""
-    arc = document["kind"] == "constant-curvature"
-    names = _ARC if arc else ROD_SECTIONS
-    values = np.array([float(document["parameters"][name]) for name in names])
-    length = float(document["length_m"])
-    return ConstantCurvatureMap(length, values) if arc else RodMap(length, values)
+def _from_document(document: dict[str, Any], names: tuple[str, ...]) -> tuple[float, F]:
+    values = [float(document["parameters"][name]) for name in names]
+    return float(document["length_m"]), np.array(values)
+
+
+@dataclass(frozen=True)
+class ConstantCurvatureModel(ModelSpecification):
+    """An arc that stretches, bends and twists: three springs; short name `constant-curvature`."""
+
+    kind = "constant-curvature"
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Least squares, each component over its own standard deviation."""
+        length = length_of(table, self.name)
+        spread = table.wrenches.std(axis=0)
+        base = fit_constant_curvature(
+            np.ascontiguousarray(table.poses),
+            np.ascontiguousarray(table.wrenches),
+            length,
+            np.where(spread > 0.0, spread, 1.0),
+        )
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> ConstantCurvatureMap:
+        """Return the map of an opened model file."""
+        return ConstantCurvatureMap(*_from_document(document, _ARC))
+
+
+@dataclass(frozen=True)
+class RodModel(ModelSpecification):
+    """A uniform, shear-flexible Cosserat rod: EA, GA, EI, GJ; short name `rod`."""
+
+    kind = "rod"
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
+        base = fit_rod(
+            np.ascontiguousarray(table.poses),
+            np.ascontiguousarray(table.wrenches),
+            length_of(table, self.name),
+        )
+        return FittedMap(base, declared_or_fitted(base, table))
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> RodMap:
+        """Return the map of an opened model file."""
+        return RodMap(*_from_document(document, ROD_SECTIONS))
 
 
 def fit_constant_curvature(

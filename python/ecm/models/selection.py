@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,35 +17,24 @@ from ecm.effects import Rows
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.extras import require
+from ecm.io.table import Table
+from ecm.models.cross_validation import random_folds
+from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model
-from ecm.models.maps import PolynomialMap
-from ecm.models.pcr import Threshold
+from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.polynomial import PolynomialModel
+from ecm.models.registry import parse_model
+from ecm.models.specification import ModelSpecification
 from ecm.regression.folds import row_groups
-from ecm.regression.noise import Noise, whiteners
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A model by name, with its PCR threshold."""
-
-    name: str
-    pcr: Threshold = None
-
-    @property
-    def pcr_text(self) -> str | None:
-        """The threshold as the option --pcr takes it."""
-        return None if self.pcr is None else str(self.pcr)
+from ecm.regression.noise import declared_noise, whiteners
 
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """What cross-validation says of each candidate, and which one to take."""
+    """Cross-validation error of each candidate, and which one to take."""
 
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[ModelSpecification, ...]
     coefficients: tuple[int, ...]
     error: F
     """(c,) root mean square whitened error on held-out folds; infinite where a fit failed."""
@@ -54,29 +43,32 @@ class ModelChoice:
     chosen: int
 
     @property
-    def best(self) -> Candidate:
+    def best(self) -> ModelSpecification:
         """The one to take."""
         return self.candidates[self.chosen]
 
     def sentences(self) -> list[str]:
-        """The held-out error of each candidate in words, and why one was chosen."""
-        lines = []
-        for i, candidate in enumerate(self.candidates):
-            if np.isfinite(self.error[i]):
-                pcr = "" if candidate.pcr is None else f" --pcr {candidate.pcr}"
-                lines.append(
-                    f"{candidate.name}{pcr}: {self.coefficients[i]} coefficients, held-out error "
-                    f"{self.error[i]:.3g} +- {self.standard_error[i]:.2g} of the noise"
-                )
+        """The held-out error of each candidate, and the rule of the choice."""
+        lines = [
+            f"{candidate.title}: {size} coefficients, held-out error {error:.3g} +- {sd:.2g} "
+            "of the noise"
+            for candidate, size, error, sd in zip(
+                self.candidates, self.coefficients, self.error, self.standard_error, strict=True
+            )
+            if np.isfinite(error)
+        ]
         rule = "the fewest coefficients within one standard error of the smallest error"
         return [*lines, f"chosen: {rule}"]
+
+    def __str__(self) -> str:
+        return "\n".join([*self.sentences(), f"that is {self.best.title}"])
 
     def to_dict(self) -> dict[str, Any]:
         """The candidates as plain values."""
         listed = [
             {
-                "model": candidate.name,
-                "pcr": candidate.pcr,
+                "model": candidate.alias,
+                "pcr": getattr(candidate, "pcr", None),
                 "coefficients": self.coefficients[i],
                 "error": float(self.error[i]) if np.isfinite(self.error[i]) else None,
                 "chosen": i == self.chosen,
@@ -85,9 +77,19 @@ class ModelChoice:
         ]
         return {"candidates": listed}
 
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each candidate; needs the extra `data`."""
+        columns = {
+            "coefficients": self.coefficients,
+            "error": self.error,
+            "standard_error": self.standard_error,
+        }
+        pandas = require("pandas", "data", "ModelChoice.to_pandas")
+        return pandas.DataFrame(columns, [candidate.title for candidate in self.candidates])
 
-def default_candidates(table: Table) -> list[Candidate]:
-    """Return the models of `ecm fit --model choose`: polynomials, and energies where L is known.
+
+def default_candidates(table: Table) -> list[ModelSpecification]:
+    """Models of `ecm fit --model choose`: polynomials, and energies where the length is known.
 
     Raises
     ------
@@ -99,15 +101,19 @@ def default_candidates(table: Table) -> list[Candidate]:
             "--model choose needs all six pose and wrench columns: its errors are over the noise "
             "of a row; name a model instead"
         )
-    candidates = [Candidate(name) for name in ("linear", "quadratic", "cubic")]
-    candidates += [Candidate("cubic", "press"), Candidate("cubic", "0.01/sqrtN")]
+    candidates: list[ModelSpecification] = [PolynomialModel(degree) for degree in (1, 2, 3)]
+    candidates += [PolynomialModel(3, "press"), PolynomialModel(3, "0.01/sqrtN")]
     if table.meta.length_m is not None:
-        candidates += [Candidate(f"energy{degree}") for degree in (4, 5, 6)]
+        candidates += [EnergyModel(degree) for degree in (4, 5, 6)]
     return candidates
 
 
 def choose_model(
-    table: Table, candidates: Sequence[Candidate | str], *, folds: int = 10, seed: int = 0
+    table: Table,
+    candidates: Sequence[ModelSpecification | str],
+    *,
+    folds: int = 10,
+    seed: int = 0,
 ) -> ModelChoice:
     """Grouped cross-validation with the one-standard-error rule.
 
@@ -115,34 +121,39 @@ def choose_model(
     ----------
     table
         All six pose and wrench columns; rows of one group, or one pose_id, stay together.
+    candidates
+        Specifications or short names.
+    folds
+        Number of parts; at most the number of groups.
+    seed
+        Seed of the random generator.
+
+    Raises
+    ------
+    InputError
+        Without candidates, or where the rows are too few for all of them.
     """
-    listed = tuple(Candidate(c) if isinstance(c, str) else c for c in candidates)
+    listed = tuple(parse_model(candidate) for candidate in candidates)
     if not listed:
         raise InputError("choose_model: no candidates; give at least one model name")
     measured = table.measured()
-    fold = _folds(row_groups(measured), folds, seed)
+    fold = random_folds(measured, row_groups(measured), folds, seed)
     whitener = _whitener(measured)
     error, spread, sizes = [], [], []
     for candidate in listed:
-        squares = []
-        size = 0
+        squares, size = [], 0
         try:
             for part in range(int(fold.max()) + 1):
-                train = measured.select(np.flatnonzero(fold != part))
-                held = np.flatnonzero(fold == part)
-                model = fit_model(train, candidate.name, pcr=candidate.pcr)
-                size = free_coefficients(model.base)
-                squares.append(_square(model.base, measured, held, whitener))
+                fitted = fit_model(measured.select(np.flatnonzero(fold != part)), candidate)
+                size = free_coefficients(fitted.base)
+                test = np.flatnonzero(fold == part)
+                squares.append(_square(fitted.base, measured, test, whitener))
         except EcmError:
-            error.append(np.inf)
-            spread.append(np.inf)
-            sizes.append(size)
-            continue
+            squares = [np.inf]
+        sizes.append(size)
         mean = float(np.mean(squares))
         error.append(np.sqrt(mean))
-        # Of the root: d sqrt(s) = ds / (2 sqrt(s)).
-        spread.append(float(np.std(squares, ddof=1)) / np.sqrt(len(squares)) / (2 * np.sqrt(mean)))
-        sizes.append(size)
+        spread.append(_standard_error(squares))
     if not np.isfinite(error).any():
         raise InputError(
             f"{table.source}: {len(measured)} rows are too few for every candidate; "
@@ -165,6 +176,8 @@ def free_coefficients(base: StiffnessMap) -> int:
 class LearningCurve:
     """Held-out error against the number of poses."""
 
+    model: str
+    """Short name of the model."""
     sizes: tuple[int, ...]
     error: F
     """(s,) median over draws of the whitened held-out error; infinite where no fit was possible."""
@@ -177,23 +190,23 @@ class LearningCurve:
     one_standard_error: int | None
     """The fewest poses whose mean error over draws is within one standard error of the best's."""
 
-    def sentences(self, name: str) -> list[str]:
-        """The curve of a model in words."""
+    def sentences(self) -> list[str]:
+        """The error at each number of poses, and how many are enough."""
         lines = [
-            f"{name} from {n} poses: held-out error {error:.3g} of the noise"
+            f"{self.model} from {n} poses: held-out error {error:.3g} of the noise"
             for n, error in zip(self.sizes, self.error, strict=True)
             if np.isfinite(error)
         ]
-        if self.enough is None:
-            return [
-                *lines,
-                "not enough: the curve still falls at the last of these; measure more poses",
-            ]
-        return [
-            *lines,
-            f"enough: {self.enough} poses are within 5 %, {self.one_standard_error} within one "
-            "standard error of the best",
-        ]
+        enough = "not enough: the curve still falls at the last of these; measure more poses"
+        if self.enough is not None:
+            enough = (
+                f"enough: {self.enough} poses are within 5 %, {self.one_standard_error} within "
+                "one standard error of the best"
+            )
+        return [*lines, enough]
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
 
     def to_dict(self) -> dict[str, Any]:
         """The curve as plain values."""
@@ -204,10 +217,15 @@ class LearningCurve:
             "one_standard_error": self.one_standard_error,
         }
 
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
+        columns = {"error": self.error, "lower": self.lower, "upper": self.upper}
+        return require("pandas", "data", "LearningCurve.to_pandas").DataFrame(columns, self.sizes)
+
 
 def learning_curve(
     table: Table,
-    name: str,
+    model: ModelSpecification | str,
     sizes: Sequence[int],
     *,
     draws: int = 8,
@@ -221,8 +239,30 @@ def learning_curve(
     on the curve, provided that the curve has become flat there: the largest size must not be
     better than the one before by more than `tolerance`. `one_standard_error` asks for what the
     draws can tell apart instead of for a share.
+
+    Parameters
+    ----------
+    table
+        All six pose and wrench columns.
+    model
+        A specification or its short name.
+    sizes
+        Numbers of poses to fit to; those that leave too few to test are left out.
+    draws
+        Random choices of poses for each size.
+    tolerance
+        Share of the error by which the stop rule judges.
+    held_out
+        Share of the poses that the error is measured on.
+    seed
+        Seed of the random generator.
+
+    Raises
+    ------
+    InputError
+        Where every size leaves too few poses to test.
     """
-    measured = table.measured()
+    specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)
     count = int(groups.max()) + 1
     keep = max(1, round(held_out * count))
@@ -240,10 +280,10 @@ def learning_curve(
         for s, n in enumerate(usable):
             rows = np.flatnonzero(np.isin(groups, order[keep : keep + n]))
             try:
-                model = fit_model(measured.select(rows), name)
+                fitted = fit_model(measured.select(rows), specification)
             except EcmError:
                 continue
-            errors[s, d] = np.sqrt(_square(model.base, measured, held, whitener))
+            errors[s, d] = np.sqrt(_square(fitted.base, measured, held, whitener))
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
@@ -256,32 +296,26 @@ def learning_curve(
         best = int(np.argmin(mean))
         spread = float(errors[best].std(ddof=1)) / np.sqrt(draws)
         few = usable[int(np.argmax(mean <= mean[best] + spread))]
-    return LearningCurve(tuple(usable), middle, lower, upper, enough, few)
+    return LearningCurve(specification.alias, tuple(usable), middle, lower, upper, enough, few)
 
 
-def _folds(groups: I, folds: int, seed: int) -> I:
-    count = int(groups.max()) + 1
-    parts = min(folds, count)
-    if parts < 2:
-        raise InputError("only one group of rows: cross-validation needs two")
-    of_group = np.empty(count, dtype=np.int64)
-    order = np.random.default_rng([seed, 7]).permutation(count)
-    of_group[order] = np.arange(count) % parts
-    return np.asarray(of_group[groups])
+def _standard_error(squares: Sequence[float]) -> float:
+    """Standard error of the root of the mean square, by d sqrt(s) = ds / (2 sqrt(s))."""
+    mean = float(np.mean(squares))
+    if not np.isfinite(mean):
+        return np.inf
+    deviation = float(np.std(squares, ddof=1))
+    return float(deviation / np.sqrt(len(squares)) / (2 * np.sqrt(mean)))
 
 
 def _whitener(table: Table) -> F:
     """(N, m, m) from the table's stated noise, the stiffness from a smooth fit of all rows."""
-    from ecm.regression.noise import declared_noise
-
     name = "cubic" if len(table) >= 120 else "linear"
     base = fit_model(table, name).base
-    noise: Noise = declared_noise(table)
-    return whiteners(noise.covariance(Rows(table, base)))
+    return whiteners(declared_noise(table).covariance(Rows(table, base)))
 
 
 def _square(base: StiffnessMap, table: Table, held: I, whitener: F) -> float:
     part = table.select(held)
-    truth = np.stack([part.column(c) for c in base.outputs], axis=1)
-    left = truth - base.predict(np.ascontiguousarray(part.matrix(base.inputs)))
+    left = part.matrix(base.outputs) - base.predict(np.ascontiguousarray(part.matrix(base.inputs)))
     return float((np.einsum("nij,nj->ni", whitener[held], left) ** 2).mean())

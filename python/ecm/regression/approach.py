@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.io.arrays import F, I
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+from ecm.io.table import Table
 
 
 def pose_before(table: Table, rest_pose: F) -> F:
@@ -50,11 +46,6 @@ def memory_options(table: Table) -> tuple[str, ...]:
     return ("run", "kept") if table.meta.file.begins_s else ("run",)
 
 
-def memory_shape(memory: str) -> dict[str, float | str]:
-    """The entry of a shape; none for a memory that ends with the run."""
-    return {} if memory == "run" else {"history": memory}
-
-
 def order_of_visits(table: Table, memory: str = "run") -> list[I]:
     """Rows of each run in order of time; of all runs together where the memory is `kept`."""
     time = table.column("time_s")
@@ -86,6 +77,15 @@ def step_times(table: Table, count: int) -> tuple[float, ...]:
     at = [round(len(time) * (i + 1) / (count + 1)) for i in range(count)]
     found = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
     return tuple(float(t) for t in dict.fromkeys(found))
+
+
+def times_beside(table: Table, at_s: float, count: int, round_: int) -> tuple[float, ...]:
+    """Two times beside `at_s`, one of `step_times`; nearer with each round from 0."""
+    time = np.sort(table.column("time_s"))
+    place = int(np.searchsorted(time, at_s))
+    step = round(len(time) / (count + 1) / 2.0 ** (round_ + 1))
+    beside = [i for i in (place - step, place + step) if step > 0 and 0 < i < len(time)]
+    return tuple(float(0.5 * (time[i - 1] + time[i])) for i in beside)
 
 
 def _mean_poses(table: Table) -> dict[str, F]:

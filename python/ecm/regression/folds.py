@@ -7,16 +7,13 @@ effects of time on clusters of poses, several runs of a continuous test one run 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from ecm.io.arrays import B, F, I
+from ecm.io.table import Table
 from ecm.regression.sensor_zero import is_zero, zero_times
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _STRETCHES = 12
 

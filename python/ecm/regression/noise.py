@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.regression.rows import Rows
+from ecm.io.table import Table
+from ecm.regression.rows import Rows
 
 Source = Literal["repeats", "declared", "assumed"]
 

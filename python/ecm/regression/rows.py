@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,11 +13,8 @@ from ecm._native import left_jacobians, rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import WRENCH
+from ecm.io.table import Table
 from ecm.regression.approach import pose_before
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 BodyChange = Callable[[dict[str, float]], dict[str, float]]
 """A change of a body: `young_modulus_Pa`, `poisson_ratio`, `length_m`, `diameter_m` by name."""

@@ -6,14 +6,10 @@ the zero is a line in time, as in the paper.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ecm.io.arrays import B, F
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+from ecm.io.table import Table
 
 
 def is_zero(table: Table) -> B:

@@ -14,6 +14,7 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.fem.simulate import Workspace
+from ecm.io.degrees import ENERGY_DEGREES, POLYNOMIAL_DEGREES
 from ecm.io.mechanism import Mechanism
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml
@@ -41,7 +42,11 @@ class SelectSettings(Checked):
     """[select]: step 2, which model."""
 
     degrees: tuple[int, ...] = setting(
-        (1, 2, 3), low=1, high=5, any_size=True, doc="polynomials of Table II"
+        (1, 2, 3),
+        low=POLYNOMIAL_DEGREES[0],
+        high=POLYNOMIAL_DEGREES[1],
+        any_size=True,
+        doc="polynomials of Table II",
     )
     thresholds: tuple[float, ...] = setting(
         (0.0, 0.1, 0.5),
@@ -50,7 +55,11 @@ class SelectSettings(Checked):
         doc="PCR drops singular values of the normalised regressor below these",
     )
     energy_degrees: tuple[int, ...] = setting(
-        (4, 6), low=4, high=6, any_size=True, doc="symmetric energy models"
+        (4, 6),
+        low=ENERGY_DEGREES[0],
+        high=ENERGY_DEGREES[1],
+        any_size=True,
+        doc="symmetric energy models",
     )
     energy_poses: tuple[int, ...] = setting(
         (20, 50, 200), low=5, any_size=True, doc="numbers of poses that they are trained on"

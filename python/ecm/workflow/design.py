@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from ecm.designs import (
     Design,
+    DesignSettings,
     NominalModel,
     Size,
     design_sizes,
@@ -112,7 +113,8 @@ def design(
     console
         Where progress is printed.
     search
-        Options of `optimal_design`: criterion, model, seed, threads, starts, include, exclude, ...
+        Fields of `DesignSettings` (criterion, model, seed, threads, starts, ...), and `include`,
+        `exclude` and `measured` of `optimal_design`.
 
     Returns
     -------
@@ -156,42 +158,39 @@ def design(
         nominal = _free_nominal(candidates, threads, console)
     names = candidates.pose_columns
     poses = candidates.matrix(names)
-    common = {
-        "criterion": search.pop("criterion", "d"),
-        "model": model,
-        "length_m": candidates.meta.length_m,
-        "base": nominal if weighted else None,
-        "seed": search.pop("seed", 0),
-        "threads": search.pop("threads", 0),
-    }
-    chosen = optimal_design(
-        poses,
-        n,
-        **common,
-        **search,
-        effects=effects,
+    rows = {key: search.pop(key) for key in ("include", "exclude", "measured") if key in search}
+    settings = DesignSettings(
+        model=model,
+        length_m=candidates.meta.length_m,
+        effects=tuple(effects),
         columns=names,
-        progress=console.progress("design"),
+        **search,
     )
+    weights = nominal if weighted else None
+    progress = console.progress("design")
+    chosen = optimal_design(poses, n, settings, base=weights, progress=progress, **rows)
     plan = _PLANS[preset](candidates, chosen, seed=seed)
     testable: list[Identifiability] = []
     if preset == "diagnosable" and nominal is not None:
         testable = identifiability(plan, nominal, effects or all_effects(), rig=rig)
     sizes: list[Size] = []
     if how_many:
-        criterion = "d" if chosen.criterion == "maximin" else chosen.criterion
-        sizes = design_sizes(
-            poses,
-            most=n,
-            **common | {"criterion": criterion},
-            progress=console.progress("how many"),
+        smaller = DesignSettings(
+            criterion="d" if settings.criterion == "maximin" else settings.criterion,
+            model=model,
+            length_m=settings.length_m,
+            iterations=60,
+            seed=seed,
+            threads=threads,
         )
+        progress = console.progress("how many")
+        sizes = design_sizes(poses, (), smaller, most=n, base=weights, progress=progress)
     return PlannedDesign(
         plan=plan,
         design=chosen,
         model=None if chosen.criterion == "maximin" else model,
         seed=seed,
-        reproducible=not search.get("time_limit_s"),
+        reproducible=settings.time_limit_s == 0.0,
         minutes=_minutes(plan, rig),
         effects=tuple(testable),
         sizes=tuple(sizes),

@@ -1,7 +1,7 @@
 //! I- and A-optimal designs: the smallest average variance of predictions or coefficients.
 
-use super::d::{DSettings, Design, fix_known};
-use super::model_based::search;
+use super::search::search;
+use super::settings::{DSettings, Design, apply_settings};
 use crate::budget::on_threads;
 use crate::linalg::{add_transposed_product, cholesky, product_transposed};
 use crate::problem::Objective;
@@ -110,7 +110,7 @@ fn finish(
     settings: &DSettings,
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
-    let measured = fix_known(&mut problem, settings)?;
+    let measured = apply_settings(&mut problem, settings)?;
     on_threads(settings.threads, || {
         search(&problem, settings, measured, control)
     })?

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::d::{Design, apply_lists};
-use super::model_based::generator;
+use super::search::generator;
+use super::settings::{Design, apply_lists};
 use crate::budget::on_threads;
 use crate::spacing::cover::cover_bound;
 use crate::spacing::neighbours::{Neighbours, farthest_points};

@@ -3,9 +3,9 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::d::{DSettings, Design, fix_known};
 use super::linear::root_of_moment;
-use super::model_based::{generator, search, search_near, singular};
+use super::search::{generator, search, search_near, singular};
+use super::settings::{DSettings, Design, apply_settings};
 use crate::budget::on_threads;
 use crate::certificate::{CertificateSettings, Continuous, continuous, continuous_from, variances};
 use crate::exchange::pair::Pair;
@@ -34,7 +34,7 @@ pub fn g_optimal(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let mut problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
-    let measured = fix_known(&mut problem, settings)?;
+    let measured = apply_settings(&mut problem, settings)?;
     on_threads(settings.threads, || {
         minimise(problem, settings, measured, control)
     })?

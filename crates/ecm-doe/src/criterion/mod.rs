@@ -1,7 +1,8 @@
-//! What a design is good for.
+//! The criteria of a design, one file each; their settings and the search that they share.
 
 pub mod d;
 pub mod linear;
 pub mod maximin;
 pub mod minimax;
-pub(crate) mod model_based;
+pub(crate) mod search;
+pub mod settings;

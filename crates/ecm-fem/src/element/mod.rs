@@ -1,5 +1,6 @@
 //! The ten-node tetrahedron with a linear pressure, and its quadrature.
 
+pub(crate) mod matrix;
 mod quadrature;
 pub mod tet10;
 

@@ -1,6 +1,6 @@
 //! VTK's XML for unstructured grids (VTK file formats, ASCII), for ParaView.
 
-use crate::assembly::{Body, Field};
+use crate::body::{Body, Field};
 use crate::tensor::{product, transpose};
 use nalgebra::Matrix3;
 use std::fmt::Write;

@@ -3,7 +3,7 @@
 use super::newton::{Failure, WANDERING, Workspace};
 use super::{Fem, Load, Settings, Watch};
 use crate::FemError;
-use crate::assembly::Field;
+use crate::body::Field;
 use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::pattern::{Hold, NONE};
@@ -50,8 +50,8 @@ impl Fem {
         Self::with_holds(mesh, material, None, settings, hold)
     }
 
-    /// With dead forces by displacement component, N (see [`crate::assembly::Body::volume_load`]
-    /// and [`crate::assembly::Body::surface_load`]).
+    /// With dead forces by displacement component, N (see [`crate::body::Body::volume_load`]
+    /// and [`crate::body::Body::surface_load`]).
     ///
     /// # Errors
     /// A list of the wrong length, or an entry that is not finite.

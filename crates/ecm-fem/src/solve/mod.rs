@@ -17,7 +17,7 @@ pub use held::HeldResult;
 pub use learn::Guess;
 pub use newton::Timing;
 
-use crate::assembly::{Body, Field, Formulation};
+use crate::body::{Body, Field, Formulation};
 use crate::element::Rule;
 use crate::material::Material;
 use crate::mesh::Mesh;

@@ -4,7 +4,8 @@
 use super::newton::Workspace;
 use super::{Fem, Load, Settings, Watch};
 use crate::Status;
-use crate::assembly::{Formulation, Sums};
+use crate::assembly::Sums;
+use crate::body::Formulation;
 use crate::material::NeoHookean;
 use crate::mesh::{Mesh, Quality};
 use crate::pattern::{Hold, NONE};

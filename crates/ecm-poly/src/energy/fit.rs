@@ -1,15 +1,14 @@
 //! Generalised least squares of an energy on wrenches.
 
-use std::format;
 use std::vec::Vec;
 
 use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::dense::ThinSvd;
-use crate::energy::groups::{Group, GroupTerm, group_terms};
+use crate::energy::groups::{Group, group_terms};
 use crate::energy::invariants::Symmetry;
-use crate::energy::mid_frame::EnergyMap;
 use crate::energy::model::EnergyModel;
+use crate::energy::regressor::{check_length, regressor};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
 
@@ -54,8 +53,7 @@ impl EnergyFit<'_> {
             });
         }
         let scale = scale_of(poses, self.length_m);
-        let mut matrix =
-            regressor_with_groups(poses, self.length_m, self.symmetry, (&rows, &broken), scale)?;
+        let mut matrix = regressor(poses, self.length_m, self.symmetry, (&rows, &broken), scale)?;
         let mut targets: Vec<f64> = wrenches.as_flattened().to_vec();
         match self.covariance {
             Some(covariance) => {
@@ -104,78 +102,6 @@ impl EnergyFit<'_> {
         );
         Ok(model)
     }
-}
-
-/// Φ (6 N, k), row-major: h = Φ β, six rows a pose.
-pub fn regressor(
-    poses: &[Vec6<f64>],
-    length_m: f64,
-    symmetry: Symmetry,
-    exponents: &[[u8; 6]],
-    scale: [f64; 2],
-) -> Result<Vec<f64>, ModelError> {
-    regressor_with_groups(poses, length_m, symmetry, (exponents, &[]), scale)
-}
-
-/// As [`regressor`], with the columns of groups after those of the symmetry.
-pub fn regressor_with_groups(
-    poses: &[Vec6<f64>],
-    length_m: f64,
-    symmetry: Symmetry,
-    (exponents, broken): (&[[u8; 6]], &[GroupTerm]),
-    scale: [f64; 2],
-) -> Result<Vec<f64>, ModelError> {
-    check_length(length_m)?;
-    check_scale(scale)?;
-    check_finite("poses", poses.as_flattened(), 6)?;
-    let map = EnergyMap::new(symmetry, &[], &[], scale, length_m)?;
-    let general = EnergyMap::new(Symmetry::General, &[], &[], scale, length_m)?;
-    let k = exponents.len() + broken.len();
-    let mut matrix = std::vec![0.0; 6 * poses.len() * k];
-    for (pose, block) in poses.iter().zip(matrix.chunks_exact_mut((6 * k).max(1))) {
-        let point = map.term_point(&Pose::from_array(pose));
-        for (t, row) in exponents.iter().enumerate() {
-            let column = map.term_wrench(&point, row);
-            for i in 0..6 {
-                block[i * k + t] = column[i];
-            }
-        }
-        if broken.is_empty() {
-            continue;
-        }
-        let point = general.term_point(&Pose::from_array(pose));
-        for (t, term) in (exponents.len()..).zip(broken) {
-            for (monomial, weight) in &term.monomials {
-                let column = general.term_wrench(&point, monomial);
-                for i in 0..6 {
-                    block[i * k + t] += weight * column[i];
-                }
-            }
-        }
-    }
-    Ok(matrix)
-}
-
-pub(crate) fn check_length(length_m: f64) -> Result<(), ModelError> {
-    if length_m > 0.0 && length_m.is_finite() {
-        return Ok(());
-    }
-    Err(ModelError::Setting {
-        name: "length_m",
-        found: format!("{length_m}"),
-        expected: "the mechanism's length in m, above 0",
-    })
-}
-
-pub(crate) fn check_scale(scale: [f64; 2]) -> Result<(), ModelError> {
-    if scale.iter().all(|&s| s > 0.0 && s.is_finite()) {
-        return Ok(());
-    }
-    Err(ModelError::Setting {
-        name: "scale",
-        found: format!("({}, {})", scale[0], scale[1]),
-        expected: "a length in m and an angle in rad, both above 0",
-    })
 }
 
 /// The largest |c| and |θ| of the poses; a tenth of the length and 1 rad where they are 0.

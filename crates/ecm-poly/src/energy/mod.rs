@@ -15,6 +15,8 @@ pub mod groups;
 #[cfg(feature = "std")]
 pub mod model;
 #[cfg(feature = "std")]
+pub mod regressor;
+#[cfg(feature = "std")]
 pub mod tables;
 #[cfg(feature = "std")]
 pub mod terms;

@@ -7,10 +7,10 @@ use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::energy::bulk;
-use crate::energy::fit::{check_length, check_scale, regressor_with_groups};
 use crate::energy::groups::{Group, GroupTerm, group_terms, in_coordinates};
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
+use crate::energy::regressor::{check_length, check_scale, regressor};
 use crate::energy::tables::{EnergyTables, LaneTables};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
@@ -220,7 +220,7 @@ impl EnergyModel {
 
     /// Φ (6 N, k), row-major: h = Φ β.
     pub fn regressor(&self, poses: &[Vec6<f64>]) -> Result<Vec<f64>, ModelError> {
-        regressor_with_groups(
+        regressor(
             poses,
             self.length_m,
             self.symmetry,

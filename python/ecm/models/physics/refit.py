@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models.joint_fit import joint_fit
-from ecm.models.physics.map import PhysicsMap
+from ecm.models.physics.map import PhysicsMap, physics_map, reach_of
+from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _REWEIGHTINGS = 5
 _MOVED = 0.01
@@ -128,3 +128,49 @@ def refit_physics(
         at_bound=tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out),
         converged=found.converged,
     )
+
+
+@dataclass(frozen=True)
+class PhysicsModel(ModelSpecification):
+    """The FEM body with E and nu to fit; short name `physics`.
+
+    Parameters
+    ----------
+    mechanism
+        The body. Default the table's `[mechanism]`.
+    base
+        A map that is built already (`physics_map`); it takes the place of the body.
+    threads
+        Threads of the FEM, 0 for all cores.
+
+    Examples
+    --------
+    >>> PhysicsModel().name
+    'physics'
+    """
+
+    mechanism: Mechanism | None = None
+    base: PhysicsMap | None = None
+    threads: int = 0
+
+    kind = "physics"
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Generalised least squares of the free parameters by the declared noise."""
+        base = self.base
+        if base is None:
+            body = table.meta.body() if self.mechanism is None else self.mechanism
+            if body is None:
+                raise InputError(
+                    f"{table.source}: the physics model needs the body; "
+                    "give [mechanism] in the data's TOML"
+                )
+            base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
+        noise = declared_noise(table)
+        found = refit_physics(base, table, noise)
+        return FittedMap(found.base, noise, found.covariance)
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> PhysicsMap:
+        """Return the map of an opened model file."""
+        return PhysicsMap.from_document(document)

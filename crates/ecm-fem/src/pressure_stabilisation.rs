@@ -19,7 +19,7 @@
 //! gives the block the same (test `a_compressed_surface_is_stable_as_far_as_biot`) and the
 //! pose 0.94 %. At rest γ = 0. Energy, forces and tangent are exact derivatives of one another.
 
-use crate::assembly::{Body, Formulation};
+use crate::body::{Body, Formulation};
 use crate::material::{Response, distortion};
 use crate::tensor::Mat3;
 

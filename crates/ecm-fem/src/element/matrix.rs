@@ -1,32 +1,7 @@
 //! Forces and matrix of one element, for each way to treat the pressure.
 
-use crate::assembly::{Body, Field, Formulation, Inverted, PAD, Point};
+use crate::body::{Body, Field, Formulation, Inverted, PAD, deformation, element_displacement};
 use crate::tensor::{Mat3, cofactor};
-
-pub(crate) fn element_displacement(tet: &[usize; 10], field: &Field) -> [[f64; PAD]; 3] {
-    let mut u = [[0.0; PAD]; 3];
-    for a in 0..10 {
-        for i in 0..3 {
-            u[i][a] = field.displacement[3 * tet[a] + i];
-        }
-    }
-    u
-}
-
-#[inline(always)]
-pub(crate) fn deformation(point: &Point, u: &[[f64; PAD]; 3]) -> Mat3 {
-    let mut f = crate::tensor::IDENTITY;
-    for i in 0..3 {
-        for j in 0..3 {
-            let mut sum = 0.0;
-            for a in 0..PAD {
-                sum += u[i][a] * point.gradients[j][a];
-            }
-            f[i][j] += sum;
-        }
-    }
-    f
-}
 
 /// Forces and matrix of one element.
 #[derive(Debug, Default)]

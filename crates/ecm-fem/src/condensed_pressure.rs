@@ -18,8 +18,7 @@
 //! softening s ends by itself before Newton does. From rest to the reference wrench, ν = 0.49:
 //! 7 or 8 iterations where one load step does, about 16 where a rim folds and two are needed.
 
-use crate::assembly::{Body, Field, Formulation};
-use crate::kernel::{deformation, element_displacement};
+use crate::body::{Body, Field, Formulation, deformation, element_displacement};
 use crate::tensor::{Mat3, cofactor};
 
 /// Softening over the mean square of the last step's δF; of 1, 2 and 4 the one with the fewest
@@ -33,15 +32,6 @@ const FALL: f64 = 0.25;
 const SOFTEST: f64 = 1.0;
 
 impl Body {
-    /// Pressures kept per element; 0 where the pressure is an unknown.
-    pub(crate) fn kept_pressures(&self) -> usize {
-        match self.formulation {
-            Formulation::TaylorHood => 0,
-            Formulation::ConstantPressure => 1,
-            Formulation::Displacement => self.rule.points().len(),
-        }
-    }
-
     /// 1/κ of element `e`, 0 when incompressible, and the compliance c of its tangent, 1/Pa;
     /// `softening`: least c times μ.
     ///

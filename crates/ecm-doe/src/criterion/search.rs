@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::d::{CHAINS, DSettings, Design, Method};
+use super::settings::{CHAINS, DSettings, Design, Method};
 use crate::certificate::{CertificateSettings, Continuous, continuous};
 use crate::exchange::pool::Pool;
 use crate::exchange::search::iterate;

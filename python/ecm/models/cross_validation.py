@@ -1,0 +1,121 @@
+"""Errors on rows that a fit has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.io.arrays import I
+from ecm.io.extras import require
+from ecm.io.table import Table
+from ecm.models.fit import fit_model
+from ecm.models.registry import parse_model
+from ecm.models.specification import ModelSpecification
+from ecm.regression.folds import row_groups
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Root mean square error on rows that the fit has not seen.
+
+    Examples
+    --------
+    >>> print(CrossValidation({"fx_N": 0.5}, {"fx_N": 10.0}, 10, True))
+    10 folds of groups of rows: held-out error over the spread fx_N 0.050
+    """
+
+    rmse: dict[str, float]
+    """Root mean square error of each wrench column, N or N m."""
+    spread: dict[str, float]
+    """Standard deviation of each wrench column, for scale."""
+    folds: int
+    grouped: bool
+    """Whether groups (`[columns] group`, or pose_id) stayed together."""
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Error over spread of each wrench column that varies."""
+        return {name: self.rmse[name] / s for name, s in self.spread.items() if s > 0.0}
+
+    def __str__(self) -> str:
+        of = "groups of rows" if self.grouped else "random rows"
+        shares = ", ".join(f"{name} {share:.3f}" for name, share in self.shares.items())
+        return f"{self.folds} folds of {of}: held-out error over the spread {shares}"
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each wrench column; needs the extra `data`."""
+        pandas = require("pandas", "data", "CrossValidation.to_pandas")
+        return pandas.DataFrame({"rmse": self.rmse, "spread": self.spread})
+
+
+def cross_validate(
+    table: Table,
+    model: ModelSpecification | str,
+    *,
+    folds: int = 10,
+    grouped: bool = True,
+    seed: int = 0,
+) -> CrossValidation:
+    """Held-out errors of a model; groups of rows stay together unless asked otherwise.
+
+        A random split flatters a model wherever rows come in groups: it is there for comparison.
+
+        Parameters
+        ----------
+        table
+            Pose and wrench columns; only measured rows count.
+        model
+            A specification or its short name.
+        folds
+            Number of parts; at most the number of groups.
+        grouped
+            Keep groups (`[columns] group`, or pose_id) together.
+        seed
+            Seed of the random generator.
+
+        Raises
+        ------
+        InputError
+            Where there is only one group, or a part of the rows is too few for the model.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ecm.io.extras import require
+    from ecm.io.table import as_table
+        >>> x = np.linspace(-0.01, 0.01, 20)
+        >>> found = cross_validate(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear", folds=4)
+        >>> found.rmse["fx_N"] < 1e-9
+        True
+    """
+    specification, measured = parse_model(model), table.measured()
+    groups = row_groups(measured) if grouped else np.arange(len(measured), dtype=np.int64)
+    fold = random_folds(measured, groups, folds, seed)
+    outputs = measured.wrench_columns
+    truth = measured.matrix(outputs)
+    left = np.empty_like(truth)
+    for part in range(int(fold.max()) + 1):
+        fitted = fit_model(measured.select(np.flatnonzero(fold != part)), specification)
+        test = measured.select(np.flatnonzero(fold == part))
+        left[fold == part] = truth[fold == part] - fitted.predict(test)
+    rmse = np.sqrt((left**2).mean(axis=0))
+    return CrossValidation(
+        rmse=dict(zip(outputs, rmse.tolist(), strict=True)),
+        spread=dict(zip(outputs, truth.std(axis=0).tolist(), strict=True)),
+        folds=int(fold.max()) + 1,
+        grouped=grouped,
+    )
+
+
+def random_folds(table: Table, groups: I, folds: int, seed: int) -> I:
+    """(N,) number of each row's fold; rows of one group stay together."""
+    count = int(groups.max()) + 1
+    parts = min(folds, count)
+    if parts < 2:
+        raise InputError(f"{table.source}: only one group of rows; cross-validation needs two")
+    of_group = np.empty(count, dtype=np.int64)
+    of_group[np.random.default_rng([seed, 7]).permutation(count)] = np.arange(count) % parts
+    return np.asarray(of_group[groups])

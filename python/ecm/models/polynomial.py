@@ -1,0 +1,125 @@
+"""Free polynomials h(p), the paper's equation (4): their specification and their fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ecm import _native
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.degrees import POLYNOMIAL_DEGREES
+from ecm.io.settings import setting
+from ecm.io.table import Table
+from ecm.models.errors_in_variables import fit_with_pose_noise
+from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.noise_estimate import declared_or_fitted
+from ecm.models.pcr import Threshold, singular_threshold
+from ecm.models.polynomial_gls import fit_polynomial_gls
+from ecm.models.specification import (
+    FittedMap,
+    ModelSpecification,
+    Weights,
+    pose_and_wrench_columns,
+)
+from ecm.regression.noise import declared_noise
+
+_ALIASES = {"linear": 1, "quadratic": 2, "cubic": 3}
+_LOW, _HIGH = POLYNOMIAL_DEGREES
+
+
+@dataclass(frozen=True)
+class PolynomialModel(ModelSpecification):
+    """A free polynomial from any pose columns to any wrench columns; short name `poly:D`.
+
+    Parameters
+    ----------
+    degree
+        Largest sum of exponents in a term, 1 to 6.
+    pcr
+        Threshold of principal component regression: a number b, or `"b/sqrtN"`, `"rank:R"` or
+        `"press"` (pcr.py). None: ordinary least squares.
+
+    Source
+    ------
+    Deutschmann et al., equation (4): degree 3 in six pose coordinates, 84 terms for each output.
+
+    Examples
+    --------
+    >>> PolynomialModel(degree=3).name
+    'poly:3'
+    """
+
+    degree: int = setting(3, low=_LOW, high=_HIGH, doc="largest sum of exponents in a term")
+    pcr: Threshold = None
+
+    kind = "polynomial"
+    usage = f"poly:D with D from {_LOW} to {_HIGH}, {', '.join(_ALIASES)}"
+    weighted = True
+
+    @property
+    def name(self) -> str:
+        """`poly:D`."""
+        return f"poly:{self.degree}"
+
+    @property
+    def alias(self) -> str:
+        """linear, quadratic or cubic; `poly:D` for other degrees."""
+        return next((alias for alias, d in _ALIASES.items() if d == self.degree), self.name)
+
+    @property
+    def title(self) -> str:
+        """The alias, with the threshold where there is one."""
+        return self.alias if self.pcr is None else f"{self.alias} --pcr {self.pcr}"
+
+    @classmethod
+    def from_name(cls, name: str) -> PolynomialModel | None:
+        """`poly:D`, linear, quadratic or cubic."""
+        if name in _ALIASES:
+            return cls(_ALIASES[name])
+        digits = name.removeprefix("poly:")
+        return cls(int(digits)) if digits != name and digits.isdecimal() else None
+
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Ordinary least squares or PCR; with `weights` noise generalised least squares."""
+        if self.pcr is not None and weights == "noise":
+            raise InputError(
+                "a PCR threshold belongs to ordinary least squares; leave out one of both"
+            )
+        inputs, outputs = pose_and_wrench_columns(table)
+        poses, wrenches = table.matrix(inputs), table.matrix(outputs)
+        model = _native.PolynomialModel.fit(
+            np.ascontiguousarray(poses),
+            np.ascontiguousarray(wrenches),
+            self.degree,
+            method="least_squares" if self.pcr is None else "pcr",
+            threshold=0.0
+            if self.pcr is None
+            else singular_threshold(self.pcr, poses, wrenches, self.degree),
+        )
+        base = PolynomialMap(model, inputs, outputs)
+        if weights == "noise":
+            noise = declared_noise(table)
+
+            def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
+                return fit_polynomial_gls(base, poses, wrenches, covariance)
+
+            found = fit_with_pose_noise(table, base, noise, solve)
+            return FittedMap(found.base, noise, found.covariance, found.residual_variance)
+        noise = declared_or_fitted(base, table)
+        n, k = len(poses), len(model.coefficients)
+        if self.pcr is not None or n <= k:
+            return FittedMap(base, noise)
+        regressor = base.regressor(poses)
+        inverse = np.linalg.pinv(regressor.T @ regressor, hermitian=True)
+        variance = ((wrenches - base.predict(poses)) ** 2).sum(axis=0) / (n - k)
+        return FittedMap(
+            base, noise, np.asarray(np.kron(np.diag(variance), inverse), dtype=np.float64)
+        )
+
+    @staticmethod
+    def map_from_document(document: dict[str, Any]) -> PolynomialMap:
+        """Return the map of an opened model file."""
+        return PolynomialMap.from_document(document)

@@ -1,0 +1,82 @@
+"""All families of models; the one place that reads short names such as `energy6`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ecm.errors import InputError
+from ecm.models.energy import EnergyModel
+from ecm.models.learned import GaussianProcessModel, NeuralNetworkModel
+from ecm.models.maps import StiffnessMap
+from ecm.models.pcr import Threshold
+from ecm.models.physics.refit import PhysicsModel
+from ecm.models.polynomial import PolynomialModel
+from ecm.models.rod import ConstantCurvatureModel, RodModel
+from ecm.models.specification import ModelSpecification
+
+MODELS: tuple[type[ModelSpecification], ...] = (
+    PolynomialModel,
+    EnergyModel,
+    PhysicsModel,
+    RodModel,
+    ConstantCurvatureModel,
+    GaussianProcessModel,
+    NeuralNetworkModel,
+)
+"""Every family; a new one is one more line here."""
+
+
+def parse_model(model: str | ModelSpecification, *, pcr: Threshold = None) -> ModelSpecification:
+    """Return the specification that a short name stands for.
+
+    Parameters
+    ----------
+    model
+        Short name: `poly:D`, `linear`, `quadratic`, `cubic`, `energyD`, `energyD-revolution`,
+        `energyD-general`, each energy also with `+GROUP`, `physics`, `rod`, `constant-curvature`,
+        `gp`, `mlp`. A specification is returned as it is.
+    pcr
+        Threshold of principal component regression, for polynomials only.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, a degree out of range, or a threshold without a polynomial.
+
+    Examples
+    --------
+    >>> parse_model("energy6-revolution")
+    EnergyModel(degree=6, symmetry='revolution', groups=())
+    >>> parse_model("cubic", pcr=0.1)
+    PolynomialModel(degree=3, pcr=0.1)
+    """
+    specification = _of_name(model) if isinstance(model, str) else model
+    if pcr is None:
+        return specification
+    if not isinstance(specification, PolynomialModel):
+        raise InputError(
+            f"model {specification.name}: a PCR threshold belongs to polynomials; leave it out"
+        )
+    return replace(specification, pcr=pcr)
+
+
+def _of_name(name: str) -> ModelSpecification:
+    try:
+        for family in MODELS:
+            found = family.from_name(name)
+            if found is not None:
+                return found
+    except InputError as error:
+        raise InputError(f"model {name!r}: {error}") from None
+    known = "; ".join(family.usage or family.kind for family in MODELS)
+    raise InputError(f"model {name!r}: expected {known}")
+
+
+def map_from_document(document: dict[str, Any]) -> StiffnessMap:
+    """Return the map of an opened model file."""
+    for family in MODELS:
+        if family.kind == document["kind"]:
+            return family.map_from_document(document)
+    known = ", ".join(family.kind for family in MODELS)
+    raise InputError(f"model kind {document['kind']!r}: expected one of {known}")

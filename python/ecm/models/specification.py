@@ -1,0 +1,93 @@
+"""What every model specification has: a short name, a fit, and the map of its model files."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.settings import Checked
+from ecm.io.table import Table
+from ecm.models.maps import StiffnessMap
+from ecm.regression.noise import Noise
+
+Weights = Literal["auto", "noise", "spread"]
+"""How rows and components count in a fit (`fit_model`)."""
+
+
+@dataclass(frozen=True)
+class FittedMap:
+    """A map fitted to measured rows, and how uncertain its coefficients are."""
+
+    base: StiffnessMap
+    noise: Noise
+    covariance: F | None = None
+    """(k, k) covariance of the coefficients; None where it is not known."""
+    residual_variance: float | None = None
+    """Whitened residual square per degree of freedom; None where the noise was not used."""
+
+
+@dataclass(frozen=True)
+class ModelSpecification(Checked, ABC):
+    """The kind of model to fit; each subclass is one family of models.
+
+    A subclass states its `kind` and how to fit and read its map; one line in `registry.py` makes it
+    known to `fit_model`, to the command line and to model files.
+    """
+
+    kind: ClassVar[str]
+    """Kind of map in a model file; also the short name, unless the subclass has another."""
+    usage: ClassVar[str] = ""
+    """How short names are written, for messages; empty where the kind is the only one."""
+    weighted: ClassVar[bool] = False
+    """Whether `weights` may be chosen."""
+
+    @property
+    def name(self) -> str:
+        """Short name, as on the command line."""
+        return self.kind
+
+    @property
+    def alias(self) -> str:
+        """The short name that people use: `cubic` for `poly:3`."""
+        return self.name
+
+    @property
+    def title(self) -> str:
+        """The alias with all else that was chosen, as options of the command line."""
+        return self.alias
+
+    @classmethod
+    def from_name(cls, name: str) -> ModelSpecification | None:
+        """Return the specification with this short name; None where it is of another family."""
+        return cls() if name == cls.kind else None
+
+    @abstractmethod
+    def fit_map(self, table: Table, weights: Weights) -> FittedMap:
+        """Fit the map to a table that holds measured rows only."""
+
+    @staticmethod
+    @abstractmethod
+    def map_from_document(document: dict[str, Any]) -> StiffnessMap:
+        """Return the map of an opened model file."""
+
+
+def length_of(table: Table, name: str) -> float:
+    """Length of the mechanism, m; InputError where the table does not state it."""
+    if table.meta.length_m is None:
+        raise InputError(
+            f"{table.source}: {name} needs the mechanism's length; "
+            "give [mechanism] length_m in the data's TOML"
+        )
+    return float(table.meta.length_m)
+
+
+def pose_and_wrench_columns(table: Table) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the pose and wrench columns; InputError where there are none."""
+    inputs, outputs = table.pose_columns, table.wrench_columns
+    if not inputs or not outputs:
+        lacking = "pose" if not inputs else "wrench"
+        raise InputError(f"{table.source}: a fit needs at least one {lacking} column, found none")
+    return inputs, outputs

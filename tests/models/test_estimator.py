@@ -1,0 +1,61 @@
+"""Models as scikit-learn estimators."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import EnergyModel, ModelEstimator, PolynomialModel, fit_model
+from support.campaigns import workspace_poses
+from support.stand_in import L, wrench
+
+X = workspace_poses(60, 1)
+Y = wrench(X)
+
+
+def test_the_estimator_fits_and_predicts_as_the_model() -> None:
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([X, Y]).T, strict=True))
+    model = fit_model(Table(columns, Meta(mechanism={"length_m": L}), "same"), "energy4")
+    estimator = ModelEstimator(EnergyModel(4), length_m=L).fit(X, Y)
+    np.testing.assert_array_equal(estimator.predict(X), model.predict(X))
+    assert estimator.score(X, Y) > 1.0 - 1e-9
+    flat = Y.copy()
+    flat[:, 0] = 0.0
+    assert estimator.score(X, flat) == pytest.approx(5.0 / 6.0)
+
+
+def test_scikit_learn_clones_validates_and_searches() -> None:
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
+    from sklearn.base import clone, is_regressor
+    from sklearn.metrics import r2_score
+    from sklearn.model_selection import GridSearchCV, cross_val_score
+
+    estimator = ModelEstimator(EnergyModel(degree=4), length_m=L)
+    fitted = estimator.fit(X, Y)
+    assert is_regressor(estimator)
+    fresh = clone(fitted)
+    assert fresh.get_params() == estimator.get_params()
+    assert not hasattr(fresh, "model_")
+    assert fitted.score(X, Y) == pytest.approx(r2_score(Y, fitted.predict(X)))
+    scores = cross_val_score(ModelEstimator("linear"), X, Y, cv=3)
+    assert scores.shape == (3,)
+    assert np.all(cross_val_score(estimator, X, Y, cv=3) > scores)
+    options = {"model": ["linear", EnergyModel(4)]}
+    found = GridSearchCV(ModelEstimator(length_m=L), options, cv=3).fit(X, Y)
+    assert found.best_estimator_.model == EnergyModel(4)
+
+
+def test_options_have_names_and_shapes() -> None:
+    estimator = ModelEstimator("cubic")
+    assert estimator.set_params(model__degree=2, weights="noise").model == PolynomialModel(2)
+    assert estimator.get_params(deep=False)["weights"] == "noise"
+    with pytest.raises(InputError, match="option 'degree': expected one of model, length_m"):
+        estimator.set_params(degree=2)
+    with pytest.raises(InputError, match="not fitted"):
+        estimator.predict(X)
+    with pytest.raises(InputError, match=r"y has shape \(60, 5\): expected \(N, 6\)"):
+        estimator.fit(X, Y[:, :5])
