@@ -51,6 +51,7 @@ def test_variables_words_and_nearest(found: Diagnosis) -> None:
     assert {"y_m", "time_s"} <= set(unknown.variables)
     assert unknown.relevance["y_m"] > 0.15
     assert unknown.words.startswith("tau_x follows time_s*y_m (+0.03")
+    assert unknown.nearest is not None
     assert unknown.nearest.share < 0.3
 
 
