@@ -17,10 +17,10 @@ __all__ = [
     "Fem",
     "FemError",
     "FemResults",
-    "Guess",
     "Mesh",
     "ModelError",
     "PolynomialModel",
+    "WarmStart",
     "__version__",
     "convert_stiffness",
     "d_optimal",
@@ -149,12 +149,12 @@ class FemResults:
     def residual(self) -> _F: ...
     @property
     def fields(self) -> NDArray[np.float32]:
-        """(N, M) states for Fem.learn; only solve_each keeps them."""
+        """(N, M) states for Fem.fit_warm_start; empty but after solve_each."""
 
 @final
-class Guess:
-    """Guesses the states of a body from solved ones; made by Fem.learn."""
-    def __new__(cls, data: bytes) -> Guess: ...
+class WarmStart:
+    """Warm start: initial guesses of states, fitted by Fem.fit_warm_start."""
+    def __new__(cls, data: bytes) -> WarmStart: ...
     def to_bytes(self) -> bytes: ...
 
 @final
@@ -191,17 +191,17 @@ class Fem:
         self,
         wrenches: _F,
         *,
-        guess: Guess | None = None,
+        warm_start: WarmStart | None = None,
         threads: int = 0,
         progress: _Progress = None,
         finished: Callable[[list[int], FemResults], object] | None = None,
     ) -> FemResults:
-        """As solve_wrenches, but each case by itself: from `guess`, or without one from rest.
-        finished(rows, results) hears within 0.1 s of every case that is done."""
-    def guessed_poses(self, wrenches: _F, guess: Guess) -> _F:
-        """Poses (N, 6) that a guess expects; nothing is solved."""
-    def learn(self, wrenches: _F, fields: NDArray[np.float32]) -> Guess | None:
-        """A guess from states and the wrenches that hold them; None when they are too few."""
+        """As solve_wrenches, but each case on its own from `warm_start`, or from rest.
+        finished(rows, results) is called within 0.1 s of the end of each case."""
+    def predict_poses(self, wrenches: _F, warm_start: WarmStart) -> _F:
+        """Poses (N, 6) that a warm start predicts; nothing is solved."""
+    def fit_warm_start(self, wrenches: _F, fields: NDArray[np.float32]) -> WarmStart | None:
+        """A warm start fitted to states and their wrenches; None when there are too few."""
     def solve_poses(
         self, poses: _F, *, threads: int = 0, progress: _Progress = None
     ) -> FemResults: ...

@@ -8,6 +8,7 @@ one after the other.
 from __future__ import annotations
 
 import ast
+import os
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -43,9 +44,9 @@ from ecm.designs import follow_up_plan
 from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
-from ecm.rig.hidden.draw import DRAWS
-from support.tasks import write, write_or_die
+from ecm.rig.physics import TRUE_EFFECTS
 
+pytestmark = pytest.mark.xdist_group("blind")
 ONE = (
     "anisotropy",
     "base_compliance",
@@ -401,7 +402,7 @@ def test_the_same_seed_gives_the_same_table(folder: Path) -> None:
 def test_thirty_effects_can_be_hidden_and_named() -> None:
     known = {effect.id for effect in all_effects()}
     assert len(set(hideable("rig")) | set(hideable("rod"))) >= 30
-    assert set(EFFECTS) | set(DRAWS) <= known
+    assert set(EFFECTS) | set(TRUE_EFFECTS) <= known
     assert len(STRANGE) >= 5
     assert len(SIMPLE) == 5
 
@@ -443,9 +444,22 @@ def test_the_full_robot_has_twenty_sets() -> None:
     assert len({one.hidden[0][0] for one in arm if one.hidden}) == 15
 
 
+def _write(task: tuple[str, str]) -> None:
+    folder, name = task
+    if name == "2":
+        raise ValueError("two")
+    Path(folder, name).write_text(name * 3, encoding="utf-8")
+
+
+def _write_or_die(task: tuple[str, str]) -> None:
+    if task[1] == "2":
+        os._exit(1)
+    _write(task)
+
+
 def test_a_process_that_is_killed_costs_what_it_ran_and_no_more(tmp_path: Path) -> None:
     tasks = [(str(tmp_path), str(i)) for i in range(7)]
-    failed = run_all(tasks, write_or_die, workers=2)
+    failed = run_all(tasks, _write_or_die, workers=2)
     assert tasks[2] in failed
     assert len(failed) <= 2  # the other process ran a task of its own
     lost = {name for _, name in failed}
@@ -458,13 +472,13 @@ def test_any_number_of_processes_writes_the_same_files(
 ) -> None:
     tasks = [(str(tmp_path), str(i)) for i in range(6)]
     told: list[int] = []
-    failed = run_all(tasks, write, workers=workers, told=lambda done, left_s: told.append(done))
+    failed = run_all(tasks, _write, workers=workers, told=lambda done, left_s: told.append(done))
     assert failed == [tasks[2]]
     assert "ValueError: two" in capsys.readouterr().err
     assert told == [1, 2, 3, 4, 5, 6]
     written = {f.name: f.read_text(encoding="utf-8") for f in tmp_path.iterdir()}
     assert written == {i: i * 3 for i in "01345"}
-    assert run_all(tasks, write, workers=workers, seconds=-1.0) == []
+    assert run_all(tasks, _write, workers=workers, seconds=-1.0) == []
 
 
 @pytest.mark.parametrize(

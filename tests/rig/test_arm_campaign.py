@@ -75,12 +75,12 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> Non
     for _ in campaign.lines((), 1):
         pass
     table = campaign.finished().measured()
-    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
-    elastic = campaign.plant.elastic.wrench(campaign.course.anchor[rows], table.poses)
+    rows = campaign.visits.at_poses
+    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], table.poses)
     true = campaign.plant.elastic.wrench(
-        campaign.course.anchor[rows], campaign.course.reached[rows]
+        campaign.visits.anchor[rows], campaign.visits.reached[rows]
     )
-    covariance = row_covariance(campaign.plant, campaign.course, campaign.settings)
+    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
     assert strength == pytest.approx(1.0, abs=0.25)
 

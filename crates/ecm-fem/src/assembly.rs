@@ -1,4 +1,4 @@
-//! From a state to its internal forces and tangent, element by element.
+//! Assembly of internal forces and tangent from the elements.
 //!
 //! With the gradients g_a of the shape functions in the undeformed body, the
 //! pressure shapes ψ_m (linear) and cof F = J F^-T:
@@ -28,7 +28,7 @@ pub struct Sums {
     pub platform: [[f64; 6]; 6],
     /// Share of the body's dead force that acts; 1 but on the way to a load.
     pub dead_share: f64,
-    /// Softness of kept pressures in the tangent, 0 near a solution (see `condensed_pressure`).
+    /// Softening of condensed pressures in the tangent, 0 near a solution (see `condensed_pressure`).
     pub softening: f64,
     /// Stored energy, J.
     pub energy_J: f64,
@@ -37,7 +37,7 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Memory for one pass.
+    /// Allocates for one pass.
     pub fn new(body: &Body, pattern: &Pattern) -> Self {
         let n = body.mesh.nodes_m().len();
         Self {
@@ -107,7 +107,7 @@ impl Sums {
         tet: &[usize; 10],
         arm: &impl Fn(usize) -> [f64; 3],
     ) {
-        let held: [Option<[f64; 3]>; 10] = std::array::from_fn(|a| {
+        let arms: [Option<[f64; 3]>; 10] = std::array::from_fn(|a| {
             pattern
                 .platform_nodes
                 .binary_search(&tet[a])
@@ -117,7 +117,7 @@ impl Sums {
         for row in 0..34 {
             let mut by_platform = [0.0; 6];
             for b in 0..10 {
-                let Some(d) = held[b] else { continue };
+                let Some(d) = arms[b] else { continue };
                 let k: [f64; 3] = std::array::from_fn(|j| element.entry(row, 3 * b + j));
                 for j in 0..3 {
                     by_platform[j] += k[j];
@@ -140,7 +140,7 @@ impl Sums {
                 }
             }
             if row < 30
-                && let Some(d) = held[row / 3]
+                && let Some(d) = arms[row / 3]
             {
                 let i = row % 3;
                 let mut axis = [0.0; 3];

@@ -106,8 +106,8 @@ impl Body {
         }
     }
 
-    /// Pressures kept per element; 0 where the pressure is an unknown.
-    pub(crate) fn kept_pressures(&self) -> usize {
+    /// Condensed pressures per element; 0 where the pressure is an unknown.
+    pub(crate) fn condensed_pressures(&self) -> usize {
         match self.formulation {
             Formulation::TaylorHood => 0,
             Formulation::ConstantPressure => 1,
@@ -118,9 +118,9 @@ impl Body {
     /// The undeformed state.
     pub fn rest(&self) -> Field {
         let n = self.mesh.nodes_m().len();
-        let pressures = match self.kept_pressures() {
+        let pressures = match self.condensed_pressures() {
             0 => n,
-            kept => kept * self.mesh.tetrahedra().len(),
+            condensed => condensed * self.mesh.tetrahedra().len(),
         };
         Field {
             displacement: vec![0.0; 3 * n],

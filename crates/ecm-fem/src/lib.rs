@@ -6,26 +6,28 @@
 //! predictor, for given wrenches and given poses alike.
 //!
 //! # Why this element
-//! (The first three figures: FElupe and CalculiX on their meshes.) Near incompressibility plain quadratic tetrahedra lock (2.4 % in the pose of the
-//! reference case at 1104 nodes, 38 Newton iterations; 9 % in the stiffness at
-//! ν = 0.4999), linear ones are useless (12 % to 84 %). With the pressure as an unknown
-//! the volumetric residual is nearly linear: six or seven iterations from rest. Against the converged pose of the reference case (clamped cylinder,
-//! rotation 0.6 rad) `Quality::Standard` (1207 nodes) errs by 0.94 % in translation and
-//! 0.65 % in rotation, `Quality::Fine` (3255 nodes) by 0.46 % and 0.31 %. The four-point
-//! rule changes that by 0.03 % against a fourteen-point one. How prisms are
-//! split matters: diagonals that start at the clamped rim give 1.3 % where the opposite
-//! ones give 2.2 % on the same nodes. [`Formulation::ConstantPressure`] (P2/P0) errs on the
-//! soft side and brackets; [`Formulation::Displacement`] is the element of peers. ν = 0.5 is
-//! accepted: the residual keeps the volume exactly, the tangent takes κ = 10⁶ μ.
+//! (The first three figures: FElupe and CalculiX on their meshes.) Near incompressibility plain
+//! quadratic tetrahedra lock (2.4 % in the pose of the reference case at 1104 nodes, 38 Newton
+//! iterations; 9 % in the stiffness at ν = 0.4999), and linear ones are useless (12 % to 84 %).
+//! With the pressure as an unknown the volumetric residual is nearly linear: six or seven
+//! iterations from rest. Against the converged pose of the reference case (clamped cylinder,
+//! rotation 0.6 rad) `Quality::Standard` (1207 nodes) errs by 0.94 % in translation and 0.65 % in
+//! rotation, `Quality::Fine` (3255 nodes) by 0.46 % and 0.31 %. The four-point rule changes that
+//! by 0.03 % against a fourteen-point one. The split of prisms into tetrahedra matters: diagonals
+//! that start at the clamped rim give an error of 1.3 %, the opposite ones 2.2 % on the same nodes.
+//! [`Formulation::ConstantPressure`] (P2/P0) errs on the soft side, so that both bracket the
+//! solution; [`Formulation::Displacement`] is the element of other programs. ν = 0.5 is accepted:
+//! the residual preserves the volume exactly, the tangent takes κ = 10⁶ μ.
 //!
 //! # Where stability ends
-//! A wrench is reported unstable for one of two reasons ([`Reason`]): the equilibrium's H
-//! is not positive (buckling), or the tangent at held platform loses a positive pivot. The
-//! second belongs where bending compresses one side beyond a stretch ratio of 0.296, down to which
-//! a neo-Hookean surface is stable against small disturbances (Biot 1963); from 1/2.4 on it
-//! creases where disturbances are large (Hong, Zhao and Suo 2009; [`CaseResult::stretch_ratio`]
-//! tells). Plain Taylor–Hood loses stability long before, by itself: `pressure_stabilisation` has the cure and
-//! its evidence. Contact within a crease is not modelled.
+//! A wrench is reported unstable for one of two reasons ([`Reason`]): H at the equilibrium is not
+//! positive definite (buckling), or the tangent at fixed platform loses a positive pivot. The
+//! second is physical where bending compresses one side beyond a stretch ratio of 0.296: down to it
+//! a neo-Hookean surface is stable against small disturbances (Biot 1963). From 1/2.4 on the
+//! surface creases under large disturbances (Hong, Zhao and Suo 2009; see
+//! [`CaseResult::stretch_ratio`]). Plain Taylor–Hood elements lose stability much earlier, which
+//! is an error of the element: the module `pressure_stabilisation` has the remedy and its evidence.
+//! Contact within a crease is not modelled.
 //!
 //! ```
 //! use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Status};
@@ -65,8 +67,10 @@ pub use error::FemError;
 pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Response, Yeoh};
 pub use mesh::{Mesh, Profile, Quality};
 pub use ordering_cost::{Ordering, OrderingCost};
-pub use pattern::Hold;
+pub use pattern::Constraint;
 pub use platform::Platform;
 pub use result::{CREASE, CaseResult, Reason, Status};
 pub use rod::Rod;
-pub use solve::{Fem, Finished, Guess, HeldResult, Load, Outcome, Settings, Timing, Watch};
+pub use solve::{
+    Fem, Finished, Load, Outcome, PrescribedResult, Settings, Timing, WarmStart, Watch,
+};

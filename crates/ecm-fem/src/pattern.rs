@@ -5,15 +5,15 @@ use crate::factor::Symbolic;
 use crate::mesh::Mesh;
 use crate::ordering::{Graph, nested_dissection};
 
-/// Marks a degree of freedom that is no unknown.
+/// Marks a degree of freedom that is not an unknown.
 pub const NONE: u32 = u32::MAX;
 
 /// Entries of the lower triangle of a 34 × 34 element matrix.
 pub const ENTRIES: usize = 34 * 35 / 2;
 
-/// What holds a displacement component of a node.
+/// Constraint on a displacement component of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Hold {
+pub enum Constraint {
     /// It is an unknown.
     Free,
     /// Its displacement is given.
@@ -22,7 +22,7 @@ pub enum Hold {
     Platform,
 }
 
-/// Computed once per mesh and set of held components.
+/// Sparsity pattern, computed once per mesh and set of constraints.
 #[derive(Debug)]
 pub struct Pattern {
     /// Unknown of displacement component `3 node + i`, or [`NONE`].
@@ -61,12 +61,16 @@ pub fn entries() -> impl Iterator<Item = (usize, usize)> {
 }
 
 impl Pattern {
-    /// `hold`: one entry per displacement component `3 node + i`; `with_pressure`: an unknown
+    /// `constraints`: one entry per displacement component `3 node + i`; `with_pressure`: an unknown
     /// at every corner.
     ///
     /// # Errors
     /// A factorisation too large for the memory.
-    pub fn new(mesh: &Mesh, hold: &[Hold], with_pressure: bool) -> Result<Self, FemError> {
+    pub fn new(
+        mesh: &Mesh,
+        constraints: &[Constraint],
+        with_pressure: bool,
+    ) -> Result<Self, FemError> {
         let nodes = mesh.nodes_m().len();
         let tets = mesh.tetrahedra();
         let mut is_corner = vec![false; nodes];
@@ -77,7 +81,10 @@ impl Pattern {
             .for_each(|&i| is_corner[i] = true);
         let weight: Vec<usize> = (0..nodes)
             .map(|i| {
-                (0..3).filter(|k| hold[3 * i + k] == Hold::Free).count() + usize::from(is_corner[i])
+                (0..3)
+                    .filter(|k| constraints[3 * i + k] == Constraint::Free)
+                    .count()
+                    + usize::from(is_corner[i])
             })
             .collect();
         let graph = Graph::new(nodes, tets.iter());
@@ -87,7 +94,7 @@ impl Pattern {
         let (mut unknowns, mut pressures) = (0, 0);
         for node in order {
             for k in 0..3 {
-                if hold[3 * node + k] == Hold::Free {
+                if constraints[3 * node + k] == Constraint::Free {
                     of_displacement[3 * node + k] = unknowns as u32;
                     unknowns += 1;
                 }
@@ -138,7 +145,7 @@ impl Pattern {
             }));
         }
         let platform_nodes: Vec<usize> = (0..nodes)
-            .filter(|&i| (0..3).any(|k| hold[3 * i + k] == Hold::Platform))
+            .filter(|&i| (0..3).any(|k| constraints[3 * i + k] == Constraint::Platform))
             .collect();
         let touches_platform = tets
             .iter()

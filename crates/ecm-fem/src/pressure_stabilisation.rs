@@ -1,9 +1,8 @@
-//! Bulk stiffness at points, where distortion is large: it keeps Taylor–Hood from losing
-//! stability where the body does not.
+//! Pressure stabilisation: bulk stiffness at the quadrature points where distortion is large, so
+//! that Taylor–Hood does not lose stability before the body does.
 //!
-//! Taylor–Hood keeps the volume on average only. Displacements that change no volume on average,
-//! but do so at points, are seen by the geometric stiffness of a large pressure as a loss of
-//! stability (Auricchio, Beirão da Veiga, Lovadina and Reali, Comput. Methods Appl. Mech. Engng
+//! Taylor–Hood preserves the volume on average only. Displacements that change the volume at
+//! points, but not on average, make the geometric stiffness of a large pressure indefinite (Auricchio, Beirão da Veiga, Lovadina and Reali, Comput. Methods Appl. Mech. Engng
 //! 194, 2005). A block of incompressible neo-Hookean rubber in plane strain, whose surface is
 //! stable down to a stretch of 0.544 (Biot 1963), has negative pivots from 0.70 on, the more
 //! the finer the mesh. A part γ of the bulk modulus at the points instead of in the pressure,
@@ -12,7 +11,7 @@
 //!
 //! is the same body for every γ: 0 is Taylor–Hood, κ is P2, which locks. With γ = 3 μ everywhere
 //! the block loses stability between 0.55 and 0.54, but the pose of the reference case errs
-//! by 1.30 % instead of 0.90 %. Distortion tells where it is needed:
+//! by 1.30 % instead of 0.90 %. The distortion shows where it is needed:
 //!
 //! γ = Γ y / (1 + y), y = 3 μ x² / Γ, x = Ī₁ − 3, Γ = min(10 μ, κ/5)
 //!
@@ -24,16 +23,16 @@ use crate::material::{Response, distortion};
 use crate::tensor::Mat3;
 
 /// γ / (μ x²) at small distortion.
-const GROWTH: f64 = 3.0;
+const INITIAL_GROWTH: f64 = 3.0;
 
 /// Largest γ / μ.
-const MOST: f64 = 10.0;
+const LARGEST_RATIO: f64 = 10.0;
 
-/// What γ adds to a Taylor–Hood point; per undeformed volume.
-pub(crate) struct AtPoint {
-    /// Energy beyond p (J − 1) − p²/(2 κ).
+/// Additional terms of one Taylor–Hood point by γ, per undeformed volume.
+pub(crate) struct Stabilisation {
+    /// Energy in addition to p (J − 1) − p²/(2 κ), J/m³.
     pub energy: f64,
-    /// Pressure beyond p, Pa.
+    /// Pressure in addition to p, Pa.
     pub pressure: f64,
     /// Stress by the change of γ, Pa.
     pub stress: Mat3,
@@ -48,15 +47,15 @@ pub(crate) struct AtPoint {
 }
 
 impl Body {
-    /// The point's share in the volumetric energy where F and p are `f` and `pressure`; `None`
-    /// for elements that keep the volume at points anyway.
-    pub(crate) fn at_point(
+    /// Stabilisation at a point with deformation gradient `f` and `pressure` (Pa); `None` for
+    /// elements that preserve the volume at points.
+    pub(crate) fn stabilisation(
         &self,
         e: usize,
         f: &Mat3,
         jacobian: f64,
         pressure: f64,
-    ) -> Option<AtPoint> {
+    ) -> Option<Stabilisation> {
         if self.formulation != Formulation::TaylorHood {
             return None;
         }
@@ -64,8 +63,8 @@ impl Body {
         let mu = self.material.shear_modulus_Pa() * self.modulus_scale[e];
         // μ = 2: the energy is x.
         let x = distortion(2.0, f, jacobian);
-        let limit = (MOST * mu).min(0.2 * kappa);
-        let by_limit = GROWTH * mu / limit;
+        let limit = (LARGEST_RATIO * mu).min(0.2 * kappa);
+        let by_limit = INITIAL_GROWTH * mu / limit;
         let y = by_limit * x.energy * x.energy;
         let (dy, ddy) = (2.0 * by_limit * x.energy, 2.0 * by_limit);
         let bulk = limit * y / (1.0 + y);
@@ -74,25 +73,25 @@ impl Body {
         let by_kappa = 1.0 / (kappa - bulk);
         let (gap, q) = (jacobian - 1.0, pressure * by_kappa);
         // ∂/∂γ of the energy: zero where the pressure equation holds at the point.
-        let led = 0.5 * (gap * gap - q * q);
-        Some(AtPoint {
+        let by_gamma = 0.5 * (gap * gap - q * q);
+        Some(Stabilisation {
             energy: 0.5 * bulk * gap * gap - 0.5 * pressure * pressure * (by_kappa - 1.0 / kappa),
             pressure: bulk * gap,
-            stress: x.stress.map(|row| row.map(|v| led * slope * v)),
+            stress: x.stress.map(|row| row.map(|v| by_gamma * slope * v)),
             by_kappa,
             mixing: x.stress.map(|row| row.map(|v| q * slope * by_kappa * v)),
             bulk,
             factors: [
                 gap * slope,
-                led * bend - slope * slope * q * q * by_kappa,
-                led * slope,
+                by_gamma * bend - slope * slope * q * q * by_kappa,
+                by_gamma * slope,
             ],
             distortion: x,
         })
     }
 }
 
-impl AtPoint {
+impl Stabilisation {
     /// Adds its tangent without the geometric part of the pressure, times `weight`.
     pub(crate) fn add_tangent(&self, tangent: &mut [[f64; 9]; 9], cof: &Mat3, weight: f64) {
         let [cross, square, curve] = self.factors.map(|v| weight * v);

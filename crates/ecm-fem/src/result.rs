@@ -1,4 +1,4 @@
-//! What a load case ends with.
+//! Status and result of a load case.
 
 /// How a load case ended; only [`Status::Solved`] is a stable equilibrium at the
 /// given load, every other status comes with the last stable state before it.
@@ -12,7 +12,7 @@ pub enum Status {
     NotConverged,
     /// The load steps became too small because elements turn inside out.
     Inverted,
-    /// The caller raised the cancel flag.
+    /// The caller set the cancel flag.
     Cancelled,
 }
 
@@ -34,10 +34,10 @@ impl Status {
 pub enum Reason {
     /// The smallest eigenvalue of H reaches zero: the platform buckles under the dead wrench.
     Buckling,
-    /// The tangent at held platform loses a positive pivot where the most compressed point is
+    /// The tangent at fixed platform loses a positive pivot where the most compressed point is
     /// beyond [`CREASE`]: the body creases or wrinkles at its surface.
     Crease,
-    /// The tangent at held platform loses a positive pivot at moderate compression.
+    /// The tangent at fixed platform loses a positive pivot at moderate compression.
     Inner,
 }
 
@@ -53,19 +53,19 @@ impl Reason {
             Self::Crease => {
                 "crease: the compressed surface loses stability beyond a stretch ratio of 1/2.4"
             }
-            Self::Inner => "inner: the body loses stability at a held platform",
+            Self::Inner => "inner: the body loses stability at a fixed platform",
         }
     }
 }
 
-/// One load case: the state reached and what is known about it.
+/// Result of one load case at the state that was reached.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaseResult {
     /// How it ended.
     pub status: Status,
     /// (x, y, z, θx, θy, θz) of the platform, m and rad.
     pub pose: [f64; 6],
-    /// (fx, fy, fz, τx, τy, τz) that the pose needs, N and N m, base axes.
+    /// (fx, fy, fz, τx, τy, τz) that holds the pose, N and N m, base axes.
     pub wrench: [f64; 6],
     /// Stored energy, J.
     pub energy_J: f64,
@@ -75,9 +75,9 @@ pub struct CaseResult {
     pub hessian: [[f64; 6]; 6],
     /// Smallest eigenvalue of H with lengths divided by L, N m.
     pub smallest_eigenvalue: f64,
-    /// Negative pivots beyond the number of pressures: instabilities at held pose.
+    /// Negative pivots beyond the number of pressures: instabilities at fixed pose.
     pub inner_instabilities: usize,
-    /// With [`Status::Unstable`]: why.
+    /// Reason of [`Status::Unstable`].
     pub reason: Option<Reason>,
     /// Smallest ratio of the smallest to the largest principal stretch at a quadrature point.
     pub stretch_ratio: f64,
@@ -92,7 +92,7 @@ pub struct CaseResult {
     /// Factorisations, one of them at each equilibrium; fewer than iterations where the last
     /// steps of Newton keep a factor.
     pub factorisations: usize,
-    /// Load steps.
+    /// Number of load steps.
     pub load_steps: usize,
     /// Norm of the residual over the force unit μ V / L.
     pub residual: f64,

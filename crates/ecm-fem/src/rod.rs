@@ -1,4 +1,4 @@
-//! Cosserat rod under a dead tip wrench: a cheap first guess of the pose.
+//! Cosserat rod under a dead tip wrench: a cheap estimate of the pose.
 //!
 //! Straight rod along x, clamped at its base; strains from the force n and the moment
 //! m in section axes: v = (1 + n_x/EA, n_y/GA, n_z/GA), u = (m_x/GJ, m_y/EI, m_z/EI);

@@ -4,7 +4,8 @@
 use ecm_fem::element::{Rule, tet10};
 use ecm_fem::tensor::{Mat3, cofactor, determinant};
 use ecm_fem::{
-    Fem, Formulation, HeldResult, Hold, Material, Mesh, NeoHookean, Quality, Settings, Status,
+    Constraint, Fem, Formulation, Material, Mesh, NeoHookean, PrescribedResult, Quality, Settings,
+    Status,
 };
 use std::f64::consts::PI;
 
@@ -87,11 +88,11 @@ fn displacement_converges_with_the_third_order() {
         let material = NeoHookean::new(1.0, poisson).unwrap();
         let mesh = block([n; 3], |x| x);
         let nodes = mesh.nodes_m().to_vec();
-        let mut hold = vec![Hold::Free; 3 * nodes.len()];
+        let mut constraints = vec![Constraint::Free; 3 * nodes.len()];
         let mut given = vec![0.0; 3 * nodes.len()];
         for (i, x) in nodes.iter().enumerate() {
             if x.iter().any(|v| !(1e-9..1.0 - 1e-9).contains(v)) {
-                hold[3 * i..3 * i + 3].fill(Hold::Prescribed);
+                constraints[3 * i..3 * i + 3].fill(Constraint::Prescribed);
                 given[3 * i..3 * i + 3].copy_from_slice(&manufactured(*x).0);
             }
         }
@@ -100,7 +101,7 @@ fn displacement_converges_with_the_third_order() {
             formulation,
             ..Settings::default()
         };
-        let fem = Fem::held(mesh, Box::new(material), settings, &hold).unwrap();
+        let fem = Fem::with_prescribed(mesh, Box::new(material), settings, &constraints).unwrap();
         let h = 1e-4;
         let force = fem.body().volume_load(|x| {
             let mut b = [0.0; 3];
@@ -116,7 +117,7 @@ fn displacement_converges_with_the_third_order() {
             b
         });
         let fem = fem.with_dead_force(force).unwrap();
-        let result = fem.solve_held(&given).unwrap();
+        let result = fem.solve_prescribed(&given).unwrap();
         assert_eq!(result.status, Status::Solved);
         square_error(&fem, &result).sqrt()
     };
@@ -130,7 +131,7 @@ fn displacement_converges_with_the_third_order() {
     }
 }
 
-fn square_error(fem: &Fem, result: &HeldResult) -> f64 {
+fn square_error(fem: &Fem, result: &PrescribedResult) -> f64 {
     let (body, u) = (fem.body(), &result.field.displacement);
     let rule = body.rule.points();
     let mut sum = 0.0;
@@ -161,21 +162,22 @@ fn cook(n: usize, at: f64, load: f64, material: NeoHookean, hold_z: fn(f64) -> b
         [48.0 * s[0], low + s[1] * (high - low), s[2]]
     });
     let nodes = mesh.nodes_m().to_vec();
-    let mut hold = vec![Hold::Free; 3 * nodes.len()];
+    let mut constraints = vec![Constraint::Free; 3 * nodes.len()];
     for (i, x) in nodes.iter().enumerate() {
         if hold_z(x[2]) {
-            hold[3 * i + 2] = Hold::Prescribed;
+            constraints[3 * i + 2] = Constraint::Prescribed;
         }
         if x[0] < 1e-9 {
-            hold[3 * i..3 * i + 2].fill(Hold::Prescribed);
+            constraints[3 * i..3 * i + 2].fill(Constraint::Prescribed);
         }
     }
-    let fem = Fem::held(mesh, Box::new(material), Settings::default(), &hold).unwrap();
+    let fem =
+        Fem::with_prescribed(mesh, Box::new(material), Settings::default(), &constraints).unwrap();
     let force = fem
         .body()
         .surface_load(|x| x[0] > 48.0 - 1e-9, [0.0, load / 16.0, 0.0]);
     let fem = fem.with_dead_force(force).unwrap();
-    let result = fem.solve_held(&vec![0.0; 3 * nodes.len()]).unwrap();
+    let result = fem.solve_prescribed(&vec![0.0; 3 * nodes.len()]).unwrap();
     assert_eq!(result.status, Status::Solved);
     let total: f64 = (0..nodes.len())
         .filter(|&i| nodes[i][0] < 1e-9)

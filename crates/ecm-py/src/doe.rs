@@ -10,8 +10,8 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::arrays::matrix;
-use crate::door::{Work, long_work};
 use crate::errors::DesignError;
+use crate::py_task::{TaskState, run_task};
 
 fn design_error(error: ecm_doe::DesignError) -> PyErr {
     DesignError::new_err(error.to_string())
@@ -119,7 +119,7 @@ where
             "time_limit_s = {time_limit_s}, expected seconds, 0 for none"
         )));
     }
-    long_work(py, threads, progress, |state: &Work| {
+    run_task(py, threads, progress, |state: &TaskState| {
         let report = |done: usize, total: usize, _best: f64| {
             state.done.fetch_max(done, Ordering::Relaxed);
             state.total.store(total, Ordering::Relaxed);

@@ -14,10 +14,10 @@ use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::arrays::{from_matrices, from_rows, rows};
-use crate::door::{long_work, long_work_telling};
 use crate::errors::FemError;
+use crate::py_task::{run_task, run_task_polling};
 
-/// Poses (N, 6) and whether each was found.
+/// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
 
 fn fem_error(error: ecm_fem::FemError) -> PyErr {
@@ -265,7 +265,7 @@ impl FemResults {
         PyArray1::from_iter(py, self.0.iter().map(|r| r.iterations as i64))
     }
 
-    /// States for [`Fem::learn`], (N, M), from `solve_each`; rows of zeros where there is none.
+    /// States for [`Fem::fit_warm_start`], (N, M), from `solve_each`; rows of zeros where there is none.
     #[getter]
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let width = self.1.iter().map(Vec::len).max().unwrap_or(0);
@@ -283,24 +283,26 @@ impl FemResults {
     }
 }
 
-/// Guesses the states of a body from solved ones; made by `Fem.learn`.
+/// Warm start: initial guesses of states, fitted by `Fem.fit_warm_start`.
 #[pyclass(frozen, module = "ecm._native")]
-pub struct Guess(ecm_fem::Guess);
+pub struct WarmStart(ecm_fem::WarmStart);
 
 #[pymethods]
-impl Guess {
-    /// From `to_bytes` of another process.
+impl WarmStart {
+    /// From the bytes of `to_bytes`, for instance in another process.
     #[new]
     fn new(data: &[u8]) -> PyResult<Self> {
-        ecm_fem::Guess::from_bytes(data).map(Self).ok_or_else(|| {
-            FemError::new_err(format!(
-                "Guess: {} bytes that are no guess, expected what to_bytes gave",
-                data.len()
-            ))
-        })
+        ecm_fem::WarmStart::from_bytes(data)
+            .map(Self)
+            .ok_or_else(|| {
+                FemError::new_err(format!(
+                    "WarmStart: found {} bytes that are not a warm start, expected the bytes of to_bytes",
+                    data.len()
+                ))
+            })
     }
 
-    /// For another process with the same body.
+    /// Bytes to send to another process that has the same body.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.0.to_bytes())
     }
@@ -321,6 +323,16 @@ fn formulation(element: &str) -> PyResult<Formulation> {
     }
 }
 
+/// Rows of an (N, 6) array as loads.
+fn loads(
+    name: &str,
+    array: &PyReadonlyArray2<'_, f64>,
+    load: fn([f64; 6]) -> Load,
+) -> PyResult<Vec<Load>> {
+    Ok(rows::<6>(name, array)?.into_iter().map(load).collect())
+}
+
+/// The outcomes as results with their state vectors.
 fn results(outcomes: Vec<Outcome>) -> FemResults {
     let (results, fields) = outcomes.into_iter().map(|o| (o.result, o.field)).unzip();
     FemResults(results, fields)
@@ -390,7 +402,7 @@ impl Fem {
         .map_err(fem_error)
     }
 
-    /// Solves one wrench or pose and writes the deformed body for ParaView.
+    /// Solves one wrench or pose and writes displacement, stretch and stress for ParaView.
     #[pyo3(signature = (path, *, wrench = None, pose = None))]
     fn write_vtu(
         &self,
@@ -424,38 +436,32 @@ impl Fem {
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads = rows::<6>("wrenches", &wrenches)?
-            .into_iter()
-            .map(Load::Wrench)
-            .collect();
+        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
         self.solve(py, loads, threads, progress)
     }
 
-    /// Equilibria under dead wrenches, each by itself: from `guess`, or without one from rest.
-    /// `finished(rows, results)` is called within 0.1 s of each case that is done.
-    #[pyo3(signature = (wrenches, *, guess = None, threads = 0, progress = None, finished = None))]
+    /// Equilibria under dead wrenches, each solved on its own from `warm_start`, or from rest.
+    /// `finished(rows, results)` is called within 0.1 s of the end of each case.
+    #[pyo3(signature = (wrenches, *, warm_start = None, threads = 0, progress = None, finished = None))]
     fn solve_each(
         &self,
         py: Python<'_>,
         wrenches: PyReadonlyArray2<'_, f64>,
-        guess: Option<&Guess>,
+        warm_start: Option<&WarmStart>,
         threads: usize,
         progress: Option<Py<PyAny>>,
         finished: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
-            .into_iter()
-            .map(Load::Wrench)
-            .collect();
+        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
         let queue: Mutex<Vec<(usize, Outcome)>> = Mutex::new(Vec::new());
-        let keep = finished.is_some();
-        let put = |row: usize, outcome: &Outcome| {
+        let wanted = finished.is_some();
+        let store = |row: usize, outcome: &Outcome| {
             let done = outcome.result.status != Status::Cancelled;
-            if let (true, true, Ok(mut queue)) = (keep, done, queue.lock()) {
+            if let (true, true, Ok(mut queue)) = (wanted, done, queue.lock()) {
                 queue.push((row, outcome.clone()));
             }
         };
-        let tell = |py: Python<'_>| -> PyResult<()> {
+        let poll = |py: Python<'_>| -> PyResult<()> {
             let taken = queue.lock().map(|mut q| std::mem::take(&mut *q));
             match (&finished, taken) {
                 (Some(callback), Ok(taken)) if !taken.is_empty() => {
@@ -465,57 +471,52 @@ impl Fem {
                 _ => Ok(()),
             }
         };
-        long_work_telling(py, threads, progress, &tell, |work| {
-            work.total
+        run_task_polling(py, threads, progress, &poll, |task| {
+            task.total
                 .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
             let watch = Watch {
-                cancel: Some(&work.cancel),
-                done: Some(&work.done),
+                cancel: Some(&task.cancel),
+                done: Some(&task.done),
             };
-            self.0.solve_from(&loads, guess.map(|g| &g.0), watch, &put)
+            self.0
+                .solve_from(&loads, warm_start.map(|w| &w.0), watch, &store)
         })?
         .map(results)
         .map_err(fem_error)
     }
 
-    /// Poses (N, 6) that a guess expects under wrenches; nothing is solved.
-    fn guessed_poses<'py>(
+    /// Poses (N, 6) that a warm start predicts under wrenches; nothing is solved.
+    fn predict_poses<'py>(
         &self,
         py: Python<'py>,
         wrenches: PyReadonlyArray2<'py, f64>,
-        guess: &Guess,
+        warm_start: &WarmStart,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
-            .into_iter()
-            .map(Load::Wrench)
-            .collect();
-        let poses = py.detach(|| self.0.guessed_poses(&loads, &guess.0));
+        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
+        let poses = py.detach(|| self.0.predict_poses(&loads, &warm_start.0));
         from_rows(py, &poses.map_err(fem_error)?)
     }
 
-    /// A guess from states and the wrenches that hold them; None when they are too few.
-    fn learn(
+    /// A warm start fitted to states and their wrenches; None when there are too few.
+    fn fit_warm_start(
         &self,
         py: Python<'_>,
         wrenches: PyReadonlyArray2<'_, f64>,
         fields: PyReadonlyArray2<'_, f32>,
-    ) -> PyResult<Option<Guess>> {
-        let loads: Vec<Load> = rows::<6>("wrenches", &wrenches)?
-            .into_iter()
-            .map(Load::Wrench)
-            .collect();
+    ) -> PyResult<Option<WarmStart>> {
+        let loads = loads("wrenches", &wrenches, Load::Wrench)?;
         let fields: Vec<Vec<f32>> = (fields.as_array().rows().into_iter())
             .map(|row| row.to_vec())
             .collect();
         py.detach(|| {
             let fields: Vec<&[f32]> = fields.iter().map(Vec::as_slice).collect();
-            self.0.learn(&loads, &fields)
+            self.0.fit_warm_start(&loads, &fields)
         })
-        .map(|guess| guess.map(Guess))
+        .map(|fitted| fitted.map(WarmStart))
         .map_err(fem_error)
     }
 
-    /// Wrenches that poses need.
+    /// Wrenches that hold poses.
     #[pyo3(signature = (poses, *, threads = 0, progress = None))]
     fn solve_poses(
         &self,
@@ -524,10 +525,7 @@ impl Fem {
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        let loads = rows::<6>("poses", &poses)?
-            .into_iter()
-            .map(Load::Pose)
-            .collect();
+        let loads = loads("poses", &poses, Load::Pose)?;
         self.solve(py, loads, threads, progress)
     }
 }
@@ -540,12 +538,12 @@ impl Fem {
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<FemResults> {
-        long_work(py, threads, progress, |work| {
-            work.total
+        run_task(py, threads, progress, |task| {
+            task.total
                 .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
             let watch = Watch {
-                cancel: Some(&work.cancel),
-                done: Some(&work.done),
+                cancel: Some(&task.cancel),
+                done: Some(&task.done),
             };
             self.0.solve_all(&loads, watch)
         })?

@@ -1,14 +1,14 @@
-//! Python bindings of the ECM crates: this crate converts, it computes nothing.
+//! Python bindings of the ECM crates. This crate converts arguments and results only.
 //!
-//! One file per crate it wraps, [`door`] for long work (GIL, Ctrl-C, progress, errors)
-//! and [`arrays`] for array conversions.
+//! One file per bound crate, [`py_task`] for long work (GIL, Ctrl-C, progress, errors) and
+//! [`arrays`] for array conversions.
 
 mod arrays;
 mod doe;
-mod door;
 mod errors;
 mod fem;
 mod poly;
+mod py_task;
 mod se3;
 
 use pyo3::prelude::*;
@@ -23,7 +23,7 @@ mod _native {
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
 
     #[pymodule_export]
-    use crate::fem::{Fem, FemResults, Guess, Mesh, rod_poses};
+    use crate::fem::{Fem, FemResults, Mesh, WarmStart, rod_poses};
 
     #[pymodule_export]
     use crate::poly::{

@@ -21,8 +21,9 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
+from ecm.rig.camera import Camera
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import top_from_sensor_wrench
-from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
 _ENOUGH = 100

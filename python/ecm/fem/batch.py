@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm._native import Fem, Guess
+from ecm._native import Fem, WarmStart
 from ecm.fem.case_results import ARRAYS, FLAGS, CaseProgress, CaseResults, case_results
 from ecm.fem.dask import DaskSolver
 from ecm.io.arrays import F
@@ -50,7 +50,7 @@ class LoadCases:
         self._stage = stage
         self._known: dict[int, CaseResults] = {}
         self._parts = 0
-        self._guesses: dict[int, Guess | None] = {0: None}
+        self._guesses: dict[int, WarmStart | None] = {0: None}
         self._fem: Fem | None = None
         self._workers = None if scheduler is None else DaskSolver(mechanism, threads, scheduler)
         if stage is not None:
@@ -73,7 +73,7 @@ class LoadCases:
             else:
                 self._body().solve_each(
                     wrenches[missing],
-                    guess=guess,
+                    warm_start=guess,
                     threads=self._threads,
                     progress=report,
                     finished=lambda rows, results: keep(rows, case_results(results)),
@@ -86,7 +86,7 @@ class LoadCases:
         guess = self._guess(_learned(first))
         if guess is None or _learned(first) < _PREDICTIVE:
             return None
-        poses = self._body().guessed_poses(np.ascontiguousarray(wrenches), guess)
+        poses = self._body().predict_poses(np.ascontiguousarray(wrenches), guess)
         rotation: F = np.linalg.norm(poses[:, 3:], axis=1)
         return rotation
 
@@ -100,7 +100,7 @@ class LoadCases:
             self._fem = self._mechanism.fem()
         return self._fem
 
-    def _guess(self, count: int) -> Guess | None:
+    def _guess(self, count: int) -> WarmStart | None:
         """Learn a guess from the first `count` cases, or from fewer where none can be learned."""
         if count not in self._guesses:
             rows = [self._known[case] for case in range(count)]
@@ -108,7 +108,8 @@ class LoadCases:
             guess = None
             if rows:
                 wrenches = np.array([row["wrenches"] for row in rows])
-                guess = self._body().learn(wrenches, np.array([row["fields"] for row in rows]))
+                fields = np.array([row["fields"] for row in rows])
+                guess = self._body().fit_warm_start(wrenches, fields)
             if guess is None:
                 guess = self._guess(count // 2 if count > _FIRST_BATCH else 0)
             self._guesses[count] = guess

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ecm._native import Fem, Guess
+from ecm._native import Fem, WarmStart
 from ecm.errors import ComputationError, FemError, InputError
 from ecm.fem.case_results import CaseFinished, CaseProgress, CaseResults, case_results
 from ecm.io.arrays import F
@@ -39,12 +39,12 @@ class DaskSolver:
         if mechanism.mesh_file is not None:
             mesh, suffix = mechanism.mesh_file.read_bytes(), mechanism.mesh_file.suffix
         self._body = (replace(mechanism, mesh_file=None), (mesh, suffix), threads)
-        self._guess: tuple[Guess | None, Any] = (None, None)
+        self._guess: tuple[WarmStart | None, Any] = (None, None)
         self._futures: dict[Any, tuple[int, list[int]]] = {}
         """Attempt and rows of each task under way."""
 
     def solve(
-        self, wrenches: F, guess: Guess | None, finished: CaseFinished, report: CaseProgress
+        self, wrenches: F, guess: WarmStart | None, finished: CaseFinished, report: CaseProgress
     ) -> None:
         """Solve all cases, in chunks small enough to occupy all workers to the end."""
         count = len(wrenches)
@@ -74,7 +74,7 @@ class DaskSolver:
         self._futures[future] = (attempt, chunk)
         return future
 
-    def _send(self, guess: Guess | None) -> Any:
+    def _send(self, guess: WarmStart | None) -> Any:
         """Send the guess as a task, so that it is computed again where a worker dies with it."""
         if self._guess[0] is not guess or self._guess[1] is None:
             data = b"" if guess is None else guess.to_bytes()
@@ -100,8 +100,8 @@ def _solve_chunk(
     if key not in _fem:
         _fem.clear()
         _fem[key] = _make_fem(mechanism, *mesh)
-    start = Guess(guess) if guess else None
-    return case_results(_fem[key].solve_each(wrenches, guess=start, threads=threads))
+    start = WarmStart(guess) if guess else None
+    return case_results(_fem[key].solve_each(wrenches, warm_start=start, threads=threads))
 
 
 def _make_fem(mechanism: Mechanism, mesh: bytes, suffix: str) -> Fem:

@@ -42,16 +42,16 @@ impl Element {
         let rule = body.rule.points();
         let points = &body.points[e * rule.len()..(e + 1) * rule.len()];
         let formulation = body.formulation;
-        let kept = body.kept_pressures();
-        let corner_pressure: [f64; 4] = if kept == 0 {
+        let condensed = body.condensed_pressures();
+        let corner_pressure: [f64; 4] = if condensed == 0 {
             std::array::from_fn(|m| field.pressure[tet[m]])
         } else {
             [0.0; 4]
         };
-        // Kept pressure, and the one that its residual J − 1 − p/κ brings it to.
-        let led = |kept: f64, gap: f64| {
-            let scaled = kept + (gap - by_kappa * kept) / compliance;
-            (unit * kept, unit * scaled)
+        // Stored pressure, and its update by the residual J − 1 − p/κ.
+        let stored_and_updated = |stored: f64, gap: f64| {
+            let scaled = stored + (gap - by_kappa * stored) / compliance;
+            (unit * stored, unit * scaled)
         };
         let energy = |scaled: f64, gap: f64| unit * scaled * (gap - 0.5 * by_kappa * scaled);
         let (mut volume, mut mean) = (0.0, (0.0, 0.0));
@@ -63,7 +63,7 @@ impl Element {
                     point.volume_m3 * (crate::tensor::determinant(&deformation(point, &u)) - 1.0);
             }
             mean_gap /= volume;
-            mean = led(field.pressure[e], mean_gap);
+            mean = stored_and_updated(field.pressure[e], mean_gap);
             self.energy += volume * energy(mean.1 / unit, mean_gap);
         }
         for (q, (point, (psi, _))) in points.iter().zip(rule).enumerate() {
@@ -77,10 +77,12 @@ impl Element {
             let weight = point.volume_m3;
             let scaled: f64 = (0..4).map(|m| psi[m] * corner_pressure[m]).sum();
             // In the geometric stiffness, and in the forces.
-            let (turning, p) = match formulation {
+            let (geometric_p, p) = match formulation {
                 Formulation::TaylorHood => (unit * scaled, unit * scaled),
                 Formulation::ConstantPressure => mean,
-                Formulation::Displacement => led(field.pressure[e * kept + q], jacobian - 1.0),
+                Formulation::Displacement => {
+                    stored_and_updated(field.pressure[e * condensed + q], jacobian - 1.0)
+                }
             };
             let mut response = body.material.respond(&f, jacobian);
             let distortion = weight * scale;
@@ -91,16 +93,16 @@ impl Element {
                 }
                 Formulation::ConstantPressure => {}
             }
-            let at_point = body.at_point(e, &f, jacobian, p);
-            let more = at_point.as_ref().map_or(0.0, |x| x.pressure);
-            let (turning, p) = (turning + more, p + more);
-            self.energy += at_point.as_ref().map_or(0.0, |x| weight * x.energy);
+            let stabilisation = body.stabilisation(e, &f, jacobian, p);
+            let more = stabilisation.as_ref().map_or(0.0, |x| x.pressure);
+            let (geometric_p, p) = (geometric_p + more, p + more);
+            self.energy += stabilisation.as_ref().map_or(0.0, |x| weight * x.energy);
             // Weighted stress and tangent with the pressure's part.
             let wp = weight * p;
             for i in 0..3 {
                 for j in 0..3 {
                     let mut stress = distortion * response.stress[i][j] + wp * cof[i][j];
-                    if let Some(x) = &at_point {
+                    if let Some(x) = &stabilisation {
                         stress += weight * x.stress[i][j];
                     }
                     for a in 0..PAD {
@@ -113,7 +115,7 @@ impl Element {
                     *value *= distortion;
                 }
             }
-            add_cofactor_tangent(&mut response.tangent, &f, weight * turning);
+            add_cofactor_tangent(&mut response.tangent, &f, weight * geometric_p);
             if formulation == Formulation::Displacement {
                 for r in 0..9 {
                     for q in 0..9 {
@@ -123,7 +125,7 @@ impl Element {
                 }
             }
             let (mut mixing, mut by_kappa, mut compliance) = (cof, by_kappa, compliance);
-            if let Some(x) = &at_point {
+            if let Some(x) = &stabilisation {
                 x.add_tangent(&mut response.tangent, &cof, weight);
                 by_kappa = unit * x.by_kappa;
                 compliance = compliance.max(by_kappa);

@@ -1,12 +1,11 @@
-//! Many load cases, each from a guess by the ones solved before.
+//! Many load cases, warm-started by the cases solved before.
 //!
-//! Cases are solved in groups; every case of a group starts from the same [`Guess`],
-//! learned from all groups before it, and knows nothing of its neighbours in the group.
-//! Groups depend on the cases alone, so the number of threads changes nothing, not even
-//! the last bit.
+//! Cases are solved in groups. Every case of a group starts from the same [`WarmStart`], which is
+//! fitted to all earlier groups; cases of one group do not use each other. Groups depend on the
+//! cases only, so the results have the same bits for any number of threads.
 
 use super::newton::Workspace;
-use super::{Fem, Guess, Load, Watch};
+use super::{Fem, Load, WarmStart, Watch};
 use crate::FemError;
 use crate::result::{CaseResult, Status};
 use crate::rod::Rod;
@@ -15,18 +14,18 @@ use rayon::prelude::*;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-/// First group; every further one doubles what is solved.
-const FIRST: usize = 16;
+/// Cases in the first group; every further group doubles the number of solved cases.
+const FIRST_GROUP: usize = 16;
 
-/// What is learned from at most; more changes little and needs memory.
-const LEARNED: usize = 1024;
+/// Most cases to which a warm start is fitted; more change little and need memory.
+const MOST_FITTED: usize = 1024;
 
-/// A load case: its result, and its state for [`Fem::learn`].
+/// A load case: its result, and its state for [`Fem::fit_warm_start`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The result.
     pub result: CaseResult,
-    /// Pose, displacements and pressures of the result's state on its bent axis.
+    /// State vector of the result: pose, displacements and pressures in the bent frame.
     pub field: Vec<f32>,
 }
 
@@ -38,13 +37,13 @@ impl Outcome {
     }
 }
 
-/// Called with row and outcome of each load case as soon as it is done, on its thread.
+/// Called with the row and outcome of each load case when it is finished, on its own thread.
 pub type Finished<'a> = &'a (dyn Fn(usize, &Outcome) + Sync);
 
 impl Fem {
-    /// Solves all loads (all wrenches or all poses) on rayon's current pool, learning from
-    /// the solved ones; one result per load, in their order. The first wrenches begin at rest,
-    /// the first poses where the tangent at rest puts them.
+    /// Solves all loads (all wrenches or all poses) on rayon's current pool, warm-started by the
+    /// solved ones; one result per load, in their order. The first wrenches start at rest, the
+    /// first poses at the linear prediction from rest.
     ///
     /// # Errors
     /// A load that is not finite, with its row.
@@ -53,20 +52,20 @@ impl Fem {
         let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
         let order = farthest_first(&points);
         let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
-        let mut guess = match loads.first() {
-            Some(Load::Pose(_)) => self.linear_guess(),
+        let mut warm_start = match loads.first() {
+            Some(Load::Pose(_)) => self.linear_start(),
             _ => None,
         };
         let mut done = 0;
         while done < order.len() {
-            let group = &order[done..order.len().min((2 * done).max(FIRST))];
-            let found = self.solve_group(loads, group, guess.as_ref(), watch, &|_, _| {});
-            for (&case, outcome) in group.iter().zip(found) {
+            let group = &order[done..order.len().min((2 * done).max(FIRST_GROUP))];
+            let solved = self.solve_group(loads, group, warm_start.as_ref(), watch, &|_, _| {});
+            for (&case, outcome) in group.iter().zip(solved) {
                 outcomes[case] = Some(outcome);
             }
             done += group.len();
-            if done < order.len() && done <= LEARNED {
-                let known: Vec<&Outcome> = (order[..done].iter())
+            if done < order.len() && done <= MOST_FITTED {
+                let states: Vec<&Outcome> = (order[..done].iter())
                     .filter_map(|&i| outcomes[i].as_ref())
                     .filter(|o| o.is_state())
                     .collect();
@@ -74,39 +73,42 @@ impl Fem {
                     Load::Wrench(_) => Load::Wrench(o.result.wrench),
                     Load::Pose(_) => Load::Pose(o.result.pose),
                 };
-                let loads: Vec<Load> = known.iter().map(equilibrium).collect();
-                let fields: Vec<&[f32]> = known.iter().map(|o| o.field.as_slice()).collect();
-                guess = self.learn(&loads, &fields)?.or(guess);
+                let loads: Vec<Load> = states.iter().map(equilibrium).collect();
+                let fields: Vec<&[f32]> = states.iter().map(|o| o.field.as_slice()).collect();
+                warm_start = self.fit_warm_start(&loads, &fields)?.or(warm_start);
             }
         }
         Ok(outcomes.into_iter().flatten().map(|o| o.result).collect())
     }
 
-    /// Solves all loads on rayon's current pool, each by itself from the same guess, or
-    /// without one from rest.
+    /// Solves all loads on rayon's current pool, each on its own from the same warm start; from
+    /// rest without one.
     ///
     /// # Errors
-    /// A load that is not finite, with its row; a guess of another body.
+    /// A load that is not finite, with its row; a warm start of another body.
     pub fn solve_from(
         &self,
         loads: &[Load],
-        guess: Option<&Guess>,
+        warm_start: Option<&WarmStart>,
         watch: Watch,
         finished: Finished,
     ) -> Result<Vec<Outcome>, FemError> {
         self.check_loads(loads)?;
-        guess.map_or(Ok(()), |guess| self.check_guess(guess))?;
+        warm_start.map_or(Ok(()), |warm_start| self.check_warm_start(warm_start))?;
         let all: Vec<usize> = (0..loads.len()).collect();
-        Ok(self.solve_group(loads, &all, guess, watch, finished))
+        Ok(self.solve_group(loads, &all, warm_start, watch, finished))
     }
 
-    /// A guess from states and the loads at which they are equilibria, all wrenches or all
-    /// poses; `None` when they are too few.
+    /// A warm start fitted to states and the loads at which they are equilibria, all wrenches or
+    /// all poses; `None` when there are too few.
     ///
     /// # Errors
-    /// A load that is not finite, fields that are not as many, or of another length than
-    /// this body's.
-    pub fn learn(&self, loads: &[Load], fields: &[&[f32]]) -> Result<Option<Guess>, FemError> {
+    /// A load that is not finite; not as many fields as loads; fields of another body.
+    pub fn fit_warm_start(
+        &self,
+        loads: &[Load],
+        fields: &[&[f32]],
+    ) -> Result<Option<WarmStart>, FemError> {
         self.check_loads(loads)?;
         let size = |what, found, expected, why| FemError::Size {
             what,
@@ -123,42 +125,46 @@ impl Fem {
                 "a field",
                 field.len(),
                 length,
-                "this body's states have as many",
+                "the length of this body's state vector",
             ));
         }
         let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
         let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
-        Ok(Guess::fit(&samples))
+        Ok(WarmStart::fit(&samples))
     }
 
-    /// Poses that a guess expects, far cheaper than to solve for them.
+    /// Poses (m, rad) predicted by a warm start, without solving.
     ///
     /// # Errors
     /// As [`Fem::solve_from`].
-    pub fn guessed_poses(&self, loads: &[Load], guess: &Guess) -> Result<Vec<[f64; 6]>, FemError> {
+    pub fn predict_poses(
+        &self,
+        loads: &[Load],
+        warm_start: &WarmStart,
+    ) -> Result<Vec<[f64; 6]>, FemError> {
         self.check_loads(loads)?;
-        self.check_guess(guess)?;
+        self.check_warm_start(warm_start)?;
         Ok(loads
             .par_iter()
-            .map(|load| guess.pose(&self.point(load)))
+            .map(|load| warm_start.pose(&self.point(load)))
             .collect())
     }
 
-    fn check_guess(&self, guess: &Guess) -> Result<(), FemError> {
-        let (found, expected) = (guess.field_length(), self.field_length());
+    fn check_warm_start(&self, warm_start: &WarmStart) -> Result<(), FemError> {
+        let (found, expected) = (warm_start.field_length(), self.field_length());
         if found == expected {
             return Ok(());
         }
-        let why = "a guess serves the body it was learned from";
+        let why = "a warm start is valid for the body that it was fitted to";
         Err(FemError::Size {
-            what: "the guess's field",
+            what: "the state vector of the warm start",
             found,
             expected,
             why,
         })
     }
 
-    /// Values in a flat field.
+    /// Number of values in a state vector.
     pub fn field_length(&self) -> usize {
         self.flatten(&self.rest()).len()
     }
@@ -171,19 +177,19 @@ impl Fem {
         &self,
         loads: &[Load],
         group: &[usize],
-        guess: Option<&Guess>,
+        warm_start: Option<&WarmStart>,
         watch: Watch,
         finished: Finished,
     ) -> Vec<Outcome> {
         let spare: Mutex<Vec<Workspace>> = Mutex::new(Vec::new());
-        // One case at a time: a creased one costs ten times a solved one.
+        // One case per task: a creased case costs ten times a solved one.
         group
             .par_iter()
             .with_max_len(1)
             .map(|&case| {
-                let mut work = take(&spare).unwrap_or_else(|| Workspace::new(self));
-                let outcome = self.solve_case(&mut work, &loads[case], guess, watch);
-                give(&spare, work);
+                let mut work = pop(&spare).unwrap_or_else(|| Workspace::new(self));
+                let outcome = self.solve_case(&mut work, &loads[case], warm_start, watch);
+                push(&spare, work);
                 finished(case, &outcome);
                 if let Some(counter) = watch.done {
                     counter.fetch_add(1, Ordering::Relaxed);
@@ -197,7 +203,7 @@ impl Fem {
         &self,
         work: &mut Workspace,
         load: &Load,
-        guess: Option<&Guess>,
+        warm_start: Option<&WarmStart>,
         watch: Watch,
     ) -> Outcome {
         if watch.cancelled() {
@@ -210,8 +216,8 @@ impl Fem {
                 field: Vec::new(),
             };
         }
-        let (result, state) = match guess {
-            Some(guess) => self.solve_guessed(work, load, guess, watch),
+        let (result, state) = match warm_start {
+            Some(warm_start) => self.solve_from_warm_start(work, load, warm_start, watch),
             None => self.follow_from_rest(work, load, watch),
         };
         let field = self.flatten(&state);
@@ -227,8 +233,8 @@ impl Fem {
     }
 
     /// Mid-frame coordinates (c / L, θ) of a load's pose; for a wrench, of the pose that
-    /// the rod with this body's stiffness at rest takes. Over them states are nearly
-    /// linear, over wrenches they are not.
+    /// a Cosserat rod with this body's stiffness at rest takes. States are nearly linear in these
+    /// coordinates, but not in wrenches.
     pub(super) fn point(&self, load: &Load) -> [f64; 6] {
         let length = self.body.mesh.length_m();
         let pose = match load {
@@ -244,11 +250,11 @@ impl Fem {
     }
 }
 
-fn take(spare: &Mutex<Vec<Workspace>>) -> Option<Workspace> {
+fn pop(spare: &Mutex<Vec<Workspace>>) -> Option<Workspace> {
     spare.lock().ok()?.pop()
 }
 
-fn give(spare: &Mutex<Vec<Workspace>>, work: Workspace) {
+fn push(spare: &Mutex<Vec<Workspace>>, work: Workspace) {
     if let Ok(mut list) = spare.lock() {
         list.push(work);
     }
@@ -258,8 +264,8 @@ fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     (0..6).map(|k| (a[k] - b[k]).powi(2)).sum()
 }
 
-/// The case nearest to rest (the origin), then always the one farthest from all before it:
-/// any first part of the order covers the whole range.
+/// Order of the cases: the one nearest to rest (the origin), then always the one farthest from all
+/// before it, so that any first part of the order covers the whole range.
 fn farthest_first(points: &[[f64; 6]]) -> Vec<usize> {
     let mut gap: Vec<f64> = points
         .iter()

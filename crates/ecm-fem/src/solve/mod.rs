@@ -1,27 +1,27 @@
 //! Load cases: Newton, load stepping, batches.
 
 mod batch;
+mod bent_frame;
 mod condense;
-mod guessed;
-mod held;
-mod learn;
-mod linear;
+mod initial_guess;
+mod linear_start;
 mod newton;
 mod path;
+mod prescribed;
 #[cfg(test)]
 mod tests;
-mod warp;
+mod warm_start;
 
 pub use batch::{Finished, Outcome};
-pub use held::HeldResult;
-pub use learn::Guess;
 pub use newton::Timing;
+pub use prescribed::PrescribedResult;
+pub use warm_start::WarmStart;
 
 use crate::body::{Body, Field, Formulation};
 use crate::element::Rule;
 use crate::material::Material;
 use crate::mesh::Mesh;
-use crate::pattern::{Hold, Pattern};
+use crate::pattern::{Constraint, Pattern};
 use crate::platform::Platform;
 use crate::result::CaseResult;
 use crate::{FemError, tensor};
@@ -29,7 +29,7 @@ use newton::Workspace;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// What the platform is given.
+/// The load on the platform: a wrench or a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
     /// Dead wrench (fx, fy, fz, τx, τy, τz) about the platform's origin, base axes, N and N m.
@@ -76,37 +76,37 @@ impl Default for Settings {
     }
 }
 
-/// How the outside looks in on long work.
+/// Cancel flag and progress counter of long work.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Watch<'a> {
-    /// Raised to end the work after the current factorisation.
+    /// Set by the caller to end the work after the current factorisation.
     pub cancel: Option<&'a AtomicBool>,
     /// Counts load cases that are done.
     pub done: Option<&'a AtomicUsize>,
 }
 
 impl Watch<'_> {
-    /// Whether the caller wants no more.
+    /// Whether the caller has cancelled.
     pub(super) fn cancelled(&self) -> bool {
         self.cancel.is_some_and(|c| c.load(Ordering::Relaxed))
     }
 }
 
-/// A body with its platform: equilibrium and the last load on it.
+/// State of a body and its platform.
 #[derive(Debug, Clone, PartialEq)]
 struct State {
     field: Field,
     platform: Platform,
 }
 
-/// A mechanism ready for load cases.
+/// A body clamped at its base with a rigid platform on top, ready to solve load cases.
 #[derive(Debug)]
 pub struct Fem {
     body: Body,
     pattern: Pattern,
     settings: Settings,
     force_unit_N: f64,
-    /// The state without load, once it was asked for.
+    /// Result without load, computed when first needed.
     at_rest: OnceLock<CaseResult>,
 }
 
@@ -133,23 +133,23 @@ impl Fem {
         modulus_scale: Option<Vec<f64>>,
         settings: Settings,
     ) -> Result<Self, FemError> {
-        let mut hold = vec![Hold::Free; 3 * mesh.nodes_m().len()];
+        let mut constraints = vec![Constraint::Free; 3 * mesh.nodes_m().len()];
         for &node in mesh.base_nodes() {
-            hold[3 * node..3 * node + 3].fill(Hold::Prescribed);
+            constraints[3 * node..3 * node + 3].fill(Constraint::Prescribed);
         }
         for &node in mesh.top_nodes() {
-            hold[3 * node..3 * node + 3].fill(Hold::Platform);
+            constraints[3 * node..3 * node + 3].fill(Constraint::Platform);
         }
-        Self::with_holds(mesh, material, modulus_scale, settings, &hold)
+        Self::with_constraints(mesh, material, modulus_scale, settings, &constraints)
     }
 
-    /// Any displacement components held or on the platform.
-    pub(crate) fn with_holds(
+    /// Any displacement components prescribed or on the platform.
+    pub(crate) fn with_constraints(
         mesh: Mesh,
         material: Box<dyn Material>,
         modulus_scale: Option<Vec<f64>>,
         settings: Settings,
-        hold: &[Hold],
+        constraints: &[Constraint],
     ) -> Result<Self, FemError> {
         let elements = mesh.tetrahedra().len();
         let modulus_scale = modulus_scale.unwrap_or_else(|| vec![1.0; elements]);
@@ -177,7 +177,7 @@ impl Fem {
                 expected: "a finite number for P2, which locks without; use P2/P1 or P2/P0",
             });
         }
-        let pattern = Pattern::new(&mesh, hold, mixed)?;
+        let pattern = Pattern::new(&mesh, constraints, mixed)?;
         let force_unit_N = material.shear_modulus_Pa() * mesh.volume_m3() / mesh.length_m();
         let body = Body::new(
             mesh,
@@ -213,7 +213,7 @@ impl Fem {
     /// K at rest.
     ///
     /// # Errors
-    /// None today; kept for loads that do not vanish at rest.
+    /// None for now; loads that do not vanish at rest may fail.
     pub fn rest_stiffness(&self) -> Result<[[f64; 6]; 6], FemError> {
         Ok(self.solve_wrench(&[0.0; 6])?.stiffness)
     }
@@ -226,7 +226,7 @@ impl Fem {
         self.solve(&Load::Wrench(*wrench)).map(|r| r.0)
     }
 
-    /// Wrench that a pose needs, from rest.
+    /// Wrench that holds a pose, from rest.
     ///
     /// # Errors
     /// A pose that is not finite.
@@ -234,7 +234,7 @@ impl Fem {
         self.solve(&Load::Pose(*pose)).map(|r| r.0)
     }
 
-    /// One load case from rest, and where its time went.
+    /// One load case from rest, and the time spent in its parts.
     ///
     /// # Errors
     /// A load that is not finite.
@@ -256,8 +256,8 @@ impl Fem {
         Ok((result, state.field))
     }
 
-    /// Own weight: a dead force per undeformed volume in base axes, N/m³ (density × gravity).
-    /// The state without wrench then sags; wrenches are what the surroundings add.
+    /// With a body force per undeformed volume in base axes, N/m³ (density × gravity). The state
+    /// without wrench then sags under its own weight; wrenches act in addition.
     ///
     /// # Errors
     /// A component that is not finite.

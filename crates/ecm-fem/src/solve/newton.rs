@@ -22,7 +22,7 @@ pub struct Timing {
     pub factorisations: usize,
 }
 
-/// Memory of one thread.
+/// Working memory of one thread.
 #[derive(Debug)]
 pub(super) struct Workspace {
     pub sums: Sums,
@@ -32,13 +32,13 @@ pub(super) struct Workspace {
     pub pivots: Vec<f64>,
     residual: Vec<f64>,
     pub trial: State,
-    /// `sums`, `factor` and the first six `columns` belong to the current state.
+    /// Whether `sums`, `factor` and the first six `columns` belong to the current state.
     pub ready: bool,
     pub balance: Balance,
     pub timing: Timing,
 }
 
-/// What the platform's nodes say at a state.
+/// Equilibrium of the platform at a state.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Balance {
     pub wrench: [f64; 6],
@@ -52,19 +52,19 @@ pub(super) struct Balance {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Failure {
     Diverged,
-    /// Diverged over states that are unstable even at a held platform.
+    /// Diverged, with iterates that are unstable at fixed platform.
     Unstable,
     Inverted,
     Cancelled,
 }
 
-/// Iterates without inner stability and without progress after which Newton is given up.
-pub(super) const WANDERING: usize = 3;
+/// Iterates that are unstable and bring no progress, after which Newton gives up.
+pub(super) const MOST_UNSTABLE_ITERATES: usize = 3;
 
 /// Smallest share of a Newton step that is tried.
 const SMALLEST_SHARE: f64 = 1.0 / 64.0;
 
-/// Gain of a step with an old factor that is worth the assembly.
+/// Largest expected ratio of residuals at which a step reuses an old factor.
 const CHORD_GAIN: f64 = 0.1;
 
 impl Workspace {
@@ -94,12 +94,12 @@ impl Fem {
         work: &mut Workspace,
         state: &mut State,
         load: &Load,
-        (most, patience): (usize, usize),
+        (most, most_unstable): (usize, usize),
         watch: Watch,
     ) -> Result<usize, (Failure, usize)> {
         let n = self.pattern.unknowns;
         if !work.ready {
-            self.hold_platform_nodes(state);
+            self.place_platform_nodes(state);
             work.sums.softening = 0.0;
             self.assemble(work, state).map_err(|f| (f, 0))?;
         }
@@ -109,9 +109,9 @@ impl Fem {
         };
         let mut iteration = 0;
         let mut previous_share = 1.0;
-        let (mut unstable_iterates, mut wandering) = (0, 0);
+        let (mut unstable_iterates, mut without_progress) = (0, 0);
         let mut last_residual = f64::INFINITY;
-        let mut factored = false;
+        let mut has_factor = false;
         loop {
             if watch.cancelled() {
                 work.ready = false;
@@ -125,23 +125,23 @@ impl Fem {
             let converged = work.balance.residual <= self.settings.tolerance && !softened;
             // A step with the factor of the state before gains about twice what the last gained.
             let gain = 2.0 * work.balance.residual / last_residual;
-            let chord = factored
+            let chord = has_factor
                 && unstable_iterates == 0
                 && gain < CHORD_GAIN
                 && gain * work.balance.residual <= self.settings.tolerance;
             if !work.ready && (converged || !chord) {
                 self.factorise(work).map_err(|f| (f, iteration))?;
             }
-            factored = true;
+            has_factor = true;
             if converged {
                 return Ok(iteration);
             }
             unstable_iterates += usize::from(work.balance.inner_instabilities > 0);
-            wandering += usize::from(
+            without_progress += usize::from(
                 work.balance.inner_instabilities > 0 && work.balance.residual > 0.5 * last_residual,
             );
             last_residual = work.balance.residual;
-            if iteration == most || wandering >= patience {
+            if iteration == most || without_progress >= most_unstable {
                 work.ready = false;
                 let failure = if unstable_iterates > 0 {
                     Failure::Unstable
@@ -154,7 +154,7 @@ impl Fem {
                 .step(work, &gap, target.is_some())
                 .ok_or((Failure::Diverged, iteration))?;
             let size = step_size(&platform_step, self.body.mesh.length_m());
-            // After a step cut short by folding elements, do not at once try the whole way.
+            // After a step that inverted elements cut short, do not try the full step at once.
             let softening = work.sums.softening;
             let mut share = (self.settings.step_limit / size)
                 .min(1.0)
@@ -190,14 +190,14 @@ impl Fem {
         state: &mut State,
         load: &Load,
     ) -> Result<(), Failure> {
-        self.hold_platform_nodes(state);
+        self.place_platform_nodes(state);
         work.sums.softening = 0.0;
         self.assemble(work, state)?;
         self.residuals(work, state, load, None);
         self.factorise(work)
     }
 
-    pub(super) fn hold_platform_nodes(&self, state: &mut State) {
+    pub(super) fn place_platform_nodes(&self, state: &mut State) {
         for &node in &self.pattern.platform_nodes {
             let u = state.platform.displacement(&self.body.mesh, node);
             state.field.displacement[3 * node..3 * node + 3].copy_from_slice(&u);
@@ -215,8 +215,8 @@ impl Fem {
         outcome.map_err(|_| Failure::Inverted)
     }
 
-    /// Fills the residual and its norm; returns what is missing at the platform:
-    /// wrench (given − found) or the step to the given pose.
+    /// Fills the residual and its norm; returns what is missing at the platform: the wrench
+    /// (given − current) or the step to the given pose.
     fn residuals(
         &self,
         work: &mut Workspace,
@@ -370,18 +370,21 @@ impl Fem {
                 *new = old + share * step[unknown as usize];
             }
         }
-        if self.body.kept_pressures() > 0 {
+        if self.body.condensed_pressures() > 0 {
             self.move_platform_linearly(trial, state, platform_step, share);
             let softening = &mut work.sums.softening;
-            *softening =
-                self.body
-                    .move_kept_pressures(&state.field, &mut trial.field, share, *softening);
+            *softening = self.body.update_condensed_pressures(
+                &state.field,
+                &mut trial.field,
+                share,
+                *softening,
+            );
         }
-        self.hold_platform_nodes(trial);
+        self.place_platform_nodes(trial);
     }
 
-    /// The platform's nodes where the tangent expects them, δx = δr + δφ × arm: a finite
-    /// rotation would look like a change of volume to the pressures.
+    /// Platform nodes moved by the linear step, δx = δr + δφ × arm: the pressures would take a
+    /// finite rotation for a change of volume.
     fn move_platform_linearly(
         &self,
         trial: &mut State,

@@ -1,7 +1,7 @@
-//! Proportionally from an equilibrium to a load, in as few steps as stability and Newton allow.
+//! Load stepping: the load grows in proportion, in as few steps as stability and Newton allow.
 
 use super::condense::smallest_eigenvalue;
-use super::newton::{Failure, WANDERING, Workspace};
+use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
 use super::{Fem, Load, State, Watch};
 use crate::platform::Platform;
 use crate::result::{CREASE, CaseResult, Reason, Status};
@@ -10,34 +10,36 @@ use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Pose, Wrench};
 use nalgebra::Matrix3;
 
-/// Share of the way between the last stable and the first unstable equilibrium that is
-/// narrow enough to call the load unstable.
+/// Largest share of the load between the last stable and the first unstable equilibrium at which
+/// the load is reported as unstable.
 pub(super) const BRACKET: f64 = 1.0 / 16.0;
 
-/// Which stiffness has lost its positivity.
+/// Which stiffness is no longer positive definite.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Lost {
-    Inside,
-    Whole,
+pub(super) enum Instability {
+    /// The tangent at fixed platform.
+    Internal,
+    /// H: the platform buckles under a dead wrench.
+    Buckling,
 }
 
-/// Where a path begins: an equilibrium at a share of the load, and the first step from it.
-pub(super) struct Begin {
+/// Start of a load path: an equilibrium at a share of the load, and the size of the first step.
+pub(super) struct PathStart {
     pub state: State,
     pub result: Option<CaseResult>,
     pub reached: f64,
     pub step: f64,
 }
 
-/// What Newton found at a load.
-pub(super) enum Landing {
+/// How Newton ended at one load.
+pub(super) enum Attempt {
     Stable(Box<CaseResult>),
-    Lost(Lost),
+    Unstable(Instability),
     Failed(Failure),
 }
 
 impl Fem {
-    /// Follows the load from rest; also returns the final state.
+    /// Follows the load path from rest; also returns the final state.
     pub(super) fn follow_from_rest(
         &self,
         work: &mut Workspace,
@@ -45,13 +47,13 @@ impl Fem {
         watch: Watch,
     ) -> (CaseResult, State) {
         let before = work.timing.factorisations;
-        let (mut result, state) = self.follow(work, self.begin_at_rest(1.0), load, watch);
+        let (mut result, state) = self.follow(work, self.path_from_rest(1.0), load, watch);
         result.factorisations = work.timing.factorisations - before;
         (result, state)
     }
 
-    pub(super) fn begin_at_rest(&self, step: f64) -> Begin {
-        Begin {
+    pub(super) fn path_from_rest(&self, step: f64) -> PathStart {
+        PathStart {
             state: self.rest(),
             result: None,
             reached: 0.0,
@@ -66,17 +68,17 @@ impl Fem {
         }
     }
 
-    /// Follows the load proportionally to its end.
+    /// Follows the load path to its end.
     pub(super) fn follow(
         &self,
         work: &mut Workspace,
-        begin: Begin,
+        begin: PathStart,
         load: &Load,
         watch: Watch,
     ) -> (CaseResult, State) {
         work.ready = false;
         let start = self.load_at_rest(load);
-        let Begin {
+        let PathStart {
             mut state,
             result: mut last_result,
             mut reached,
@@ -84,104 +86,110 @@ impl Fem {
         } = begin;
         let most = self.settings.iterations;
         let (mut iterations, mut load_steps) = (0, 0);
-        let mut last_good = state.clone();
-        let mut may_grow = true;
-        let (status, lost) = loop {
+        let mut last_stable = state.clone();
+        let mut step_may_grow = true;
+        let (status, instability) = loop {
             let next = if reached + step >= 1.0 - 1e-12 {
                 1.0
             } else {
                 reached + step
             };
-            let here = between(&start, load, next);
-            let (landing, n) = self.land(work, &mut state, &here, (most, WANDERING), watch);
+            let load_now = between(&start, load, next);
+            let (attempt, n) = self.attempt(
+                work,
+                &mut state,
+                &load_now,
+                (most, MOST_UNSTABLE_ITERATES),
+                watch,
+            );
             iterations += n;
-            let (failure, lost) = match landing {
-                Landing::Stable(result) => {
+            let (failure, instability) = match attempt {
+                Attempt::Stable(result) => {
                     load_steps += 1;
                     reached = next;
-                    let grown = if may_grow { 2.0 * step } else { step };
+                    let grown = if step_may_grow { 2.0 * step } else { step };
                     step = grown.min(1.0 - reached);
-                    may_grow = true;
-                    last_good.clone_from(&state);
+                    step_may_grow = true;
+                    last_stable.clone_from(&state);
                     last_result = Some(*result);
                     if reached == 1.0 {
                         break (Status::Solved, None);
                     }
                     continue;
                 }
-                Landing::Lost(lost) => {
+                Attempt::Unstable(instability) => {
                     if next - reached <= BRACKET {
-                        break (Status::Unstable, Some(lost));
+                        break (Status::Unstable, Some(instability));
                     }
-                    (Status::Unstable, Some(lost))
+                    (Status::Unstable, Some(instability))
                 }
-                Landing::Failed(Failure::Cancelled) => break (Status::Cancelled, None),
-                Landing::Failed(Failure::Diverged) => (Status::NotConverged, None),
-                Landing::Failed(Failure::Inverted) => (Status::Inverted, None),
-                Landing::Failed(Failure::Unstable) => {
+                Attempt::Failed(Failure::Cancelled) => break (Status::Cancelled, None),
+                Attempt::Failed(Failure::Diverged) => (Status::NotConverged, None),
+                Attempt::Failed(Failure::Inverted) => (Status::Inverted, None),
+                Attempt::Failed(Failure::Unstable) => {
                     let compressed =
                         |r: &CaseResult| next - reached <= BRACKET && r.stretch_ratio < CREASE;
                     if last_result.as_ref().is_some_and(compressed) {
-                        break (Status::Unstable, Some(Lost::Inside));
+                        break (Status::Unstable, Some(Instability::Internal));
                     }
-                    (Status::Unstable, Some(Lost::Inside))
+                    (Status::Unstable, Some(Instability::Internal))
                 }
             };
-            may_grow = false;
+            step_may_grow = false;
             step *= 0.5;
             if step < self.settings.smallest_load_step {
-                break (failure, lost);
+                break (failure, instability);
             }
-            state.clone_from(&last_good);
+            state.clone_from(&last_stable);
             work.ready = false;
         };
         let mut result = match last_result {
             Some(result) => result,
-            None => self.start_result(work, &mut last_good, &start),
+            None => self.start_result(work, &mut last_stable, &start),
         };
         result.status = status;
-        result.reason = lost.map(|lost| match lost {
-            Lost::Whole => Reason::Buckling,
-            Lost::Inside if result.stretch_ratio < CREASE => Reason::Crease,
-            Lost::Inside => Reason::Inner,
+        result.reason = instability.map(|instability| match instability {
+            Instability::Buckling => Reason::Buckling,
+            Instability::Internal if result.stretch_ratio < CREASE => Reason::Crease,
+            Instability::Internal => Reason::Inner,
         });
         result.iterations = iterations;
         result.load_steps = load_steps;
-        (result, last_good)
+        (result, last_stable)
     }
 
-    /// Newton from `state` at `load`, and what is found there.
-    pub(super) fn land(
+    /// Newton from `state` at `load`, with the result where it converges.
+    pub(super) fn attempt(
         &self,
         work: &mut Workspace,
         state: &mut State,
         load: &Load,
         most: (usize, usize),
         watch: Watch,
-    ) -> (Landing, usize) {
+    ) -> (Attempt, usize) {
         match self.newton(work, state, load, most, watch) {
             Ok(n) => {
                 let result = self.report(work, state);
-                let landing = if self.is_stable(load, &result) {
-                    Landing::Stable(Box::new(result))
+                let attempt = if self.is_stable(load, &result) {
+                    Attempt::Stable(Box::new(result))
                 } else if result.inner_instabilities > 0 {
-                    Landing::Lost(Lost::Inside)
+                    Attempt::Unstable(Instability::Internal)
                 } else {
-                    Landing::Lost(Lost::Whole)
+                    Attempt::Unstable(Instability::Buckling)
                 };
-                (landing, n)
+                (attempt, n)
             }
-            Err((failure, n)) => (Landing::Failed(failure), n),
+            Err((failure, n)) => (Attempt::Failed(failure), n),
         }
     }
 
-    /// Stable inside, and at a given wrench also as a whole.
+    /// Stable at fixed platform and, at a given wrench, against buckling.
     fn is_stable(&self, load: &Load, result: &CaseResult) -> bool {
         result.inner_instabilities == 0
             && (matches!(load, Load::Pose(_)) || result.smallest_eigenvalue > 0.0)
     }
 
-    /// Result of the equilibrium a path began with, when no step succeeded.
+    /// Result of the equilibrium at the start of a path, when no step succeeded.
     fn start_result(&self, work: &mut Workspace, state: &mut State, start: &Load) -> CaseResult {
         work.ready = false;
         // The start is an equilibrium: this only assembles and factorises there.
@@ -189,13 +197,13 @@ impl Fem {
             work,
             state,
             start,
-            (self.settings.iterations, WANDERING),
+            (self.settings.iterations, MOST_UNSTABLE_ITERATES),
             Watch::default(),
         );
         self.report(work, state)
     }
 
-    /// Everything about the state the workspace belongs to.
+    /// The result at the state for which the workspace was computed.
     fn report(&self, work: &Workspace, state: &State) -> CaseResult {
         let n = self.pattern.unknowns;
         let k_s = self
@@ -209,15 +217,15 @@ impl Fem {
         let pose = state.platform.pose();
         let wrench = work.balance.wrench;
         let (at, h) = (Pose::from_array(&pose), Wrench::from_array(&wrench));
-        let to = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
-        let hessian = to(StiffnessKind::Generalised);
+        let stiffness_of_kind = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
+        let hessian = stiffness_of_kind(StiffnessKind::Generalised);
         let strain = self.strain(state);
         CaseResult {
             status: Status::Solved,
             pose,
             wrench,
             energy_J: work.sums.energy_J,
-            stiffness: to(StiffnessKind::Partial),
+            stiffness: stiffness_of_kind(StiffnessKind::Partial),
             hessian,
             smallest_eigenvalue: smallest_eigenvalue(&hessian, self.body.mesh.length_m()),
             inner_instabilities: work.balance.inner_instabilities,

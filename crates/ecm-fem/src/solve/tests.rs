@@ -8,7 +8,7 @@ use crate::assembly::Sums;
 use crate::body::Formulation;
 use crate::material::NeoHookean;
 use crate::mesh::{Mesh, Quality};
-use crate::pattern::{Hold, NONE};
+use crate::pattern::{Constraint, NONE};
 use crate::tensor::{apply, determinant};
 use ecm_se3::rotation_matrix;
 
@@ -45,7 +45,7 @@ fn deformed(fem: &Fem) -> super::State {
         state.field.displacement[3 * i..3 * i + 3].copy_from_slice(&u);
         state.field.pressure[i] = 0.002 * (1.0 + s + 10.0 * x[1]);
     }
-    fem.hold_platform_nodes(&mut state);
+    fem.place_platform_nodes(&mut state);
     state
 }
 
@@ -148,7 +148,7 @@ fn platform_columns_are_derivatives_too() {
             let mut step = [0.0; 6];
             step[k] = s;
             m.platform = state.platform.moved(&step, 1.0);
-            fem.hold_platform_nodes(&mut m);
+            fem.place_platform_nodes(&mut m);
             let sums = sums_at(&fem, &m);
             let wrench = m.platform.wrench(&fem.body.mesh, nodes, &sums.force).0;
             (unknown_residual(&fem, &sums), wrench)
@@ -204,10 +204,10 @@ fn linear_boundary_displacements_give_a_homogeneous_state() {
     };
     let mesh = Mesh::cylinder(0.1, 0.03, quality).unwrap();
     let on_boundary = |x: &[f64; 3]| x[0] < 1e-9 || x[0] > 0.1 - 1e-9 || x[1].hypot(x[2]) > 0.0275;
-    let mut hold = vec![Hold::Free; 3 * mesh.nodes_m().len()];
+    let mut constraints = vec![Constraint::Free; 3 * mesh.nodes_m().len()];
     for (i, x) in mesh.nodes_m().iter().enumerate() {
         if on_boundary(x) {
-            hold[3 * i..3 * i + 3].fill(Hold::Prescribed);
+            constraints[3 * i..3 * i + 3].fill(Constraint::Prescribed);
         }
     }
     let material = Box::new(NeoHookean::new(0.7e6, 0.49).unwrap());
@@ -215,7 +215,7 @@ fn linear_boundary_displacements_give_a_homogeneous_state() {
         tolerance: 1e-13,
         ..Settings::default()
     };
-    let fem = Fem::with_holds(mesh, material, None, settings, &hold).unwrap();
+    let fem = Fem::with_constraints(mesh, material, None, settings, &constraints).unwrap();
     let gradient = [[1.1, 0.1, 0.0], [-0.05, 0.96, 0.2], [0.02, 0.0, 0.98]];
     let linear = |x: &[f64; 3]| {
         let y = apply(&gradient, *x);
@@ -245,8 +245,10 @@ fn linear_boundary_displacements_give_a_homogeneous_state() {
         }
         if fem.pattern.of_pressure[i] != NONE {
             let p = state.field.pressure[i] * fem.body.pressure_unit_Pa;
-            let at_point = fem.body.at_point(0, &gradient, determinant(&gradient), p);
-            let p = p + at_point.unwrap().pressure;
+            let stabilisation = fem
+                .body
+                .stabilisation(0, &gradient, determinant(&gradient), p);
+            let p = p + stabilisation.unwrap().pressure;
             assert!(
                 (p / pressure - 1.0).abs() < 1e-8,
                 "node {i}: {p} {pressure}"
@@ -309,14 +311,14 @@ fn plate(n: [usize; 2]) -> Mesh {
 fn surface_instabilities(n: [usize; 2], stretch: f64, formulation: Formulation) -> usize {
     let mesh = plate(n);
     let nodes = mesh.nodes_m().to_vec();
-    let mut hold = vec![Hold::Free; 3 * nodes.len()];
+    let mut constraints = vec![Constraint::Free; 3 * nodes.len()];
     for (i, x) in nodes.iter().enumerate() {
-        hold[3 * i + 2] = Hold::Prescribed;
+        constraints[3 * i + 2] = Constraint::Prescribed;
         if x[0] < 1e-9 || x[0] > 1.0 - 1e-9 {
-            hold[3 * i] = Hold::Prescribed;
+            constraints[3 * i] = Constraint::Prescribed;
         }
         if x[1] < 1e-9 {
-            hold[3 * i + 1] = Hold::Prescribed;
+            constraints[3 * i + 1] = Constraint::Prescribed;
         }
     }
     let material = Box::new(NeoHookean::new(1.0, 0.499).unwrap());
@@ -324,7 +326,7 @@ fn surface_instabilities(n: [usize; 2], stretch: f64, formulation: Formulation) 
         formulation,
         ..Settings::default()
     };
-    let fem = Fem::with_holds(mesh, material, None, settings, &hold).unwrap();
+    let fem = Fem::with_constraints(mesh, material, None, settings, &constraints).unwrap();
     let mut state = fem.rest();
     let out = 1.0 / stretch;
     for (i, x) in nodes.iter().enumerate() {

@@ -25,17 +25,17 @@ from ecm.rig.arm.sorties import Tour, tours
 from ecm.rig.arm.surroundings import Effects
 from ecm.rig.arm.worker import Drive, Job, sorties
 from ecm.rig.arm.workspace_distance import distance_m
+from ecm.rig.camera import Optics
 from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden.spec import Hidden
-from ecm.rig.optics import Optics
-from ecm.rig.physics import Physics
 from ecm.rig.plan import HOME, Skipped, rest_pose
-from ecm.rig.plant import nominal_physics, visits_of
+from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import OFFSET, POSE, Timeline, Visit
+from ecm.rig.timeline import Timeline
+from ecm.rig.visits import OFFSET, POSE, Visit
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -70,8 +70,8 @@ class RobotCampaign(Campaign):
         )
         length = source.length_m
         self.planned: Timeline = self.timeline
-        self.goals = self.course.reached
-        self._anchors = self.course.anchor
+        self.goals = self.visits.reached
+        self._anchors = self.visits.anchor
         poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
         self.mechanism = surrogate(poses, wrenches, length)
         model = controller_model(settings.arm.controller_model, poses, wrenches, length)
@@ -238,7 +238,7 @@ class RobotCampaign(Campaign):
         visits = [*before.visits, visit]
         self.timeline = Timeline(visits, runs=before.runs)
         self._place(visits)
-        self._truth = self.plant.anew().truth(self.course, self.physics, self._offset)
+        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
         reading = self.measure(len(visits) - 1)
         self._reached.pop()
         self._where.pop()
@@ -246,7 +246,7 @@ class RobotCampaign(Campaign):
         return reading
 
     def _place(self, visits: Sequence[Visit]) -> None:
-        self.course = visits_of(
+        self.visits = visits_of(
             tuple(visits), np.stack(self._reached), self._anchors[self._where], self._air
         )
 
@@ -267,13 +267,12 @@ class RobotCampaign(Campaign):
 
     def _effects(self) -> Effects | None:
         """What moves with the arm beside the bare mechanism; None where nothing is hidden."""
-        if not self.secrets:
+        if not self.injected:
             return None
         return Effects(
             anchors=self.plant.elastic.anchors,
             gradings=self.plant.gradings,
             physics=self.physics,
-            bare=nominal_physics(self.settings, Physics(), np.zeros(6)),
             visits=tuple(self.planned.visits),
             anchor=self._anchors,
             seed=self.seed,

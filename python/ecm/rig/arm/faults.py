@@ -14,8 +14,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.toml import did_you_mean
-from ecm.rig.optics import LEDS_NEEDED
-from ecm.rig.physics.leds import LEDS
+from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.readings import Reading
 from ecm.rig.settings import Instruments
 

@@ -13,7 +13,7 @@ from ecm.rig.arm.procedure import Stop
 from ecm.rig.arm.timing import duration_s
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Procedure
-from ecm.rig.timeline import POSE, Visit
+from ecm.rig.visits import POSE, Visit
 
 _SETTLE_S = 0.35
 _AT_HOME_S = 0.4

@@ -21,7 +21,7 @@ from ecm.rig.elastic import Anchors, Elastic, Grading
 from ecm.rig.physics import Physics
 from ecm.rig.plant import Plant, visits_of
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import Visit
+from ecm.rig.visits import Visit
 
 EVERY = 200
 """Steps between two looks at the plant."""
@@ -35,8 +35,6 @@ class Effects:
     anchors: Anchors
     gradings: Mapping[str, Grading]
     physics: Physics
-    bare: Physics
-    """What the scene has already: the known payload, which hangs on the arm as a body."""
     visits: tuple[Visit, ...]
     """Of the planned timeline."""
     anchor: I
@@ -92,7 +90,7 @@ class Surroundings:
             self._visit, time_s=self._depart_s + time_s, travel_s=self._moved_s,
             dwell_s=self._rested_s, way=way, rested=True,
         )  # fmt: skip
-        course = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
-        plant, effects = self._plant.anew(), self._effects
-        beside: F = (plant.load(course, effects.physics) - plant.load(course, effects.bare))[0]
+        visits = visits_of((visit,), pose[None].copy(), self._anchor, self._air)
+        plant = self._plant
+        beside: F = (plant.load(visits, self._effects.physics) - plant.load(visits, Physics()))[0]
         return beside

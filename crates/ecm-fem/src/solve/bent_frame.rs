@@ -1,9 +1,9 @@
-//! States as small fields on a bent axis.
+//! States as small displacements from a bent frame.
 //!
 //! A pose bends the body's axis into a cubic r(s) with sections turned by exp(s θ),
 //! s = x / L. In these frames, v = Rᵀ (x − r) − (0, Y, Z), a state is a small field that
 //! depends nearly linearly on the pose even where the body is bent by 100°, and a pose
-//! alone (v = 0) is a fair guess of a whole state.
+//! alone (v = 0) is a good initial guess of a complete state.
 
 use super::{Fem, State};
 use crate::pattern::NONE;
@@ -11,15 +11,15 @@ use crate::platform::Platform;
 use crate::tensor::{Mat3, apply, transpose};
 use ecm_se3::{rotation_matrix, rotation_vector};
 
-/// The bent axis of a pose.
-struct Axis {
+/// The bent frame of a pose.
+struct BentFrame {
     length_m: f64,
     end_m: [f64; 3],
     end_slope_m: [f64; 3],
     theta: [f64; 3],
 }
 
-impl Axis {
+impl BentFrame {
     fn new(platform: &Platform, length_m: f64) -> Self {
         Self {
             length_m,
@@ -42,15 +42,16 @@ impl Axis {
 }
 
 impl Fem {
-    /// Pose, v at the free nodes and pressures; single precision is ample for a start.
+    /// State vector: pose, v at the free nodes and pressures. Single precision is enough for an
+    /// initial guess.
     pub(super) fn flatten(&self, state: &State) -> Vec<f32> {
         let mut out: Vec<f32> = state.platform.pose().iter().map(|&p| p as f32).collect();
-        let axis = Axis::new(&state.platform, self.body.mesh.length_m());
+        let frame = BentFrame::new(&state.platform, self.body.mesh.length_m());
         for (node, x) in self.body.mesh.nodes_m().iter().enumerate() {
             if self.pattern.of_displacement[3 * node] == NONE {
                 continue;
             }
-            let (r, rotation) = axis.section(x[0]);
+            let (r, rotation) = frame.section(x[0]);
             let u = &state.field.displacement[3 * node..3 * node + 3];
             let moved = [0, 1, 2].map(|k| x[k] + u[k] - r[k]);
             let v = apply(&transpose(&rotation), moved);
@@ -65,17 +66,17 @@ impl Fem {
         out
     }
 
-    /// Whether an entry of the pressures is in use.
+    /// Whether an entry of the pressures is used.
     fn has_pressure(&self, index: usize) -> bool {
-        self.body.kept_pressures() > 0 || self.pattern.of_pressure[index] != NONE
+        self.body.condensed_pressures() > 0 || self.pattern.of_pressure[index] != NONE
     }
 
-    /// Inverse of [`Fem::flatten`]; values that are missing at the end are zeros.
+    /// Inverse of [`Fem::flatten`]; missing values at the end count as zeros.
     pub(super) fn unflatten(&self, mut values: impl Iterator<Item = f64>) -> State {
         let pose: [f64; 6] = std::array::from_fn(|_| values.next().unwrap_or_default());
         let mut state = self.rest();
         state.platform = Platform::from_pose(&pose);
-        let axis = Axis::new(&state.platform, self.body.mesh.length_m());
+        let frame = BentFrame::new(&state.platform, self.body.mesh.length_m());
         for (node, x) in self.body.mesh.nodes_m().iter().enumerate() {
             if self.pattern.of_displacement[3 * node] == NONE {
                 continue;
@@ -83,7 +84,7 @@ impl Fem {
             let mut v = [0.0, x[1], x[2]];
             v.iter_mut()
                 .for_each(|c| *c += values.next().unwrap_or_default());
-            let (r, rotation) = axis.section(x[0]);
+            let (r, rotation) = frame.section(x[0]);
             let turned = apply(&rotation, v);
             for k in 0..3 {
                 state.field.displacement[3 * node + k] = r[k] + turned[k] - x[k];
@@ -94,7 +95,7 @@ impl Fem {
                 *p = values.next().unwrap_or_default();
             }
         }
-        self.hold_platform_nodes(&mut state);
+        self.place_platform_nodes(&mut state);
         state
     }
 }

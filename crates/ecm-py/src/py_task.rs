@@ -1,9 +1,9 @@
-//! The one door between Python and long Rust work.
+//! Runs long Rust work for Python: with progress, Ctrl-C and errors.
 //!
-//! The work runs on a thread of its own with the GIL released; this thread wakes
-//! every 50 ms to let Python see Ctrl-C and to call the progress callback. An
-//! exception from either raises the cancel flag, and is re-raised when the work has
-//! ended. A panic of the work becomes an `EcmError`; none crosses into Python.
+//! The work runs on its own thread with the GIL released. The calling thread wakes every 50 ms to
+//! let Python handle Ctrl-C and to call the progress callback. An exception from either sets the
+//! cancel flag and is raised again when the work has ended. A panic of the work becomes an
+//! `EcmError`; no panic reaches Python.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -12,12 +12,12 @@ use pyo3::prelude::*;
 
 use crate::errors::EcmError;
 
-const POLL: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What long work sees of the outside: where to count and when to stop.
+/// Progress counter and cancel flag that the work and the calling thread share.
 #[derive(Default)]
-pub struct Work {
-    /// Raised when the work is to end as soon as it can.
+pub struct TaskState {
+    /// Set when the work is to end as soon as possible.
     pub cancel: AtomicBool,
     /// Cases done so far.
     pub done: AtomicUsize,
@@ -26,7 +26,7 @@ pub struct Work {
 }
 
 /// Runs `work` on `threads` threads (0: all cores) and returns its value.
-pub fn long_work<T, W>(
+pub fn run_task<T, W>(
     py: Python<'_>,
     threads: usize,
     progress: Option<Py<PyAny>>,
@@ -34,29 +34,29 @@ pub fn long_work<T, W>(
 ) -> PyResult<T>
 where
     T: Send,
-    W: FnOnce(&Work) -> T + Send,
+    W: FnOnce(&TaskState) -> T + Send,
 {
-    long_work_telling(py, threads, progress, &|_| Ok(()), work)
+    run_task_polling(py, threads, progress, &|_| Ok(()), work)
 }
 
-/// As [`long_work`]; `tell` is called at every wake and once when the work has ended, even
-/// when it was cancelled, so that what was finished by then is not lost.
-pub fn long_work_telling<T, W>(
+/// As [`run_task`]; `poll` is called every 50 ms and once when the work has ended, even when it
+/// was cancelled, so that finished results are not lost.
+pub fn run_task_polling<T, W>(
     py: Python<'_>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-    tell: &dyn Fn(Python<'_>) -> PyResult<()>,
+    poll: &dyn Fn(Python<'_>) -> PyResult<()>,
     work: W,
 ) -> PyResult<T>
 where
     T: Send,
-    W: FnOnce(&Work) -> T + Send,
+    W: FnOnce(&TaskState) -> T + Send,
 {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|e| EcmError::new_err(format!("no thread pool of {threads} threads: {e}")))?;
-    let state = Work::default();
+    let state = TaskState::default();
     let mut raised: Option<PyErr> = None;
     let outcome = std::thread::scope(|scope| {
         let worker = scope.spawn(|| pool.install(|| work(&state)));
@@ -64,19 +64,20 @@ where
         loop {
             let finished = worker.is_finished();
             let done = state.done.load(Ordering::Relaxed);
-            let told = tell(py);
+            let polled = poll(py);
             if raised.is_none() {
-                let seen = told
-                    .and_then(|()| py.check_signals())
-                    .and_then(|()| match &progress {
-                        Some(callback) if done != last => {
-                            let total = state.total.load(Ordering::Relaxed);
-                            callback.call1(py, (done, total)).map(|_| ())
-                        }
-                        _ => Ok(()),
-                    });
+                let checked =
+                    polled
+                        .and_then(|()| py.check_signals())
+                        .and_then(|()| match &progress {
+                            Some(callback) if done != last => {
+                                let total = state.total.load(Ordering::Relaxed);
+                                callback.call1(py, (done, total)).map(|_| ())
+                            }
+                            _ => Ok(()),
+                        });
                 last = done;
-                if let Err(error) = seen {
+                if let Err(error) = checked {
                     raised = Some(error);
                     state.cancel.store(true, Ordering::Relaxed);
                 }
@@ -84,11 +85,11 @@ where
             if finished {
                 break;
             }
-            // Short work must not wait for a whole poll interval.
+            // Short work must not wait for a full poll interval.
             py.detach(|| {
                 let start = std::time::Instant::now();
                 let mut pause = Duration::from_micros(20);
-                while !worker.is_finished() && start.elapsed() < POLL {
+                while !worker.is_finished() && start.elapsed() < POLL_INTERVAL {
                     std::thread::sleep(pause);
                     pause = (pause * 2).min(Duration::from_millis(5));
                 }

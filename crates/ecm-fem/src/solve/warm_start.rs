@@ -1,22 +1,23 @@
-//! A first guess of a state from the states solved so far.
+//! Warm start: an initial guess of a state, fitted to the load cases solved so far.
 //!
-//! Every component of the state on its bent axis (see [`super::warp`]) is a polynomial of
-//! the load's point (see [`Fem::point`]; scaled to [−1, 1]), fitted by least squares to
-//! all solved cases; the degree grows with their number.
+//! Every component of the state in its bent frame (see [`super::bent_frame`]) is a polynomial of
+//! the load's mid-frame coordinates (see [`Fem::point`]; scaled to [−1, 1]), fitted by least
+//! squares to all solved cases; the degree grows with their number.
 
 use super::{Fem, State};
 use nalgebra::DMatrix;
 
-/// Degree and solved cases it needs: twice the number of terms, 7, 28, 84, 210, 462.
-const NEEDED: [(usize, usize); 5] = [(5, 924), (4, 420), (3, 168), (2, 56), (1, 14)];
+/// Degree, and the number of solved cases that it needs: twice the number of terms, which is 7,
+/// 28, 84, 210 and 462.
+const CASES_FOR_DEGREE: [(usize, usize); 5] = [(5, 924), (4, 420), (3, 168), (2, 56), (1, 14)];
 
-/// A tiny ridge on the normalised normal equations: terms that the cases do not tell
-/// apart share their coefficient instead of cancelling.
+/// Ridge parameter of the normalised normal equations: terms that are collinear over the cases
+/// share their coefficient instead of cancelling each other.
 const RIDGE: f64 = 1e-10;
 
-/// Polynomials for all components of the state.
+/// An initial guess of the state as a function of the load: a polynomial for each component.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Guess {
+pub struct WarmStart {
     degree: usize,
     scale: [f64; 6],
     /// Component after component, one coefficient per term.
@@ -24,7 +25,7 @@ pub struct Guess {
     terms: usize,
 }
 
-/// One solved state: its load's point and its flat field.
+/// One solved state: mid-frame coordinates of its load, and its state vector.
 pub(super) type Sample<'a> = (&'a [f64; 6], &'a [f32]);
 
 /// All monomials of six variables up to `degree`, lowest first.
@@ -45,14 +46,14 @@ fn monomials(x: &[f64; 6], degree: usize, out: &mut Vec<f64>) {
     }
 }
 
-impl Guess {
-    /// Fits the solved states; `None` when too few.
+impl WarmStart {
+    /// Fits the solved states; `None` when there are too few.
     pub(super) fn fit(samples: &[Sample]) -> Option<Self> {
-        let (degree, _) = *NEEDED.iter().find(|(_, n)| samples.len() >= *n)?;
+        let (degree, _) = *CASES_FOR_DEGREE.iter().find(|(_, n)| samples.len() >= *n)?;
         Self::of_degree(samples, degree)
     }
 
-    /// Fits polynomials of one degree, however few the states; `None` when they tell nothing.
+    /// Fits polynomials of one degree to any number of states; `None` when the fit is singular.
     pub(super) fn of_degree(samples: &[Sample], degree: usize) -> Option<Self> {
         let mut scale = [f64::MIN_POSITIVE; 6];
         for (point, _) in samples {
@@ -86,7 +87,7 @@ impl Guess {
         })
     }
 
-    /// For another process with the same body.
+    /// Bytes to send to another process that has the same body.
     pub fn to_bytes(&self) -> Vec<u8> {
         let head = [self.degree, self.terms].map(|n| n as u32);
         let mut bytes: Vec<u8> = head.iter().flat_map(|n| n.to_le_bytes()).collect();
@@ -95,7 +96,7 @@ impl Guess {
         bytes
     }
 
-    /// What [`Guess::to_bytes`] gave; `None` for anything else.
+    /// Inverse of [`WarmStart::to_bytes`]; `None` for other bytes.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, rest) = bytes.split_at_checked(8)?;
         let (scale, rest) = rest.split_at_checked(48)?;
@@ -106,7 +107,7 @@ impl Guess {
         let scale: Vec<f64> = doubles.collect::<Result<_, _>>().ok()?;
         let coefficients: Vec<f32> = floats.collect::<Result<_, _>>().ok()?;
         let mut row = Vec::new();
-        monomials(&[0.0; 6], degree.min(NEEDED[0].0), &mut row);
+        monomials(&[0.0; 6], degree.min(CASES_FOR_DEGREE[0].0), &mut row);
         (row.len() == terms && rest.len() % (4 * terms) == 0).then_some(Self {
             degree,
             scale: scale.try_into().ok()?,
@@ -115,18 +116,18 @@ impl Guess {
         })
     }
 
-    /// Values in a field that it guesses.
+    /// Number of values in a state vector.
     pub fn field_length(&self) -> usize {
         self.coefficients.len() / self.terms
     }
 
-    /// The state guessed for a load at `point`.
+    /// Initial guess of the state for a load at `point`.
     pub(super) fn state(&self, point: &[f64; 6], fem: &Fem) -> State {
         let terms = self.terms_at(point);
         fem.unflatten(self.values(&terms))
     }
 
-    /// Its pose alone.
+    /// Initial guess of the pose alone.
     pub(super) fn pose(&self, point: &[f64; 6]) -> [f64; 6] {
         let terms = self.terms_at(point);
         let mut values = self.values(&terms);

@@ -1,25 +1,25 @@
-//! Bodies under dead forces and prescribed displacements, without a wrench on a platform.
+//! Bodies under dead forces and prescribed displacements, without a rigid platform.
 
-use super::newton::{Failure, WANDERING, Workspace};
+use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
 use super::{Fem, Load, Settings, Watch};
 use crate::FemError;
 use crate::body::Field;
 use crate::material::Material;
 use crate::mesh::Mesh;
-use crate::pattern::{Hold, NONE};
+use crate::pattern::{Constraint, NONE};
 use crate::result::Status;
 use std::sync::OnceLock;
 
-/// What a body under dead forces ends with.
+/// Result of a body under dead forces and prescribed displacements.
 #[derive(Debug, Clone, PartialEq)]
-pub struct HeldResult {
+pub struct PrescribedResult {
     /// How it ended; only [`Status::Solved`] is an equilibrium at the full load.
     pub status: Status,
     /// Share of the load that was reached.
     pub share: f64,
     /// The last equilibrium.
     pub field: Field,
-    /// Internal less dead force at it by displacement component, N: reactions where held.
+    /// Internal minus dead force there by displacement component, N: reactions where prescribed.
     pub reaction_N: Vec<f64>,
     /// Negative pivots beyond the number of pressures: 0 where the equilibrium is stable.
     pub inner_instabilities: usize,
@@ -28,26 +28,27 @@ pub struct HeldResult {
 }
 
 impl Fem {
-    /// A body with any displacement components held: one [`Hold`] per component `3 node + i`.
+    /// A body with any displacement components prescribed: one [`Constraint`] per component
+    /// `3 node + i`.
     ///
     /// # Errors
-    /// As [`Fem::new`]; a list of holds of the wrong length.
-    pub fn held(
+    /// As [`Fem::new`]; a list of constraints of the wrong length.
+    pub fn with_prescribed(
         mesh: Mesh,
         material: Box<dyn Material>,
         settings: Settings,
-        hold: &[Hold],
+        constraints: &[Constraint],
     ) -> Result<Self, FemError> {
         let expected = 3 * mesh.nodes_m().len();
-        if hold.len() != expected {
+        if constraints.len() != expected {
             return Err(FemError::Size {
-                what: "hold",
-                found: hold.len(),
+                what: "constraints",
+                found: constraints.len(),
                 expected,
                 why: "one per displacement component",
             });
         }
-        Self::with_holds(mesh, material, None, settings, hold)
+        Self::with_constraints(mesh, material, None, settings, constraints)
     }
 
     /// With dead forces by displacement component, N (see [`crate::body::Body::volume_load`]
@@ -62,17 +63,17 @@ impl Fem {
         Ok(self)
     }
 
-    /// Equilibrium with the given displacements (m, read where held), dead forces and
-    /// displacements growing together from zero in adaptive steps.
+    /// Equilibrium with the given displacements (m; used where prescribed). Dead forces and
+    /// displacements grow together from zero in adaptive steps.
     ///
     /// # Errors
     /// A list of the wrong length, or an entry that is not finite.
-    pub fn solve_held(&self, displacement_m: &[f64]) -> Result<HeldResult, FemError> {
+    pub fn solve_prescribed(&self, displacement_m: &[f64]) -> Result<PrescribedResult, FemError> {
         self.check_components("prescribed displacement", displacement_m)?;
         let mut work = Workspace::new(self);
         let load = Load::Pose(self.rest().platform.pose());
         let mut state = self.rest();
-        let mut last_good = state.clone();
+        let mut last_equilibrium = state.clone();
         let (mut reached, mut step, mut iterations) = (0.0, 1.0f64, 0);
         let mut end = (vec![0.0; displacement_m.len()], 0);
         let status = loop {
@@ -84,14 +85,14 @@ impl Fem {
                     state.field.displacement[component] = next * displacement_m[component];
                 }
             }
-            let most = (self.settings.iterations, WANDERING);
+            let most = (self.settings.iterations, MOST_UNSTABLE_ITERATES);
             let outcome = self.newton(&mut work, &mut state, &load, most, Watch::default());
             let failure = match outcome {
                 Ok(n) => {
                     iterations += n;
                     reached = next;
                     step = f64::min(2.0 * step, 1.0 - reached);
-                    last_good.clone_from(&state);
+                    last_equilibrium.clone_from(&state);
                     end = (work.sums.force.clone(), work.balance.inner_instabilities);
                     if reached >= 1.0 {
                         break Status::Solved;
@@ -112,12 +113,12 @@ impl Fem {
             if step < self.settings.smallest_load_step {
                 break failure;
             }
-            state.clone_from(&last_good);
+            state.clone_from(&last_equilibrium);
         };
-        Ok(HeldResult {
+        Ok(PrescribedResult {
             status,
             share: reached,
-            field: last_good.field,
+            field: last_equilibrium.field,
             reaction_N: end.0,
             inner_instabilities: end.1,
             iterations,

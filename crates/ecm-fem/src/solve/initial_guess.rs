@@ -1,0 +1,110 @@
+//! Load cases that start from an initial guess of the state instead of the rest state.
+
+use super::newton::{Failure, Workspace};
+use super::path::{Attempt, BRACKET, PathStart, between};
+use super::{Fem, Load, State, WarmStart, Watch};
+use crate::result::CaseResult;
+
+/// Most Newton iterations from an initial guess, and most unstable iterates without progress.
+const MOST_ITERATIONS: (usize, usize) = (10, 1);
+
+impl Fem {
+    /// Solves a load from an initial guess. Where the equilibrium is not stable, initial guesses
+    /// at smaller shares of the load lead to a stable state at most [`BRACKET`] before the loss
+    /// of stability; load stepping goes on from there.
+    pub(super) fn solve_from_warm_start(
+        &self,
+        work: &mut Workspace,
+        load: &Load,
+        guess: &WarmStart,
+        watch: Watch,
+    ) -> (CaseResult, State) {
+        let before = work.timing.factorisations;
+        let mut state = guess.state(&self.point(load), self);
+        work.ready = false;
+        let (attempt, mut iterations) =
+            self.attempt(work, &mut state, load, MOST_ITERATIONS, watch);
+        let begin = match attempt {
+            Attempt::Stable(mut result) => {
+                (result.iterations, result.load_steps) = (iterations, 1);
+                result.factorisations = work.timing.factorisations - before;
+                return (*result, state);
+            }
+            Attempt::Failed(Failure::Cancelled) => self.path_from_rest(0.5),
+            Attempt::Unstable(_) | Attempt::Failed(_) => {
+                let (begin, n) = self.last_stable(work, load, guess, watch);
+                iterations += n;
+                begin
+            }
+        };
+        let (mut result, state) = self.follow(work, begin, load, watch);
+        result.iterations += iterations;
+        result.factorisations = work.timing.factorisations - before;
+        (result, state)
+    }
+
+    /// A stable equilibrium shortly before the loss of stability, or the rest state; and the
+    /// iterations that it took.
+    fn last_stable(
+        &self,
+        work: &mut Workspace,
+        load: &Load,
+        guess: &WarmStart,
+        watch: Watch,
+    ) -> (PathStart, usize) {
+        let start = self.load_at_rest(load);
+        let guess_at = |share: f64| {
+            let partial = between(&start, load, share);
+            (guess.state(&self.point(&partial), self), partial)
+        };
+        let mut iterations = 0;
+        // One factorisation at an initial guess separates stable from unstable loads ...
+        let (mut low, mut high) = (0.0, 1.0);
+        while high - low > BRACKET && !watch.cancelled() {
+            let middle = 0.5 * (low + high);
+            let (mut state, partial) = guess_at(middle);
+            iterations += 1;
+            if self.looks_stable(work, &mut state, &partial) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        // ... but calls too many stable: from there, go back to a stable equilibrium, then bisect
+        // between it and the unstable ones.
+        let mut begin = self.path_from_rest(0.5);
+        let (mut share, mut step_back) = (low, BRACKET);
+        (low, high) = (0.0, 1.0);
+        while high - low > BRACKET && share > 0.0 {
+            let (mut state, partial) = guess_at(share);
+            work.ready = false;
+            let (attempt, n) = self.attempt(work, &mut state, &partial, MOST_ITERATIONS, watch);
+            iterations += n;
+            match attempt {
+                Attempt::Stable(result) => {
+                    low = share;
+                    begin.result = Some(*result);
+                    begin.state = state;
+                    begin.reached = low;
+                }
+                Attempt::Failed(Failure::Cancelled) => break,
+                Attempt::Unstable(_) | Attempt::Failed(_) => high = share,
+            }
+            share = if low > 0.0 {
+                0.5 * (low + high)
+            } else {
+                share - step_back
+            };
+            step_back *= 2.0;
+        }
+        if low > 0.0 {
+            begin.step = high - low;
+        }
+        (begin, iterations)
+    }
+
+    /// Whether the tangent at a state near equilibrium is positive at fixed platform.
+    fn looks_stable(&self, work: &mut Workspace, state: &mut State, load: &Load) -> bool {
+        self.tangent(work, state, load).is_ok() && work.balance.inner_instabilities == 0
+    }
+}

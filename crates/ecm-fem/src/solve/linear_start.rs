@@ -1,0 +1,38 @@
+//! Linear warm start: the initial guess of a pose by the tangent at rest.
+//!
+//! In the bent frame (see [`super::bent_frame`]) a state depends nearly linearly on its pose, so six
+//! triangular solves at rest replace the load steps of the first group of a batch.
+
+use super::newton::Workspace;
+use super::{Fem, Load, WarmStart, Watch};
+
+/// Pose steps of the difference, over L and in rad: small against any curvature, large
+/// against single precision.
+const STEP: f64 = 1e-3;
+
+impl Fem {
+    /// Linear in the mid-frame coordinates; `None` where there is no equilibrium at the rest pose.
+    pub(super) fn linear_start(&self) -> Option<WarmStart> {
+        let load = Load::Pose(self.rest().platform.pose());
+        let mut work = Workspace::new(self);
+        let mut state = self.rest();
+        let most = (
+            self.settings.iterations,
+            super::newton::MOST_UNSTABLE_ITERATES,
+        );
+        self.newton(&mut work, &mut state, &load, most, Watch::default())
+            .ok()?;
+        let length = self.body.mesh.length_m();
+        let mut samples = vec![(self.point(&load), self.flatten(&state))];
+        for k in 0..6 {
+            let mut gap = [0.0; 6];
+            gap[k] = if k < 3 { STEP * length } else { STEP };
+            let step = self.step(&mut work, &gap, true)?;
+            self.move_by(&mut work, &state, &step, 1.0);
+            let pose = work.trial.platform.pose();
+            samples.push((self.point(&Load::Pose(pose)), self.flatten(&work.trial)));
+        }
+        let samples: Vec<_> = samples.iter().map(|(p, f)| (p, f.as_slice())).collect();
+        WarmStart::of_degree(&samples, 1)
+    }
+}
