@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-import ecm
 from support.neck import ROOT
 
 PACKAGE = ROOT / "python" / "ecm"
@@ -133,7 +132,5 @@ def without_example() -> set[str]:
 
 
 def test_every_public_name_has_an_example() -> None:
+    assert len(public_names()) > 80
     assert without_example() == PENDING
-    assert set(ecm.__all__) - {"__version__"} <= {
-        name.removeprefix("ecm.") for name in public_names()
-    }
