@@ -37,6 +37,7 @@ from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
 from ecm.rig.hidden.draw import DRAWS
 
+pytestmark = pytest.mark.xdist_group("blind")
 ONE = (
     "anisotropy",
     "base_compliance",

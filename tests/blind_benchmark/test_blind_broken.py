@@ -22,6 +22,7 @@ from ecm.diagnosis import decide as judge
 from ecm.effects import Effect, Missing
 from ecm.io.table import Table
 
+pytestmark = pytest.mark.xdist_group("blind")  # one process: the data are worked out once
 Patch = pytest.MonkeyPatch
 
 
