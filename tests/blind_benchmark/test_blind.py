@@ -35,7 +35,7 @@ from blind_parts.workers import run_all
 from ecm.designs import follow_up_plan
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
-from ecm.rig.hidden.draw import DRAWS
+from ecm.rig.physics import TRUE_EFFECTS
 
 pytestmark = pytest.mark.xdist_group("blind")
 ONE = (
@@ -390,7 +390,7 @@ def test_the_same_seed_gives_the_same_table(folder: Path) -> None:
 def test_thirty_effects_can_be_hidden_and_named() -> None:
     known = {effect.id for effect in all_effects()}
     assert len(set(hideable("rig")) | set(hideable("rod"))) >= 30
-    assert set(EFFECTS) | set(DRAWS) <= known
+    assert set(EFFECTS) | set(TRUE_EFFECTS) <= known
     assert len(STRANGE) >= 5
     assert len(SIMPLE) == 5
 

@@ -77,8 +77,8 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> N
     assert json.loads((tmp_path / "check.json").read_text()) == ecm.check(table).to_dict()
 
     done = ecm_command(
-        "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper", "--seed", "3",
-        "--exclude", "1-5", "--out", tmp_path / "plan.csv", "--json", tmp_path / "plan.json",
+        "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper",
+        "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv", "--json", tmp_path / "plan.json",
     )  # fmt: skip
     assert done.code == 0, done.err
     planned = ecm.design(

@@ -25,7 +25,8 @@ from ecm.regression.noise import Noise
 from ecm.rig.climate import Climate
 from ecm.rig.plan import requests
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import OFFSET, UNLOADED, timeline_of
+from ecm.rig.timeline import timeline_of
+from ecm.rig.visits import OFFSET, UNLOADED
 
 
 @dataclass(frozen=True)

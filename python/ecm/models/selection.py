@@ -1,4 +1,4 @@
-"""Which model, and how many poses: grouped cross-validation and learning curves.
+"""Choice of a model and of the number of poses: cross-validation and learning curves.
 
 The one-standard-error rule: of all candidates whose error is within one standard error of the
 best one's, the one with the fewest coefficients. Errors are whitened by the noise of each row, so
@@ -166,7 +166,7 @@ def choose_model(
 
 
 def free_coefficients(base: StiffnessMap) -> int:
-    """How many numbers a fit chose: of a principal component regression those of its rank."""
+    """Number of fitted coefficients; for a principal component regression those of its rank."""
     if isinstance(base, PolynomialMap) and base.model.rank > 0:
         return base.model.rank * len(base.outputs)
     return len(base.coefficients)
@@ -237,8 +237,8 @@ def learning_curve(
 
     The stop rule: the fewest poses whose held-out error is within `tolerance` of the smallest
     on the curve, provided that the curve has become flat there: the largest size must not be
-    better than the one before by more than `tolerance`. `one_standard_error` asks for what the
-    draws can tell apart instead of for a share.
+    better than the one before by more than `tolerance`. `one_standard_error` uses the standard
+    error over the draws in place of the share.
 
     Parameters
     ----------
@@ -265,25 +265,25 @@ def learning_curve(
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)
     count = int(groups.max()) + 1
-    keep = max(1, round(held_out * count))
+    tests = max(1, round(held_out * count))
     whitener = _whitener(measured)
-    usable = [n for n in sizes if n <= count - keep]
+    usable = [n for n in sizes if n <= count - tests]
     if not usable:
         raise InputError(
-            f"{table.source}: {count} poses, {keep} of them held out: give sizes up to "
-            f"{count - keep}, found {list(sizes)}"
+            f"{table.source}: {count} poses, {tests} of them held out: give sizes up to "
+            f"{count - tests}, found {list(sizes)}"
         )
     errors = np.full((len(usable), draws), np.inf)
     for d in range(draws):
         order = np.random.default_rng([seed, d]).permutation(count)
-        held = np.flatnonzero(np.isin(groups, order[:keep]))
+        test = np.flatnonzero(np.isin(groups, order[:tests]))
         for s, n in enumerate(usable):
-            rows = np.flatnonzero(np.isin(groups, order[keep : keep + n]))
+            rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
             try:
                 fitted = fit_model(measured.select(rows), specification)
             except EcmError:
                 continue
-            errors[s, d] = np.sqrt(_square(fitted.base, measured, held, whitener))
+            errors[s, d] = np.sqrt(_square(fitted.base, measured, test, whitener))
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
@@ -315,7 +315,10 @@ def _whitener(table: Table) -> F:
     return whiteners(declared_noise(table).covariance(Rows(table, base)))
 
 
-def _square(base: StiffnessMap, table: Table, held: I, whitener: F) -> float:
-    part = table.select(held)
-    left = part.matrix(base.outputs) - base.predict(np.ascontiguousarray(part.matrix(base.inputs)))
-    return float((np.einsum("nij,nj->ni", whitener[held], left) ** 2).mean())
+def _square(base: StiffnessMap, table: Table, test: I, whitener: F) -> float:
+    """Mean whitened square of the residual on the rows `test`."""
+    part = table.select(test)
+    residual = part.matrix(base.outputs) - base.predict(
+        np.ascontiguousarray(part.matrix(base.inputs))
+    )
+    return float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from ecm._native import EcmError, EnergyModel
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
-from ecm.io.columns import POSE, WRENCH
-from ecm.models.maps import EnergyMap, Symmetry
+from ecm.io.columns import POSE
+from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily
 from ecm.models.physics.poses import MARGIN
 from ecm.regression.rows import BodyChange
@@ -44,7 +44,7 @@ FREE = ("young_modulus_Pa", "poisson_ratio")
 
 
 @dataclass(frozen=True)
-class PhysicsMap:
+class PhysicsMap(SixAxisMap):
     """factor * h0(p), h0 the energy `surrogate`; with a `family` also of other nu, L and D.
 
     Without one (made of given pairs, `surrogate_of`) only the factor on E is free.
@@ -63,25 +63,8 @@ class PhysicsMap:
     free: tuple[str, ...] = FREE
     """Names of the values that `coefficients` holds."""
 
-    @property
-    def name(self) -> str:
-        """`physics`."""
-        return "physics"
-
-    @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """`physics`."""
-        return "physics"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """All six."""
-        return POSE
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """All six."""
-        return WRENCH
+    name = "physics"
+    kind = "physics"
 
     @property
     def length_m(self) -> float | None:

@@ -1,13 +1,44 @@
-"""The sensor's zero from unloaded readings: lines between them, or a model of its temperature."""
+"""The force-torque sensor: its samples over a window, and its zero from unloaded readings."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.rig.settings import Instruments
 
 LAWS = ("linear", "before", "none", "temperature")
 _ENOUGH_FOR_TIME = 4
+
+
+class ForceTorqueSensor:
+    """Six axes in its own frame: white noise, counts, clipping."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+        self._noise = np.repeat([settings.force_noise_N, settings.torque_noise_Nm], 3)
+        self._range = np.asarray(settings.fts_range)
+        self._step = np.asarray(settings.fts_resolution)
+
+    def samples(self, window_s: float) -> int:
+        """Number of samples in a window."""
+        return max(1, round(window_s * self._settings.fts_rate_Hz))
+
+    def read(self, true: F, window_s: float, random: np.random.Generator) -> F:
+        """Samples (n, 6) of a wrench (6,) that rests, in sensor axes."""
+        count = self.samples(window_s)
+        noise = np.hypot(self._noise, self._settings.force_noise_per_load * true)
+        samples = true + noise * random.standard_normal((count, 6))
+        step = np.where(self._step > 0.0, self._step, 1.0)
+        counted = np.where(self._step > 0.0, np.round(samples / step) * step, samples)
+        clipped: F = np.clip(counted, -self._range, self._range)
+        return clipped
+
+    def row_covariance(self, window_s: float, adjoint: F) -> F:
+        """(6, 6) of a window's mean wrench in top axes: noise and counts over samples."""
+        variance = (self._noise**2 + self._step**2 / 12.0) / self.samples(window_s)
+        covariance: F = adjoint @ np.diag(variance) @ adjoint.T
+        return covariance
 
 
 def zero_at(
