@@ -78,7 +78,8 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> N
 
     done = ecm_command(
         "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper",
-        "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv", "--json", tmp_path / "plan.json",
+        "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv",
+        "--json", tmp_path / "plan.json",
     )  # fmt: skip
     assert done.code == 0, done.err
     planned = ecm.design(
