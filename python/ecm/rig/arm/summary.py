@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.rig import visits
 from ecm.rig.arm.plot_style import COLOURS, thousandths
+from ecm.rig.visits import POSE as POSE_VISIT
 
 if TYPE_CHECKING:
     from ecm.rig.arm.campaign import RobotCampaign
@@ -40,7 +40,7 @@ def fractions(poses: F, goals: F, rest: F) -> F:
 def document(campaign: RobotCampaign) -> dict[str, Any]:
     """The record of a campaign."""
     planned = campaign.planned.visits
-    lines = [line for line in campaign.taken if planned[line.visit].kind == visits.POSE]
+    lines = [line for line in campaign.taken if planned[line.visit].kind == POSE_VISIT]
     before = [s for s in campaign.skipped if s.row not in {planned[n.visit].row for n in lines}]
     asked = len(lines) + len(before)
     reached = [line for line in lines if not line.reason]
