@@ -1,4 +1,4 @@
-"""Where the mechanism came from: the pose before each row, and the side of approach."""
+"""History of the rows: the pose before each row, the side of approach, the order of visits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,33 @@ def pose_before(table: Table, rest_pose: F) -> F:
 
 
 def approach_sides(table: Table, length_m: float | None = None) -> F:
-    """(N,) a = sign((p - p_from) M (p - p0)); 0 where unknown."""
+    """Side from which each pose was approached: a = sign((p - p_from)' M (p - p0)).
+
+    M = diag(1, 1, 1, L^2, L^2, L^2), p_from the pose before and p0 the rest pose.
+
+    Parameters
+    ----------
+    table
+        Measurements with the six pose columns and `approach`.
+    length_m
+        Length L of the mechanism in m; by default that of the table, else the median x.
+
+    Returns
+    -------
+    ndarray
+        (N,) +1 or -1; 0 where the pose before is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.array([[0.1, 0.01, 0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.0, 0.0, 0.0, 0.0]])
+    >>> columns = dict(zip(POSE, poses.T)) | {"fx_N": [1.0, 2.0], "pose_id": [0.0, 1.0]}
+    >>> table = as_table(columns | {"approach": ["1", "initial"]})
+    >>> approach_sides(table, 0.1).tolist()
+    [-1.0, 1.0]
+    """
     length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))
