@@ -104,11 +104,12 @@ def upper_bound(test: FTest, size: int) -> float:
     if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")
     squares = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
-    bound = optimize.brentq(
-        lambda value: float(special.chndtr(squares, test.dof, value)) - 0.05,
-        0.0,
-        4.0 * squares + 200.0,
-    )
+
+    def chance(value: float) -> float:
+        # Not a number far out, where the chance is 0.
+        return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
+
+    bound = optimize.bisect(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
     return float(np.sqrt(bound / size))
 
 
