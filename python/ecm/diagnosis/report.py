@@ -10,7 +10,7 @@ from scipy import optimize, special
 from ecm.comparison.covariates import confounded_with_order, derived_columns
 from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.signature import signature_shares
-from ecm.diagnosis.check import never_excited
+from ecm.diagnosis.check import NotTestable, never_excited
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
@@ -26,7 +26,6 @@ from ecm.diagnosis.result import (
     Diagnosis,
     HeldOut,
     NoiseSummary,
-    NotTestable,
     RankedEffect,
     RunError,
 )
