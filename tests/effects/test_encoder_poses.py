@@ -229,7 +229,7 @@ def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: 
 def test_an_arm_without_faults_is_not_named() -> None:
     diagnosis = diagnose(model(), encoders("", 5))
     assert diagnosis.verdict == "none", diagnosis.sentence()
-    listed = {item["id"] for item in diagnosis.not_testable}
+    listed = {item.id for item in diagnosis.not_testable}
     assert not listed & {"robot_compliance", "backlash", "joint_offset"}
 
 

@@ -132,9 +132,9 @@ def test_a_skew_is_as_strong_as_wanted_and_named_with_its_delay(
     # The readings at rest hold nothing of it, and say what would.
     at_rest = diagnosed(out)
     assert at_rest.verdict == "none"
-    reasons = {n["id"]: n for n in at_rest.not_testable}
-    assert reasons["time_skew"]["reason"] == "no raw stream"
-    assert "NAME.raw.parquet" in reasons["time_skew"]["record"]
+    reasons = {n.id: n for n in at_rest.not_testable}
+    assert reasons["time_skew"].reason == "no raw stream"
+    assert "NAME.raw.parquet" in reasons["time_skew"].record
 
 
 def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:

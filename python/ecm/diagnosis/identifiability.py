@@ -138,9 +138,9 @@ def identifiability(
             found.append(
                 Identifiability(
                     effect.id,
-                    limit["parameter"],
-                    limit["size"],
-                    limit["unit"],
+                    limit.parameter,
+                    limit.size,
+                    limit.unit,
                     tuple(rivals.get(effect.id, ())),
                 )
             )
