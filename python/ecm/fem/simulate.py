@@ -34,7 +34,14 @@ __all__ = ["TABLE_I_MAX", "TABLE_I_MIN", "Simulated", "Workspace", "fem_poses", 
 
 @dataclass(frozen=True, repr=False)
 class Simulated:
-    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`."""
+    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`.
+
+    Examples
+    --------
+    >>> pairs = simulate(Mechanism(), 2, seed=1)
+    >>> pairs.poses.shape, bool((pairs.smallest_eigenvalue > 0.0).all())
+    ((2, 6), True)
+    """
 
     wrenches: F
     """(N, 6), N and N m."""

@@ -23,7 +23,13 @@ _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
 
 @dataclass(frozen=True)
 class TextBlock:
-    """A paragraph; `strong` marks the sentence that a reader in a hurry should read."""
+    """A paragraph; `strong` marks the most important sentence.
+
+    Examples
+    --------
+    >>> TextBlock("The missing effect is payload.", strong=True).strong
+    True
+    """
 
     text: str
     strong: bool = False
@@ -31,7 +37,13 @@ class TextBlock:
 
 @dataclass(frozen=True)
 class CodeBlock:
-    """Text of a program, line by line as it stands."""
+    """Text of a program, printed line by line.
+
+    Examples
+    --------
+    >>> CodeBlock("A draft.", "def effect(rows): ...").text
+    'def effect(rows): ...'
+    """
 
     caption: str
     text: str
@@ -39,7 +51,13 @@ class CodeBlock:
 
 @dataclass(frozen=True)
 class TableBlock:
-    """A table; numbers are right-aligned, columns with words in them left."""
+    """A table; columns of numbers are aligned right, columns with words left.
+
+    Examples
+    --------
+    >>> TableBlock("Errors.", ("component", "RMSE"), [["fx_N", "0.3"]]).words
+    [True, False]
+    """
 
     caption: str
     header: Sequence[str]
@@ -58,7 +76,13 @@ class TableBlock:
 
 @dataclass(frozen=True)
 class FigureBlock:
-    """A plotly figure (its dict form), and what it shows in words."""
+    """A plotly figure as a dict, and a caption that says what it shows.
+
+    Examples
+    --------
+    >>> FigureBlock("Two points.", {"data": [{"y": [1, 2]}], "layout": {}}).figure["data"]
+    [{'y': [1, 2]}]
+    """
 
     caption: str
     figure: dict[str, Any]
@@ -69,7 +93,13 @@ Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the report."""
+    """A part of the report with a title.
+
+    Examples
+    --------
+    >>> Section("1 Simulate", [TextBlock("1700 pairs.")]).anchor
+    '1-simulate'
+    """
 
     title: str
     blocks: Sequence[Block] = field(default_factory=tuple)
@@ -81,7 +111,7 @@ class Section:
 
 
 def warnings_table(warnings: Sequence[str]) -> list[Block]:
-    """What was said about the data, where anything was."""
+    """Return a table of the warnings about the data; nothing where there are none."""
     if not warnings:
         return []
     return [TableBlock("Warnings about the data.", ("",), [[text] for text in warnings])]
@@ -102,12 +132,30 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def write_page(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
-    """Write the report.
+    """Write a report as one HTML file that loads nothing from other places.
+
+    Parameters
+    ----------
+    path
+        The file.
+    title, lead
+        Heading of the page and the line below it.
+    sections
+        Its parts, in order.
 
     Raises
     ------
     MissingExtra
         Without the extra `report`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = Path(folder) / "report.html"
+    ...     write_page(page, "Neck", "", [Section("Result", [TextBlock("x < 1")])])
+    ...     "x &lt; 1" in page.read_text(encoding="utf-8")
+    True
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, render_page(title, lead, sections).encode("utf-8"))
