@@ -35,7 +35,13 @@ class InputError(EcmError):
 
 
 class ComputationError(EcmError):
-    """A failed computation (no convergence, full disk). The command line ends with exit code 1."""
+    """A failed computation (no convergence, full disk). The command line ends with exit code 1.
+
+    Examples
+    --------
+    >>> exit_code(ComputationError("the fit did not converge"))
+    1
+    """
 
 
 class MissingExtra(InputError):
