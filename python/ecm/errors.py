@@ -39,7 +39,7 @@ class ComputationError(EcmError):
 
     Examples
     --------
-    >>> exit_code(ComputationError("the fit did not converge"))
+    >>> exit_code(ComputationError("no pose of the workspace is stable"))
     1
     """
 

@@ -1,4 +1,4 @@
-"""The same mechanism with another nu, L or D, where the base map is the physics and knows it."""
+"""Variation of the body: the wrench of a physics base with another nu, L or D."""
 
 from __future__ import annotations
 
