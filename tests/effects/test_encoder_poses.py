@@ -127,7 +127,7 @@ def test_a_fitted_tool_is_kept_for_rows_that_could_not_tell_it() -> None:
     again = with_shape("joint_offset", effect.shape)
     one = again.correction(Rows(table.select(np.arange(3, 4)), physics()), values)
     np.testing.assert_allclose(one[0], whole[3], rtol=1e-12)
-    with pytest.raises(InputError, match="do not tell the tool"):
+    with pytest.raises(InputError, match="do not determine the tool"):
         get_effect("joint_offset").correction(
             Rows(table.select(np.arange(3, 4)), physics()), values
         )

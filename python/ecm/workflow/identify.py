@@ -91,8 +91,8 @@ def identify(
 
     Examples
     --------
-    >>> from ecm.workflow.config import Config, SimulateSettings
-    >>> identify(Config(simulate=SimulateSettings(n=60, n_test=10)), "unused")
+    >>> from ecm.workflow.config import Config, SimulateTable
+    >>> identify(Config(simulate=SimulateTable(n=60, n_test=10)), "unused")
     Traceback (most recent call last):
     ...
     ecm.errors.InputError: [design] n = 200: expected at most the 50 training pairs of [simulate] \
