@@ -135,8 +135,8 @@ def _rig(
     silent["fts_resolution"] = (0.0,) * 6
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
     found = {
-        secret.effect: tuple(sorted(getattr(campaign.physics, secret.name).parameters().items()))
-        for secret in campaign.secrets
+        injected.effect: tuple(sorted(injected.truth.parameters().items()))
+        for injected in campaign.injected
     }
     return table, campaign.run(), found
 

@@ -127,7 +127,7 @@ def test_a_fitted_tool_is_kept_for_rows_that_could_not_tell_it() -> None:
     again = with_shape("joint_offset", effect.shape)
     one = again.correction(Rows(table.select(np.arange(3, 4)), physics()), values)
     np.testing.assert_allclose(one[0], whole[3], rtol=1e-12)
-    with pytest.raises(InputError, match="do not tell the tool"):
+    with pytest.raises(InputError, match="do not determine the tool"):
         get_effect("joint_offset").correction(
             Rows(table.select(np.arange(3, 4)), physics()), values
         )
@@ -229,7 +229,7 @@ def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: 
 def test_an_arm_without_faults_is_not_named() -> None:
     diagnosis = diagnose(model(), encoders("", 5))
     assert diagnosis.verdict == "none", diagnosis.sentence()
-    listed = {item["id"] for item in diagnosis.not_testable}
+    listed = {item.id for item in diagnosis.not_testable}
     assert not listed & {"robot_compliance", "backlash", "joint_offset"}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,6 +25,9 @@ SOURCE = re.compile(r"^[\w*]+\.(?:py|rs)$")
 NAME = re.compile(r"\becm(?:\.[A-Za-z_]\w*)+")
 COMMAND = re.compile(r"(?:^|[\s;&(])ecm ([a-z]+)([^\n;&|#]*)", re.MULTILINE)
 OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]*")
+
+TEST = re.compile(r"(?<![\w/])(?:(test_\w+)(…?)(?!\w|\.py)|([a-z]+(?:_[a-z]+)+)…)")
+FUNCTION = re.compile(r"^\s*(?:def|fn) (\w+)\(", re.MULTILINE)
 
 WRITTEN = ("demo/", "out/", "examples/control.rs")
 """What commands write: folders of results, and a file of the exported crate."""
@@ -59,6 +63,24 @@ def missing_files(page: Path, text: str) -> Iterator[str]:
             for top in ("python", "crates", "tests", "benches", "docs", "scripts")
         ):
             yield name
+
+
+@lru_cache(maxsize=1)
+def functions_of_tests() -> set[str]:
+    """Names of all functions of the tests, in Python and in Rust."""
+    files = [*(ROOT / "tests").rglob("*.py"), *(ROOT / "crates").rglob("*.rs")]
+    return {name for path in files for name in FUNCTION.findall(path.read_text(encoding="utf-8"))}
+
+
+def missing_tests(text: str) -> list[str]:
+    """Tests that a page names and that do not exist; `…` stands for the rest of a name."""
+    lacking = []
+    for python, rest, rust in TEST.findall(text):
+        name, whole = python or rust, bool(python and not rest)
+        known = functions_of_tests()
+        if name not in known and (whole or not any(test.startswith(name) for test in known)):
+            lacking.append(name)
+    return lacking
 
 
 def exists(name: str) -> bool:
@@ -102,6 +124,11 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tests_that_a_page_names_exist(page: Path) -> None:
+    assert missing_tests(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_names_of_the_package_that_a_page_uses_exist(page: Path) -> None:
     names = {name.group() for name in NAME.finditer(page.read_text(encoding="utf-8"))}
     assert [name for name in sorted(names) if not exists(name)] == []
@@ -124,6 +151,10 @@ def test_what_does_not_exist_is_noticed() -> None:
     text = "`python/ecm/rig/nowhere.py`, `nowhere.py`, [page](nowhere/page.md), `ecm/rig/NAME.md`"
     assert len(set(missing_files(page, text))) == 4
     assert not list(missing_files(page, "`python/ecm/rig/NAME.py`, `tests/rig/test_arm.py`"))
+    assert missing_tests("`test_nowhere`, `test_what_does…`, nothing_is_nowhere…") == [
+        "test_nowhere",
+        "nothing_is_nowhere",
+    ]
     assert not exists("ecm.rig.nowhere")
     assert not exists("ecm.Table.nowhere")
     assert exists("ecm.Table.select")

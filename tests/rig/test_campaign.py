@@ -26,7 +26,7 @@ def test_with_nothing_hidden_only_the_declared_noise_is_left() -> None:
         campaign = Campaign(plan_of(some_poses(200)), RigSettings(), StandIn(), seed=seed)
         whitener = whitener_of(campaign)
         strengths.append(whitener.strength(error_of(campaign, campaign.run())))
-        args = (campaign.plant, campaign.course, campaign.physics, np.full(6, 3.0))
+        args = (campaign.plant, campaign.visits, campaign.physics, np.full(6, 3.0))
         systematic = residual(*args, campaign.settings)
         assert whitener.strength(systematic) < 0.05
     assert np.mean(strengths) == pytest.approx(1.0, abs=0.03)
@@ -186,8 +186,8 @@ def test_noise_belongs_to_the_visit_and_not_to_its_place_in_the_order() -> None:
 
     def of(campaign: Campaign) -> dict[int, list[float]]:
         table = campaign.run().measured()
-        rows = [v.kind == "pose" for v in campaign.course.visits]
-        both = np.concatenate([table.poses, campaign.course.reached[rows]], axis=1)
+        rows = campaign.visits.at_poses
+        both = np.concatenate([table.poses, campaign.visits.reached[rows]], axis=1)
         return dict(zip(table.column("pose_id").astype(int).tolist(), both.tolist(), strict=True))
 
     assert of(back) == of(forward)

@@ -14,8 +14,7 @@ from ecm.io.table import read_table
 from ecm.rig import Campaign, RigSettings, run_campaign
 from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic
 from ecm.rig.fem_source import FemSource
-from ecm.rig.frames import turn_wrench
-from ecm.rig.instruments import displaced
+from ecm.rig.frames import displaced, turn_wrench
 from support.stand_in import plan_of, some_poses
 
 NECK: dict[str, Any] = {

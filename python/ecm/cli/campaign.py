@@ -12,9 +12,9 @@ from ecm.cli.command import Out, Session, command
 from ecm.cli.outputs import check_output
 from ecm.io.table import Table
 from ecm.rig import RigSettings, campaign_minutes, run_campaign, run_campaigns
+from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
 from ecm.rig.arm.run import robot_path
-from ecm.rig.arm.show import need_robot, show
-from ecm.rig.arm.summary import words
+from ecm.rig.arm.summary import summary_lines
 from ecm.rig.journal import keep_data
 from ecm.workflow.config import read_rig
 
@@ -63,7 +63,7 @@ def campaign(options: Options, session: Session) -> None:
         keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
     rig = read_rig(options.rig)
     if options.film is not None or options.phases is not None:
-        need_robot(rig, ("--film", options.film), ("--phases", options.phases))
+        require_robot(rig, ("--film", options.film), ("--phases", options.phases))
     plan = session.read([options.plan], need="predict")
     session.print(f"{len(plan)} visits, about {campaign_minutes(plan, rig):.0f} minutes")
     common: dict[str, Any] = {
@@ -101,15 +101,12 @@ def campaign(options: Options, session: Session) -> None:
 
 def _arm_lines(options: Options, session: Session, plan: Table, rig: RigSettings) -> list[str]:
     """What the arm did, and the pictures of it that were asked for."""
-    lines = words(robot_path(options.out))
+    lines = summary_lines(robot_path(options.out))
     if options.film is not None or options.phases is not None:
-        lines = lines + show(
-            plan,
-            rig,
+        lines += write_pictures(
+            PictureSource(plan, rig, session.seed, session.threads),
             film=options.film,
             phases=options.phases,
-            seed=session.seed,
-            threads=session.threads,
             progress=session.progress("pictures"),
         )
     return lines

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.designs.plans import outer_poses
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
@@ -32,11 +33,11 @@ class _Visit:
     action: str
     pose: int = -1
     share: float = 1.0
-    """Of the straight way from home to the pose."""
+    """Share of the straight way from home to the pose."""
     approach: str = "initial"
     dwell_s: float = _DWELL_S
     run: int = 0
-    """Of the plan, from 0."""
+    """Run of the plan, from 0."""
 
 
 def follow_up_plan(data: Table, experiment: str) -> Table:
@@ -54,6 +55,16 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     ------
     InputError
         For an experiment that is done by hand and not by driving to poses (a calliper, a gauge).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.random.default_rng(0).uniform(0.0, 0.1, (12, 6))
+    >>> plan = follow_up_plan(as_table(dict(zip(POSE, poses.T))), "repeat_first_poses")
+    >>> sorted(set(plan.text("action").tolist()))
+    ['home', 'measure', 'unload']
     """
     lacking = [name for name in POSE if not data.has(name)]
     if lacking:
@@ -74,7 +85,18 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
 
 
 def can_be_run(experiment: str) -> bool:
-    """Whether the rig can carry the experiment out, or some part of a session."""
+    """Whether the rig can carry out the experiment, or some part of a session.
+
+    Parameters
+    ----------
+    experiment
+        The `action` of an entry of `next_experiment`, or the id of an experiment.
+
+    Examples
+    --------
+    >>> can_be_run("calliper"), can_be_run("hold_60_s")
+    (False, True)
+    """
     return any(part.can_be_driven for part in session_of(experiment))
 
 
@@ -124,8 +146,6 @@ def _holds(poses: F, ids: I) -> list[_Visit]:
 
 def _both_sides(poses: F, ids: I) -> list[_Visit]:
     """From home, from a pose beyond, and from there again after 60 s."""
-    from ecm.designs.plans import outer_poses
-
     farther = outer_poses(poses)
     pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
     found: list[_Visit] = []

@@ -1,4 +1,4 @@
-"""Rows of a candidate table that are worth measuring, and how good that choice is."""
+"""Optimal designs: the rows of a candidate table worth measuring, and how good the choice is."""
 
 from __future__ import annotations
 
@@ -23,20 +23,39 @@ _DEFAULT = DesignSettings()
 
 @dataclass(frozen=True)
 class Design:
-    """Chosen rows of the candidates and how good they are."""
+    """Chosen rows of the candidates and how good they are.
+
+    Parameters
+    ----------
+    indices
+        (n,) rows of the candidates, from 0, growing.
+    criterion
+        Name of the criterion.
+    value
+        log det(M/n)/k, a variance in units of the noise's, or the smallest distance.
+    bound
+        Value that no design of this size can pass.
+    efficiency
+        Certified share of what is possible, at most 1.
+    status
+        How the search ended.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Design(np.array([0, 4, 8]), "d", -0.3, -0.2, 0.905, "converged").sentence()
+    '3 poses, D-efficiency 90.5 % of what is possible'
+    """
 
     indices: I
     criterion: str
     value: float
-    """log det(M/n)/k, a variance in units of the noise's, or the smallest distance."""
     bound: float
-    """No design of this size can pass this value."""
     efficiency: float
-    """Certified share of what is possible, at most 1."""
     status: str
 
     def sentence(self) -> str:
-        """One line for people."""
+        """The design in one line."""
         least = "at least " if self.criterion in ("g", "maximin") else ""
         return (
             f"{len(self.indices)} poses, {CRITERIA[self.criterion]} {least}"
@@ -89,8 +108,8 @@ def optimal_design(
     Examples
     --------
     >>> import numpy as np
-    >>> poses = np.linspace(-1.0, 1.0, 9)[:, None] * np.ones(2) ** [[1.0, 2.0]]
-    >>> poses[:, 1] = poses[:, 0] ** 2
+    >>> x = np.linspace(-1.0, 1.0, 9)
+    >>> poses = np.column_stack([x, x**2])
     >>> chosen = optimal_design(poses, 3, DesignSettings(model="linear", iterations=5))
     >>> [int(row) for row in chosen.indices]
     [0, 4, 8]

@@ -1,4 +1,4 @@
-"""Permanent set: the mechanism does not come back."""
+"""Permanent set: a deflection that remains after large poses."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from ecm.io.table import Table
 Progress = Callable[[int, int, str], object] | None
 """Called with pairs kept, all pairs, and a word for what is done."""
 
-_CACHE_VERSION = 2  # of guesses and of what is kept; another version resumes nothing of this one
+_CACHE_VERSION = 2  # of the stored cases; those of another version are not used
 _GUESS_MARGIN = 1.05  # guesses pass draws up to this factor times the rotation limit
 _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
@@ -34,7 +34,14 @@ __all__ = ["TABLE_I_MAX", "TABLE_I_MIN", "Simulated", "Workspace", "fem_poses", 
 
 @dataclass(frozen=True, repr=False)
 class Simulated:
-    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`."""
+    """Wrench-pose pairs by FEM, in the order of drawing; the result of `simulate`.
+
+    Examples
+    --------
+    >>> pairs = simulate(Mechanism(), 2, seed=1)
+    >>> pairs.poses.shape, bool((pairs.smallest_eigenvalue > 0.0).all())
+    ((2, 6), True)
+    """
 
     wrenches: F
     """(N, 6), N and N m."""
@@ -49,7 +56,7 @@ class Simulated:
     smallest_jacobian: F
     """(N,), smallest volume ratio det F anywhere in the body."""
     smallest_eigenvalue: F
-    """(N,), of the Hessian H with lengths scaled by L; positive: the equilibrium is stable."""
+    """(N,), smallest eigenvalue of the Hessian H, lengths over L; positive: stable equilibrium."""
     iterations: I
     """(N,), Newton iterations."""
     newton_per_case: float

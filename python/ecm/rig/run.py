@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ecm.errors import InputError
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.parquet import require_pyarrow, write_parquet
+from ecm.rig.arm.sorties import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden import truth
@@ -87,12 +88,16 @@ def run_campaign(
     if folder is None:
         folder = cache_directory()
     if rig.rig.mode == "robot":
-        from ecm.rig.arm.run import run_robot, write_record
+        # scipy is slow to load, and only the arm needs it
+        from ecm.rig.arm.campaign import RobotCampaign
+        from ecm.rig.arm.run import require_arm, run_robot, write_record
 
-        arm, table, kept = run_robot(
-            plan, rig, out, hide=hide, seed=seed, progress=progress, resume=resume,
-            source=source, folder=folder, threads=threads,
+        require_arm(folder)
+        arm = RobotCampaign(
+            plan, rig, source, hide=hide, seed=seed, folder=folder, library_folder=folder,
+            progress=progress,
         )  # fmt: skip
+        table, kept = run_robot(arm, source, out, progress=progress, resume=resume, threads=threads)
         if out is not None and kept is not None:
             table = _written(arm, table, out)
             write_record(arm, out)
@@ -158,8 +163,6 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
     planned = timeline_of(kept, rig.rig, length)
     seconds = planned.end_s
     if rig.rig.mode == "robot":
-        from ecm.rig.arm.sorties import extra_s
-
         seconds += sum(extra_s(v, rig.rig) for v in planned.visits)
     return seconds / 60.0
 

@@ -78,12 +78,12 @@ def _figure(figures: Mapping[str, F], phases_s: Sequence[Sequence[Any]]) -> dict
     data: list[dict[str, Any]] = [
         legend
         | {"name": name, "marker": {"symbol": "square", "size": 12, "color": COLOURS[name]}}
-        | draw.component_axes(0)
+        | draw.panel_axes(0)
         for name in dict.fromkeys(name for name, _, _ in phases_s)
     ]
     layout["shapes"] = []
     for j in range(6):
-        axes = draw.component_axes(j)
+        axes = draw.panel_axes(j)
         band = {
             "type": "rect",
             "xref": axes["xaxis"],
