@@ -10,7 +10,7 @@ from scipy import optimize, special
 from ecm.comparison.covariates import confounded_with_order, derived_columns
 from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.signature import signature_shares
-from ecm.diagnosis.check import never_excited
+from ecm.diagnosis.check import NotTestable, never_excited
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
@@ -26,7 +26,6 @@ from ecm.diagnosis.result import (
     Diagnosis,
     HeldOut,
     NoiseSummary,
-    NotTestable,
     RankedEffect,
     RunError,
 )
@@ -104,11 +103,12 @@ def upper_bound(test: FTest, size: int) -> float:
     if not np.isfinite(test.F) or test.dof_error <= 2.0:
         return float("inf")
     squares = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
-    bound = optimize.brentq(
-        lambda value: float(special.chndtr(squares, test.dof, value)) - 0.05,
-        0.0,
-        4.0 * squares + 200.0,
-    )
+
+    def chance(value: float) -> float:
+        # Not a number far out, where the chance is 0.
+        return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
+
+    bound = optimize.bisect(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
     return float(np.sqrt(bound / size))
 
 

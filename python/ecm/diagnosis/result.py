@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ecm.diagnosis.accept import AcceptanceCheck
+from ecm.diagnosis.check import NotTestable
 from ecm.diagnosis.classify import Headline
 from ecm.diagnosis.detection_limits import DetectionLimit
 from ecm.diagnosis.gate import Gate, Leftover
 from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.noise_effects import NoiseFinding
 from ecm.diagnosis.refinement import Refinement
+from ecm.diagnosis.to_json import fields_json, to_json
 from ecm.diagnosis.unexplained import Unknown
 from ecm.io.extras import require
 from ecm.models.joint_fit import FittedEffect
@@ -64,15 +65,6 @@ class RankedEffect:
     unit: str
     expected_fall: float
     """Expected fall of the error, in noise units."""
-
-
-@dataclass(frozen=True)
-class NotTestable:
-    """An effect that these data cannot test, why, and what to record."""
-
-    id: str
-    reason: str
-    record: str
 
 
 @dataclass(frozen=True)
@@ -211,46 +203,4 @@ class Diagnosis:
     def to_dict(self) -> dict[str, Any]:
         """Return the report of interfaces.md."""
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
-        return document | _fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}
-
-
-def to_json(value: Any) -> Any:
-    """Return plain JSON of results: records become objects, tuples lists.
-
-    A field's metadata may change its key (`json`; empty: left out) or leave out a value that is
-    None or empty (`optional`). A `to_dict` of the record's own goes first.
-
-    Examples
-    --------
-    >>> to_json((NotTestable("ageing", "no column time_s", "time_s"),))
-    [{'id': 'ageing', 'reason': 'no column time_s', 'record': 'time_s'}]
-    """
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if is_dataclass(value):
-        return _fields_json(value)
-    if isinstance(value, Mapping):
-        return {key: to_json(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_json(entry) for entry in value]
-    return value
-
-
-def _fields_json(record: Any) -> dict[str, Any]:
-    if isinstance(record, FittedEffect):
-        return _effect_json(record)
-    pairs = [(item, getattr(record, item.name)) for item in fields(record)]
-    return {
-        item.metadata.get("json", item.name): to_json(value)
-        for item, value in pairs
-        if item.metadata.get("json", item.name)
-        and not (item.metadata.get("optional") and value in (None, ()))
-    }
-
-
-def _effect_json(item: FittedEffect) -> dict[str, Any]:
-    parameters = {
-        parameter.name: {"value": float(value), "sd": float(sd), "unit": parameter.unit}
-        for parameter, value, sd in zip(item.effect.parameters, item.values, item.sd, strict=True)
-    }
-    return {"id": item.id, "shape": item.effect.shape, "parameters": parameters}
+        return document | fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}

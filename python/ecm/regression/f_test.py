@@ -1,7 +1,7 @@
 """Lack of fit against pure error from repeats, and the omnibus test of a residual.
 
-F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): what the model leaves between cells
-over what repeats of the same cell leave (NIST/SEMATECH e-Handbook, 4.4.4.6).
+F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): the residual between cells over
+that within cells (NIST/SEMATECH e-Handbook, 4.4.4.6).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.linalg import lapack, solve_triangular
 from ecm.io.arrays import F, I
 
 _DEPENDENT = 1e-5
-"""A column of which earlier ones leave no more than this is theirs."""
+"""A column is dependent where this share or less is orthogonal to the others."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class FTest:
     @staticmethod
     def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
         """Explained over rest, each per degree of freedom."""
-        # What explains everything leaves rounding errors, of either sign.
+        # Columns that explain everything leave rounding errors of either sign.
         rest = max(rest, 1e-12 * abs(explained))
         if dof <= 0 or dof_error <= 0 or rest <= 0.0:
             return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
@@ -151,12 +151,12 @@ def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     if not keep.any():
         return 0.0, 0
     scaled = columns[:, keep] / norms[keep]
-    # Pivoted Cholesky factor of the normal equations: it sees dependent columns, whatever their
-    # order, and costs a quarter of an orthonormal basis.
+    # The pivoted Cholesky factor of the normal equations shows dependent columns in any order and
+    # costs a quarter of an orthonormal basis.
     factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
     along = (scaled.T @ response)[order[:rank] - 1]
-    found = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
-    return float(found @ found), int(rank)
+    projected = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
+    return float(projected @ projected), int(rank)
 
 
 def orthonormal(columns: F) -> F:
@@ -167,5 +167,5 @@ def orthonormal(columns: F) -> F:
         return np.zeros((len(columns), 0))
     scaled = columns / np.sqrt((columns**2).sum(axis=0))
     q, r = np.linalg.qr(scaled)
-    # A column that earlier ones explain leaves a direction of rounding errors: drop it.
+    # A dependent column leaves a direction of rounding errors: drop it.
     return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])

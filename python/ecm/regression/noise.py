@@ -1,8 +1,8 @@
-"""The noise of a row: Sigma = Sigma_w + K_s Sigma_p K_s' + Sigma_base, a full matrix.
+"""Noise of a row: Sigma = Sigma_w + K_s Sigma_p K_s' + Sigma_base, a full matrix.
 
-The pose noise acts through the stiffness, so that fx of a stiff axis carries most of it and the
-components are correlated. Its rotation part is taken as increments in base axes (isotropic, hence
-the same in top axes) and goes through K_s = K diag(I, J^-1).
+The pose noise acts through the stiffness: the stiff axis has most of it, and the components are
+correlated. Its rotations are increments in base axes (isotropic, hence the same in top axes), which
+act through K_s = K diag(I, J^-1).
 """
 
 from __future__ import annotations

@@ -108,11 +108,15 @@ class Rows:
 
     def predict(self, poses: F) -> F:
         """(N, m) base wrench at other poses of the same rows, zero where unloaded."""
-        wrench = np.zeros((len(self), len(self.base.outputs)))
+        return self.where_loaded(self.base.predict, poses, len(self.base.outputs))
+
+    def where_loaded(self, function: Callable[[F], F], poses: F, *shape: int) -> F:
+        """(N, *shape) of a function of poses (N, n), zero where unloaded."""
+        values = np.zeros((len(self), *shape))
         loaded = ~self.unloaded
         if loaded.any():
-            wrench[loaded] = self.base.predict(np.ascontiguousarray(poses[loaded]))
-        return wrench
+            values[loaded] = function(np.ascontiguousarray(poses[loaded]))
+        return values
 
     @cached_property
     def wrench(self) -> F:
@@ -121,15 +125,15 @@ class Rows:
 
     @cached_property
     def sensor_load(self) -> F:
-        """(N, m) wrench that loads the sensor: the mechanism's, or on a free sensor a dead weight.
+        """(N, m) wrench on the sensor: the mechanism's, or on a free sensor that of a dead weight.
 
-        A run in which nothing but the free sensor was read, with a payload_mass_kg in [run.N], is a
-        weight that hangs on a line through the origin of the top frame.
+        A run of unloaded rows alone, with a payload_mass_kg in [run.N], is a weight that hangs on a
+        line through the origin of the top frame.
         """
-        hung = self._dead_weight_kg
-        if not hung.any():
+        mass = self._dead_weight_kg
+        if not mass.any():
             return self.wrench
-        force = -hung[:, None] * self.gravity_m_s2
+        force = -mass[:, None] * self.gravity_m_s2
         load: F = self.wrench.copy()
         for j, name in enumerate(self.base.outputs):
             if name in WRENCH[:3]:
@@ -152,12 +156,8 @@ class Rows:
     @cached_property
     def stiffness(self) -> F:
         """(N, m, n) K = dh/dp of the base at the measured poses."""
-        shape = (len(self), len(self.base.outputs), len(self.base.inputs))
-        stiffness = np.zeros(shape)
-        loaded = ~self.unloaded
-        if loaded.any():
-            stiffness[loaded] = self.base.stiffness(np.ascontiguousarray(self.poses[loaded]))
-        return stiffness
+        m, n = len(self.base.outputs), len(self.base.inputs)
+        return self.where_loaded(self.base.stiffness, self.poses, m, n)
 
     @cached_property
     def screw_stiffness(self) -> F:
