@@ -9,13 +9,14 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ecm.comparison import compare
-from ecm.diagnosis import diagnose
+from ecm.diagnosis import Diagnosis, diagnose
 from ecm.diagnosis.accept import acceptance_check
 from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import assemble
@@ -329,14 +330,20 @@ def test_trap_constant_dwell_hides_relaxation_in_the_modulus() -> None:
     assert short > 1.005 * middle > 1.01 * long
 
 
+@lru_cache(maxsize=1)
+def with_one_sign_wrong() -> Diagnosis:
+    """Diagnosis of a campaign whose fz has the wrong sign."""
+    table = campaign("", 1.0, 4)
+    return diagnose(model(), table.with_columns({"fz_N": -table.column("fz_N")}))
+
+
 def test_trap_a_wrong_sign_is_no_soft_material() -> None:
     table = campaign("", 1.0, 4)
     turned = table.with_columns({name: -table.column(name) for name in WRENCH})
     diagnosis = diagnose(model(), turned)
     assert diagnosis.verdict == "unknown"
     assert "a sign is likely wrong" in diagnosis.sentence()
-    one = diagnose(model(), table.with_columns({"fz_N": -table.column("fz_N")}))
-    assert one.verdict == "unknown"
+    assert with_one_sign_wrong().verdict == "unknown"
 
 
 def test_trap_a_frame_turned_the_wrong_way_is_not_named() -> None:
@@ -454,8 +461,7 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
 
 
 def test_a_flipped_sign_is_described_and_not_named() -> None:
-    table = campaign("", 1.0, 4)
-    diagnosis = diagnose(model(), table.with_columns({"fz_N": -table.column("fz_N")}))
+    diagnosis = with_one_sign_wrong()
     assert diagnosis.verdict == "unknown"
     assert diagnosis.unknown is not None
     assert diagnosis.unknown.words.startswith("fz follows")
