@@ -10,7 +10,7 @@ Each stage is a function that can be called by itself; what it returns is the in
     chosen = search(problem, ranking)                   the smallest set that explains it
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
-    accepted = classify(problem, accepted, left)        which names stand alone
+    accepted = classify(problem, accepted, left)        rivals in doubt join the classes
     final = verdict(problem, first, accepted, left)     none, named, ambiguous or unknown
 """
 
@@ -63,7 +63,7 @@ class Stages:
 
 
 STAGES = Stages()
-"""The procedure as it stands."""
+"""The procedure without replaced stages."""
 
 
 @one_blas_thread()
@@ -82,7 +82,7 @@ def diagnose(
     Parameters
     ----------
     model
-        The model as it stands; a physics model is also the base that effects are named against.
+        The model; a physics model is also the base that effects are named against.
     table
         Measurements; at least 8 rows.
     seed
@@ -205,8 +205,8 @@ def decide(
 def may_be_another_body(decision: Decision) -> bool:
     """Whether the physics of the stated body leaves so much that it may be another body.
 
-    As long as such structure stands above the noise it hides everything else, and effects that can
-    imitate a little of it are named for the rest of it.
+    Such structure hides everything else, and effects that can imitate a part of it would be named
+    for all of it.
     """
     problem, table = decision.problem, decision.prepared.unexplained
     settings = problem.settings

@@ -113,7 +113,7 @@ def upper_bound(test: FTest, size: int) -> float:
 
 
 def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
-    """Return one line of the ranking; the best determined parameter stands for the size."""
+    """Return one line of the ranking; the size is that of the best determined parameter."""
     candidate = item.candidate
     fit = estimate(problem, [candidate])
     theta = fit.of(candidate)
