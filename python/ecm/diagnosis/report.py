@@ -108,7 +108,7 @@ def upper_bound(test: FTest, size: int) -> float:
         # Not a number far out, where the chance is 0.
         return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
 
-    bound = optimize.bisect(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
+    bound = optimize.brentq(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
     return float(np.sqrt(bound / size))
 
 
