@@ -48,7 +48,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stages:
-    """The functions that `diagnose` calls in turn; replace one to study what it does."""
+    """The functions that `diagnose` calls in turn; replace one to study what it does.
+
+    Examples
+    --------
+    >>> nothing = Stages(search=lambda problem, ranking: ())
+    >>> nothing.accept is accept
+    True
+    """
 
     assemble: Callable[..., Problem] = assemble
     noise: Callable[[Problem, Sequence[Effect]], list[NoiseFinding]] = noise_findings
@@ -143,6 +150,15 @@ def find_missing(
 
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
     effects are named against the symmetric energy model instead.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 0.01 * np.cos(40 * np.arange(12))})
+    >>> find_missing(ecm.fit_model(table, "linear"), table, effects=[]).answer
+    ()
     """
     prepared = prepare(model, table, effects)
 

@@ -107,6 +107,16 @@ class Diagnosis:
 
     `print` shows one sentence, `plot` draws the ranking, `to_pandas` gives it as a table, and
     `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 0.01 * np.cos(40 * np.arange(12))})
+    >>> result = ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[])
+    >>> result.verdict, result.base.kind, result.noise.source
+    ('none', 'polynomial', 'assumed')
     """
 
     seed: int
