@@ -10,10 +10,11 @@ from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
+from ecm.rig.camera import Camera
 from ecm.rig.elastic import Anchors, Progress, Smooth
-from ecm.rig.frames import compose, rotation, seen_from
-from ecm.rig.instruments import Camera, ForceTorqueSensor, displaced
-from ecm.rig.measurement import wrench_in_base, zero_readings
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
+from ecm.rig.frames import compose, displaced, rotation, seen_from
+from ecm.rig.measurement import wrench_in_base
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Instruments
 
@@ -121,14 +122,14 @@ def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
     columns = {name: poses[:, j] for j, name in enumerate(POSE)}
     campaign = Campaign(Table(columns, Meta(), "plan"), settings, Springs(), seed=seed)
     readings = [campaign.measure(i) for i in range(len(campaign))]
-    course, plant = campaign.course, campaign.plant
-    truth = plant.truth(course, campaign.physics, np.zeros(6))
+    visits, plant = campaign.visits, campaign.plant
+    truth = plant.truth(visits, campaign.physics, np.zeros(6))
     quiet = wrench_in_base(
         plant,
-        course,
+        visits,
         campaign.physics,
         sensor=np.where(
-            zero_readings(course)[:, None],
+            visits.zero_readings[:, None],
             np.stack([r.sensor for r in readings]),
             truth.sensor + campaign.offset,
         ),
@@ -136,8 +137,8 @@ def zero_left(law: str, every: int, seed: int) -> tuple[float, float, float]:
         law=law,
         temperature_degC=np.asarray([r.sensor_temperature_degC for r in readings]),
     )
-    rows = np.asarray([v.kind == "pose" for v in course.visits])
-    left = quiet[rows] - plant.elastic.wrench(course.anchor[rows], truth.pose_seen[rows])
+    rows = visits.at_poses
+    left = quiet[rows] - plant.elastic.wrench(visits.anchor[rows], truth.pose_seen[rows])
     force, torque = np.sqrt(np.mean(left[:, :3] ** 2)), np.sqrt(np.mean(left[:, 3:] ** 2))
     return float(force), float(torque), campaign.minutes
 

@@ -29,8 +29,8 @@ from ecm.io.columns import POSE
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.procedure import Stop
 from ecm.rig.arm.run import robot_path
+from ecm.rig.arm.sorties import Stop
 from ecm.rig.arm.summary import PHASES
 from ecm.workflow.config import read_rig
 
@@ -99,21 +99,21 @@ def tell(name: str, found: dict[str, Any]) -> None:
 def campaign_of(plan: Table, rig: RigSettings) -> RobotCampaign:
     """A campaign that is not run."""
     kept = cache_directory()
-    return RobotCampaign(plan, rig, fem_source(plan), folder=kept, library_folder=kept)
+    return RobotCampaign(plan, rig, fem_source(plan), folder=kept)
 
 
 def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
     """Microseconds of processor time a step over ten poses."""
     campaign = campaign_of(plan, rig)
-    machine = campaign.job.machine()
+    arm = campaign.setup.build()
     steps, start = 0, time.process_time()
-    for tour in campaign.tours[:10]:
-        machine.sortie(tour.stops)
-        steps += machine.simulation.steps
+    for sortie in campaign.sorties[:10]:
+        arm.sortie(sortie.stops)
+        steps += arm.simulation.steps
     spent = time.process_time() - start
-    machine.simulation.reset()
+    arm.simulation.reset()
     at_rest = campaign.plant.elastic.anchors.stiffness[0]
-    number = machine.simulation.stability_number(at_rest)
+    number = arm.simulation.stability_number(at_rest)
     print(f"{1e6 * spent / steps:.1f} us a step over {steps} steps; dt omega_max {number:.3f} of 2")
     return {"us_a_step": 1e6 * spent / steps, "stability_number": number}
 
@@ -121,7 +121,7 @@ def loop(plan: Table, rig: RigSettings) -> dict[str, float]:
 def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
     """Impedance control along single axes against two springs in series."""
     campaign = campaign_of(plan, rig)
-    machine = campaign.job.machine()
+    arm = campaign.setup.build()
     rest = np.array([campaign.plant.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
     own = np.repeat([rig.arm.impedance_N_m, rig.arm.impedance_Nm_rad], 3)
     stiffness = campaign.plant.elastic.anchors.stiffness[0]
@@ -131,7 +131,7 @@ def springs(plan: Table, rig: RigSettings) -> list[dict[str, float]]:
     for j, size in enumerate((-0.002, 0.002, 0.002, 0.05, 0.05, 0.05)):
         goal = rest.copy()
         goal[j] += size
-        outcome = machine.sortie([Stop(0, goal, (), 0.1, 0.2)]).outcomes[0]
+        outcome = arm.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
         share = (outcome.after_impedance[j] - rest[j]) / size
         away = np.linalg.solve(np.diag(own) + stiffness, np.diag(own)[:, j] * size)[j] / size
         rows.append({"reached": share, "series": away})

@@ -69,21 +69,21 @@ class Driven:
     def campaign(self, name: str, plan: Table, settings: RigSettings, seed: int) -> Table:
         """What `run_campaign` gives, sorties apart."""
         from ecm.rig.arm.campaign import RobotCampaign
-        from ecm.rig.arm.worker import Job, sorties
+        from ecm.rig.arm.worker import ArmSetup, run_sorties
 
         key = name, seed
 
         @contextmanager
-        def drive(job: Job, tasks: Sequence[Any], processes: int) -> Iterator[Iterator[Any]]:
+        def run(setup: ArmSetup, tasks: Sequence[Any], processes: int) -> Iterator[Iterator[Any]]:
             if key not in self._kept:
-                with sorties(job, tasks, processes) as results:
+                with run_sorties(setup, tasks, processes) as results:
                     self._kept[key] = list(results)
             yield iter(self._kept[key])
 
         kept = cache_directory()
         campaign = RobotCampaign(
-            plan, settings, fem_source(plan), seed=seed, folder=kept, library_folder=kept,
-            drive=drive,
+            plan, settings, fem_source(plan), seed=seed, folder=kept,
+            run=run,
         )  # fmt: skip
         for _ in campaign.lines((), settings.arm.processes or 2):
             pass

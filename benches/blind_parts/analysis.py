@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,14 @@ import numpy as np
 from blind_parts.data import Data
 from blind_parts.once import Work
 from blind_parts.sets import Set
-from ecm.diagnosis import diagnose
-from ecm.diagnosis.accept import held_out_rms
+from ecm.diagnosis import DiagnosisSettings, Stages, diagnose, find_missing
 from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.procedure import STAGES
 from ecm.diagnosis.search import rank
-from ecm.effects import all_effects
+from ecm.diagnosis.settings import DEFAULTS
+from ecm.effects import Effect, all_effects
 from ecm.effects.registry import with_shape
 from ecm.models import Model
 from ecm.models.joint_fit import joint_fit
@@ -29,29 +31,46 @@ SEEDS = 20
 _NORMAL_90 = 1.6449
 
 
+@dataclass(frozen=True)
+class Method:
+    """How our procedure is run: its limits, its stages, and what each effect is replaced by."""
+
+    settings: DiagnosisSettings = DEFAULTS
+    stages: Stages = STAGES
+    effect: Callable[[str], str | Effect] = str
+
+
+OURS = Method()
+
+
 def library(removed: Sequence[str]) -> list[str]:
     """All ids but those that were taken out."""
     return [effect.id for effect in all_effects() if effect.id not in removed]
 
 
 def our_answer(
-    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = ()
+    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
 ) -> dict[str, Any]:
     """The report of `diagnose`, what a score needs of it."""
-    return worked_answer(asked, data, seed, without=without)[0]
+    return worked_answer(asked, data, seed, without=without, method=method)[0]
 
 
 def worked_answer(
-    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = ()
+    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
 ) -> tuple[dict[str, Any], Work]:
-    """The same with the steps that a further analysis of these data can share."""
-    work = Work()
-    tested = library((*asked.removed, *without))
-    with work.recorded():
-        # One thread: processor time is what an idle core takes, however busy the machine is.
-        began = time.process_time()
-        report = diagnose(data.model, data.table, seed=seed, effects=tested).to_dict()
-        seconds = time.process_time() - began
+    """The same with the stages that a further analysis of these data can share."""
+    work = Work(method.stages)
+    # One thread: processor time is what an idle core takes, however busy the machine is.
+    began = time.process_time()
+    report = diagnose(
+        data.model,
+        data.table,
+        seed=seed,
+        effects=[method.effect(id) for id in library((*asked.removed, *without))],
+        settings=method.settings,
+        stages=work.recording(),
+    ).to_dict()
+    seconds = time.process_time() - began
     keys = (
         "verdict", "answer", "effects", "held_out", "gate", "not_testable", "next_experiment",
         "noise",
@@ -67,7 +86,7 @@ def worked_answer(
 
 def other_base_answer(asked: Set, data: Data, other: Model) -> dict[str, Any]:
     """The verdict with a physics base that is not the body's own: a rod diagnosed as a solid."""
-    found = diagnose(other, data.table, effects=library(asked.removed))
+    found = find_missing(other, data.table, effects=library(asked.removed))
     return {"verdict": found.verdict, "answer": [list(members) for members in found.answer]}
 
 
@@ -75,8 +94,13 @@ def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> 
     """Share of further seeds of the analysis with the same verdict and answer."""
     same = 0
     for seed in range(1, SEEDS):
-        with work.replayed():
-            again = diagnose(data.model, data.table, seed=seed, effects=library(asked.removed))
+        again = find_missing(
+            data.model,
+            data.table,
+            seed=seed,
+            effects=library(asked.removed),
+            stages=work.replaying(),
+        )
         answer = [list(members) for members in again.answer]
         same += (again.verdict, answer) == (first["verdict"], first["answer"])
     return same / (SEEDS - 1)

@@ -135,8 +135,8 @@ def _rig(
     silent["fts_resolution"] = (0.0,) * 6
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
     found = {
-        secret.effect: tuple(sorted(getattr(campaign.physics, secret.name).parameters().items()))
-        for secret in campaign.secrets
+        injected.effect: tuple(sorted(injected.truth.parameters().items()))
+        for injected in campaign.injected
     }
     return table, campaign.run(), found
 
@@ -153,7 +153,6 @@ def _arm(asked: Set, plan: Table) -> Table:
         hide=[Hidden(id, s) for id, s in asked.hidden],
         seed=asked.seed,
         folder=cache_directory(),
-        library_folder=cache_directory(),
     )
     for _ in campaign.lines((), 1):
         pass

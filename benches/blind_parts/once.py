@@ -1,91 +1,65 @@
-"""What analyses of the same data share is worked out once: problem and search.
+"""What analyses of the same data share is worked out once: problem, noise effects and search.
 
-Neither knows the seed or the folds, so that a further analysis of the same data only repeats what
-depends on them; parts of the report that no score reads are left out.
+None of them depends on the seed or the folds, so that a further analysis of the same data only
+repeats the stages that do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
-from unittest import mock
 
-from ecm.diagnosis import decide as judge
-from ecm.diagnosis import procedure
+from ecm.diagnosis import Stages
 from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.unexplained import Unknown
 
-SHARED = ("assemble", "search", "noise_findings")
-"""Of `ecm.diagnosis.decide`."""
-UNREAD: dict[str, Callable[..., Any]] = {
-    "next_experiments": lambda *a, **k: [],
-    "detection_limits": lambda *a, **k: {},
-    "refinements": lambda *a, **k: [],
-    "confusable_pairs": lambda *a, **k: [],
-    "ceiling_rms": lambda *a, **k: None,
-    "signature_shares": lambda *a, **k: {},
-}
-"""Functions of `ecm.diagnosis.procedure` whose value stands in the report alone; `describe` of
-`judge` as well."""
+SHARED = ("assemble", "search", "noise")
+"""Stages whose results are kept."""
+NOT_DESCRIBED = Unknown((), {}, "", None, "")
+
+
+def only_the_answer(stages: Stages) -> Stages:
+    """Stages without the description of unknown structure, which the verdict does not need."""
+    return replace(stages, describe=lambda *_: NOT_DESCRIBED)
 
 
 class Work:
-    """Results of the shared steps of one analysis, in the order of its calls."""
+    """Results of the shared stages of one analysis, in the order of its calls."""
 
-    def __init__(self) -> None:
+    def __init__(self, stages: Stages | None = None) -> None:
+        self._stages = Stages() if stages is None else stages
         self._kept: dict[str, list[Any]] = {name: [] for name in SHARED}
 
     @property
     def problem(self) -> Problem:
         """The linearised problem that the analysis ended with."""
-        found: Problem = self._kept["assemble"][-1]
-        return found
+        problem: Problem = self._kept["assemble"][-1]
+        return problem
 
-    @contextmanager
-    def recorded(self) -> Iterator[None]:
-        """Keep what the shared steps return."""
+    def recording(self) -> Stages:
+        """Stages that keep what the shared ones return."""
+        return replace(self._stages, **{name: self._recorded(name) for name in SHARED})
 
-        def kept(name: str) -> Callable[..., Any]:
-            real = getattr(judge, name)
+    def replaying(self) -> Stages:
+        """Stages that return the same again."""
+        again = {name: self._again(name) for name in SHARED}
+        return only_the_answer(replace(self._stages, **again))
 
-            def step(*given: Any, **named: Any) -> Any:
-                found = real(*given, **named)
-                self._kept[name].append(found)
-                return found
+    def _recorded(self, name: str) -> Callable[..., Any]:
+        real, kept = getattr(self._stages, name), self._kept[name]
 
-            return step
+        def stage(*given: Any) -> Any:
+            kept.append(real(*given))
+            return kept[-1]
 
-        with ExitStack() as stack:
-            for name in SHARED:
-                stack.enter_context(mock.patch.object(judge, name, kept(name)))
-            yield
-
-    @contextmanager
-    def replayed(self) -> Iterator[None]:
-        """Return the same again; what no score reads is not worked out."""
-        with ExitStack() as stack:
-            for name in SHARED:
-                stack.enter_context(mock.patch.object(judge, name, self._again(name)))
-            stack.enter_context(only_the_answer())
-            yield
+        return stage
 
     def _again(self, name: str) -> Callable[..., Any]:
-        real, left = getattr(judge, name), iter(self._kept[name])
+        real, left = getattr(self._stages, name), iter(self._kept[name])
 
-        def step(*given: Any, **named: Any) -> Any:
-            found = next(left, None)
-            return real(*given, **named) if found is None else found
+        def stage(*given: Any) -> Any:
+            kept = next(left, None)
+            return real(*given) if kept is None else kept
 
-        return step
-
-
-@contextmanager
-def only_the_answer() -> Iterator[None]:
-    """`diagnose` without those parts of the report that the verdict does not depend on."""
-    with ExitStack() as stack:
-        stack.enter_context(
-            mock.patch.object(judge, "describe_residual", return_value={"words": ""})
-        )
-        for name, nothing in UNREAD.items():
-            stack.enter_context(mock.patch.object(procedure, name, nothing))
-        yield
+        return stage

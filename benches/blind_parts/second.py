@@ -10,7 +10,7 @@ two says nothing.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,9 +43,20 @@ _LEAST_ODDS = 6.0
 
 
 def second_answer(
-    asked: Set, data: Data, first: dict[str, Any], folder: Path
+    asked: Set,
+    data: Data,
+    first: dict[str, Any],
+    folder: Path,
+    *,
+    answer: Callable[..., dict[str, Any]] = our_answer,
 ) -> dict[str, Any] | None:
-    """The answer after the experiment; None where the first answer is no class."""
+    """The answer after the experiment; None where the first answer is no class.
+
+    Parameters
+    ----------
+    answer
+        How the data are diagnosed again.
+    """
     if first["verdict"] != "ambiguous":
         return None
     told = [str(entry["action"]) for entry in first["next_experiment"]]
@@ -53,7 +64,7 @@ def second_answer(
     for action in told:
         read = {id: tool for part in session_of(action) for id, tool in _read_by(part).items()}
         if can_be_run(action) or set(read) & members:
-            found = _after(asked, data, first, read, (action, folder))
+            found = _after(asked, data, first, read, campaign=(action, folder), again=answer)
             return {"proposed": told, "done": action, **found}
     return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
 
@@ -67,7 +78,9 @@ def _after(
     data: Data,
     first: dict[str, Any],
     read: Mapping[str, Mapping[str, float]],
+    *,
     campaign: tuple[str, Path],
+    again: Callable[..., dict[str, Any]],
 ) -> dict[str, Any]:
     """What the readings by hand show and rule out, and the data with those of the campaign."""
     seen, absent = _readings(asked, data, first, read)
@@ -77,7 +90,7 @@ def _after(
         second = data_of(asked, folder, plan, data.truth)
         data = replace(data, table=_joined(data.table, second.table))
     if can_be_run(action) or (absent and not seen):
-        found = our_answer(asked, data, without=absent)
+        found = again(asked, data, without=absent)
         # What a reading shows does not explain what the joint data leave.
         if not seen or found["verdict"] == "unknown":
             return found

@@ -16,7 +16,7 @@ import numpy as np
 from blind_parts.rod_tables import EFFECTS as ROD_EFFECTS
 from blind_parts.strange import STRANGE
 from ecm.effects import all_effects
-from ecm.rig.hidden.draw import DRAWS as RIG_EFFECTS
+from ecm.rig.physics import TRUE_EFFECTS
 
 TIER_SETS = {0: 200, 1: 750, 2: 300, 3: 250, 4: 100, 5: 100}
 ARM = 6
@@ -93,7 +93,8 @@ def balanced(sets: Sequence[Set]) -> list[Set]:
 def hideable(source: str) -> tuple[str, ...]:
     """Ids that a source can hide and the library can name."""
     known = {effect.id for effect in all_effects()}
-    own = ROD_EFFECTS if source == "rod" else RIG_EFFECTS
+    at_rest = [name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion]
+    own = ROD_EFFECTS if source == "rod" else at_rest
     return tuple(sorted(id for id in own if id in known and id not in NOT_TO_BE_NAMED))
 
 

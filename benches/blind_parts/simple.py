@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,9 @@ from blind_parts.analysis import library
 from blind_parts.data import Data
 from blind_parts.once import Work, only_the_answer
 from blind_parts.sets import Set
-from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis import DiagnosisSettings, Stages, find_missing
 from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.search import rank
 from ecm.effects import Rows
@@ -143,26 +143,28 @@ def gaussian_process(asked: Set, data: Data, work: Work) -> Answer:
 
 def random_folds(asked: Set, data: Data, work: Work) -> Answer:
     """Our procedure with held-out rows drawn at random."""
+    decision = find_missing(
+        data.model,
+        data.table,
+        effects=library(asked.removed),
+        settings=DiagnosisSettings(held_out="random"),
+        stages=work.replaying(),
+    )
+    return _answer(decision)
 
-    def at_random(table: Any, poses: Any, groups: Any, by: str) -> Any:
-        count = int(np.max(groups)) + 1
-        parts = np.random.default_rng(5).permutation(count) % 5
-        return parts[groups]
 
-    with mock.patch("ecm.diagnosis.accept.folds", at_random), work.replayed():
-        found = diagnose(data.model, data.table, effects=library(asked.removed))
-    return _said(found)
-
-
-def _said(found: Diagnosis) -> Answer:
+def _answer(decision: Decision) -> Answer:
     return {
-        "verdict": found.verdict,
-        "answer": [list(m) for m in found.answer],
-        "not_testable": list(found.not_testable),
+        "verdict": decision.verdict,
+        "answer": [list(members) for members in decision.answer],
+        "not_testable": [
+            {"id": id, "reason": lacking.reason, "record": lacking.record}
+            for id, lacking in decision.not_testable.items()
+        ],
     }
 
 
-class _Diagonal(Noise):
+class DiagonalNoise(Noise):
     """The same figures without what links the components."""
 
     def covariance(self, rows: Any, base_error: Any = None) -> F:
@@ -175,13 +177,22 @@ def diagonal_noise(asked: Set, data: Data, work: Work) -> Answer:
     base = choose_base(data.model, data.table)
     rows = Rows(data.table, base)
     noise = estimate_noise(rows, rows.sensor_load, fallback=declared_or_fitted(base, data.table))
-    plain = _Diagonal(
+    decision = find_missing(
+        data.model,
+        data.table,
+        effects=library(asked.removed),
+        noise=diagonal(noise),
+        stages=only_the_answer(Stages()),
+    )
+    return _answer(decision)
+
+
+def diagonal(noise: Noise) -> Noise:
+    """The same noise without what links the components."""
+    return DiagonalNoise(
         noise.position_sd_m, noise.rotation_sd_rad, noise.force_sd_N, noise.torque_sd_Nm,
         noise.source, noise.components,
     )  # fmt: skip
-    with only_the_answer():
-        found = diagnose(data.model, data.table, effects=library(asked.removed), noise=plain)
-    return _said(found)
 
 
 SIMPLE: dict[str, Callable[[Set, Data, Work], Answer]] = {

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from ecm.designs.settings import DesignSettings
     from ecm.diagnosis.check import check
     from ecm.diagnosis.procedure import diagnose
-    from ecm.diagnosis.verdict import Diagnosis
+    from ecm.diagnosis.result import Diagnosis
+    from ecm.diagnosis.settings import DiagnosisSettings
     from ecm.errors import ComputationError, EcmError, InputError, MissingExtra
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
@@ -56,7 +57,8 @@ _NAMES = {
     "designs.settings": ("DesignSettings",),
     "diagnosis.check": ("check",),
     "diagnosis.procedure": ("diagnose",),
-    "diagnosis.verdict": ("Diagnosis",),
+    "diagnosis.result": ("Diagnosis",),
+    "diagnosis.settings": ("DiagnosisSettings",),
     "errors": ("ComputationError", "EcmError", "InputError", "MissingExtra"),
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
@@ -93,6 +95,7 @@ __all__ = [
     "Design",
     "DesignSettings",
     "Diagnosis",
+    "DiagnosisSettings",
     "EcmError",
     "EnergyModel",
     "GaussianProcessModel",

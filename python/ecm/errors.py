@@ -35,7 +35,13 @@ class InputError(EcmError):
 
 
 class ComputationError(EcmError):
-    """A failed computation (no convergence, full disk). The command line ends with exit code 1."""
+    """A failed computation (no convergence, full disk). The command line ends with exit code 1.
+
+    Examples
+    --------
+    >>> exit_code(ComputationError("no pose of the workspace is stable"))
+    1
+    """
 
 
 class MissingExtra(InputError):

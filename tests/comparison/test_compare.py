@@ -371,6 +371,6 @@ def test_a_table_without_the_mechanisms_length_is_compared_and_diagnosed() -> No
     linear = fit_model(table, "linear")
     assert compare(linear, table).whitened_rms > 1.0
     found = diagnose(linear, table)
-    reasons = {item["id"]: item["reason"] for item in found.not_testable}
+    reasons = {item.id: item.reason for item in found.not_testable}
     assert reasons["mullins_softening"] == "the mechanism's length is not known"
     assert reasons["length_error"] == "the mechanism's length is not known"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import diagnose
-from ecm.diagnosis.accept import held_out_squares
 from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.held_out import held_out_squares
 from ecm.diagnosis.problem import assemble
 from ecm.effects import all_effects
 from ecm.regression.folds import without_zero_readings
@@ -27,4 +27,4 @@ def test_before_and_after_are_held_out_alike(hidden: str, kind: str) -> None:
         for by in ("time", "pose")
     }
     assert not np.isclose(errors["time"], errors["pose"], rtol=1e-6)
-    assert found.held_out["before"] == pytest.approx(errors[kind], rel=1e-9)
+    assert found.held_out.before == pytest.approx(errors[kind], rel=1e-9)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.diagnosis import diagnose, search
-from ecm.diagnosis.accept import CHOSEN, LEVEL, AcceptanceCheck, acceptance_check
+from ecm.diagnosis import DiagnosisSettings, diagnose
+from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check
 from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import Problem, assemble
-from ecm.diagnosis.search import LEAST_BIC, rank
+from ecm.diagnosis.search import rank, search
+from ecm.diagnosis.settings import DEFAULTS
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
 from ecm.io.description import FileMeta
@@ -35,10 +36,10 @@ PASSES = AcceptanceCheck(
     own_seen=True,
 )
 FAILS = {
-    "p_holm": LEVEL,
-    "delta_bic": LEAST_BIC,
-    "held_out_fall": 1.0,
-    "chosen_share": CHOSEN - 1e-9,
+    "p_holm": DEFAULTS.level,
+    "delta_bic": DEFAULTS.least_bic,
+    "held_out_fall": DEFAULTS.held_out_errors,
+    "chosen_share": DEFAULTS.chosen_share - 1e-9,
     "robust": False,
     "within_bounds": False,
     "own_seen": False,
@@ -80,8 +81,9 @@ def test_each_condition_alone_refuses(condition: str) -> None:
 
 
 def test_every_condition_of_a_check_is_tested_above() -> None:
-    assert {field.name for field in fields(AcceptanceCheck)} - {"id", "winners"} == set(FAILS)
-    assert (LEVEL, LEAST_BIC, CHOSEN) == (0.01, 6.0, 0.8)
+    named = {field.name for field in fields(AcceptanceCheck)}
+    assert named - {"id", "winners", "settings"} == set(FAILS)
+    assert (DEFAULTS.level, DEFAULTS.least_bic, DEFAULTS.chosen_share) == (0.01, 6.0, 0.8)
 
 
 # --- data ---------------------------------------------------------------------------------------
@@ -111,15 +113,15 @@ def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
     assert set(diagnosis.outliers) >= set(rows.tolist())
     problem = assembled(table, "payload")
     even = np.ones(len(table))
-    gram = NormalEquations.of(problem.design, problem.response, problem.groups, even)
-    found = evidence(replace(problem, weights=even, gram=gram))
+    normal = NormalEquations.of(problem.design, problem.response, problem.groups, even)
+    found = evidence(replace(problem, weights=even, normal=normal))
     assert not found.robust
     elsewhere = replace(found, held_out_fall=2.0)
     assert not elsewhere.accepted
     assert replace(elsewhere, robust=True).accepted
 
 
-def test_no_more_than_four_effects_are_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_more_than_four_effects_are_searched_for() -> None:
     """Of five that are all there, each as strong as the noise, and could be found."""
     table = campaign("", 1.0, 4)
     five = {
@@ -131,9 +133,9 @@ def test_no_more_than_four_effects_are_searched_for(monkeypatch: pytest.MonkeyPa
     }
     change = [effect_of(id, values, 1.0, table) for id, values in five.items()]
     problem = assembled(with_change(table, np.sum(change, axis=0)), *five)
-    assert len(search.search(problem)) == 4
-    monkeypatch.setattr(search, "_MOST_EFFECTS", 5)
-    assert len(search.search(problem)) == 5
+    assert len(search(problem, rank(problem))) == 4
+    wider = replace(problem, settings=DiagnosisSettings(most_effects=5))
+    assert len(search(wider, rank(wider))) == 5
 
 
 # --- folds --------------------------------------------------------------------------------------

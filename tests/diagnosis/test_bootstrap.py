@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,14 +25,15 @@ def problem() -> Problem:
 
 def one_by_one(problem: Problem, others: list[Candidate], seed: int) -> dict[str, float]:
     """The same from the whole normal equations of each draw."""
-    count = len(problem.gram.squares)
+    count = len(problem.normal.squares)
     draws = np.random.default_rng([seed, 5]).multinomial(
         count, np.full(count, 1.0 / count), size=DRAWS
     )
     won: dict[str, float] = {}
     for weights in draws.astype(np.float64):
-        matrix, vector, _ = problem.gram.total(weights)
-        found = best_shapes(problem, (matrix / problem.scale, vector / problem.scale), others)
+        matrix, vector, _ = problem.normal.total(weights)
+        reduced = (matrix / problem.scale, vector / problem.scale)
+        found = best_shapes(replace(problem, reduced=reduced), others)
         first = max(found, key=lambda item: item[2])
         if first[2] > 0.0:
             won[first[0].id] = won.get(first[0].id, 0.0) + 1.0 / DRAWS

@@ -21,14 +21,14 @@ FULL = Meta(mechanism={"length_m": LENGTH_M})
 
 def test_every_effect_is_testable_or_has_a_reason_and_a_remedy() -> None:
     found = check(as_table(neck_columns(), meta=FULL))
-    named = {*found.testable, *(id for id, _, _ in found.not_testable)}
+    named = {*found.testable, *(one.id for one in found.not_testable)}
     assert named == {effect.id for effect in all_effects()}
-    assert all(reason and record for _, reason, record in found.not_testable)
+    assert all(one.reason and one.record for one in found.not_testable)
 
 
 def test_a_column_makes_its_effect_testable() -> None:
     columns = neck_columns()
-    reasons = {id: why for id, why, _ in check(as_table(columns, meta=FULL)).not_testable}
+    reasons = {one.id: one.reason for one in check(as_table(columns, meta=FULL)).not_testable}
     assert reasons["temperature_modulus"] == "no column temperature_degC"
     assert "fts_drift" in reasons
     columns["temperature_degC"] = 20.0 + 5.0 * np.sin(np.arange(60.0))

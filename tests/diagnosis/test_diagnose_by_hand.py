@@ -61,7 +61,7 @@ def test_another_poisson_ratio_is_named() -> None:
     assert found_in(diagnosis, "compressibility"), diagnosis.sentence()
     # A base whose own numbers can do the same says so.
     absorbed = diagnose(fit_model(table, "cubic"), table).not_testable
-    reasons = {item["id"]: item["reason"] for item in absorbed}
+    reasons = {item.id: item.reason for item in absorbed}
     assert "the base absorbs it" in reasons["compressibility"]
 
 

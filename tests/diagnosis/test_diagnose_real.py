@@ -34,12 +34,12 @@ def found(joint: Table) -> Diagnosis:
 def test_an_unused_input_explains_part_of_the_residual(found: Diagnosis, joint: Table) -> None:
     assert found.verdict == "unknown"
     assert found.unknown is not None
-    assert FORCE in found.unknown["variables"]
+    assert FORCE in found.unknown.variables
     force = joint.column(FORCE)
     shuffled = np.random.default_rng(0).permutation(force)
     without = diagnose(fit_model(joint, "cubic"), joint.with_columns({FORCE: shuffled}))
     assert without.unknown is not None
-    assert FORCE not in without.unknown["variables"]
+    assert FORCE not in without.unknown.variables
 
 
 def test_load_and_time_cannot_be_separated(found: Diagnosis, joint: Table) -> None:
@@ -55,7 +55,7 @@ def test_what_was_computed_from_the_torque_is_no_cause(found: Diagnosis, joint: 
     out = derived_columns(joint, POSES, TORQUES)
     assert set(out) == {"column_13", "column_14", "column_16", "column_17"}
     assert found.unknown is not None
-    assert not set(out) & set(found.unknown["variables"])
+    assert not set(out) & set(found.unknown.variables)
 
 
 def test_z_was_never_excited(found: Diagnosis) -> None:

@@ -20,10 +20,10 @@ def test_the_error_before_is_that_of_its_columns() -> None:
     table = campaign("fts_offset", 1.0, 4)
     full = diagnose(fit_model(table, "linear"), table)
     few = diagnose(fit_model(table.drop(*POSE[3:], *WRENCH[3:]), "linear"), table)
-    assert list(few.rmse["before"]) == list(WRENCH[:3])
+    assert list(few.rmse.before) == list(WRENCH[:3])
     assert few.answer == full.answer
-    assert few.rmse["after"] == full.rmse["after"]
-    assert few.rmse["ceiling"] == full.rmse["ceiling"]
+    assert few.rmse.after == full.rmse.after
+    assert few.rmse.ceiling == full.rmse.ceiling
 
 
 def test_its_report_draws_what_the_model_has(tmp_path: Path, ecm_command: Command) -> None:

@@ -12,7 +12,7 @@ from ecm.effects import Rows, get_effect
 from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, model, physics, plan, workspace_poses
 from support.stand_in import L, StandIn
 
@@ -28,15 +28,15 @@ def test_warm_and_cold_poses_separate_temperature_from_age() -> None:
     hidden = {name: table.column(name) + change[:, j] for j, name in enumerate(WRENCH)}
     found = diagnose(model(), table.with_columns(hidden))
     assert found.verdict == "ambiguous"
-    warm_up = next(item for item in found.next_experiment if "warm and cold" in item["action"])
+    warm_up = next(item for item in found.next_experiment if "warm and cold" in item.action)
     # An hour of heating and what the rig needs for 20 visits.
-    assert warm_up["minutes"] == 80
-    assert 0.4 < warm_up["p_correct_before"] < 0.95
-    assert warm_up["p_correct"] > 0.95
-    assert warm_up["p_correct"] > warm_up["p_correct_before"]
+    assert warm_up.minutes == 80
+    assert 0.4 < warm_up.p_correct_before < 0.95
+    assert warm_up.p_correct > 0.95
+    assert warm_up.p_correct > warm_up.p_correct_before
     for first, later in pairwise(found.next_experiment):
         # Nothing that is surer and shorter stands behind.
-        assert first["p_correct"] >= later["p_correct"] or first["minutes"] <= later["minutes"]
+        assert first.p_correct >= later.p_correct or first.minutes <= later.minutes
 
 
 def test_two_classes_are_told_apart_in_one_session() -> None:
@@ -53,13 +53,13 @@ def test_two_classes_are_told_apart_in_one_session() -> None:
     found = diagnose(model(), table.with_columns(hidden))
     assert sum(len(members) > 1 for members in found.answer) == 2, found.answer
     session = found.next_experiment[0]
-    parts = session["action"].split(" + ")
+    parts = session.action.split(" + ")
     assert len(parts) > 1
     assert "calliper" in parts
-    assert session["minutes"] <= 180
-    singles = [item for item in found.next_experiment if " + " not in item["action"]]
-    assert session["p_correct"] > max(item["p_correct"] for item in singles) + 0.1
-    assert session["p_correct_before"] < 0.5
+    assert session.minutes <= 180
+    singles = [item for item in found.next_experiment if " + " not in item.action]
+    assert session.p_correct > max(item.p_correct for item in singles) + 0.1
+    assert session.p_correct_before < 0.5
 
 
 def test_nothing_to_separate_proposes_nothing() -> None:
@@ -81,10 +81,10 @@ def test_the_papers_protocol_cannot_test_what_the_diagnosable_one_can() -> None:
     three = {"hysteresis", "stress_relaxation", "ageing"}
     table = run_campaign(
         paper_plan(*candidates(), seed=0), RigSettings(), None,
-        hide="hysteresis=1.0", seed=5, source=StandIn(),
+        hide="hysteresis=1.0", seed=5, options=CampaignOptions(source=StandIn()),
     )  # fmt: skip
     found = diagnose(model(), table)
-    listed = {item["id"]: item["record"] for item in found.not_testable}
+    listed = {item.id: item.record for item in found.not_testable}
     assert three <= set(listed), found.sentence()
     assert all(listed[id] for id in three)
     # A clean name would be wrong: the truth is among what was left out.
@@ -94,5 +94,5 @@ def test_the_papers_protocol_cannot_test_what_the_diagnosable_one_can() -> None:
     )
     for hidden in three:
         found = diagnose(model(), campaign(hidden, 1.0, 4))
-        assert not three & {item["id"] for item in found.not_testable}
+        assert not three & {item.id for item in found.not_testable}
         assert found.answer == ((hidden,),), found.sentence()

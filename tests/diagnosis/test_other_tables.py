@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,11 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.comparison.covariates import confounded_with_order
-from ecm.diagnosis import diagnose
-from ecm.diagnosis.decide import Decision, decide
-from ecm.diagnosis.noise_effects import _rest
-from ecm.effects import Rows, all_effects
+from ecm.diagnosis import DiagnosisSettings, diagnose
+from ecm.diagnosis.noise_effects import _residual
+from ecm.diagnosis.preparation import prepare
+from ecm.diagnosis.procedure import decide
+from ecm.effects import Rows
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta, read_meta
@@ -54,7 +54,7 @@ def test_a_degree_that_the_rows_cannot_carry_is_passed_over(
     """Each asks of some trial degree more coefficients than there are equations."""
     table = neck(rows, columns, length)
     found = diagnose(fit_model(table, "linear"), table)
-    assert found.base["kind"] == ("energy" if length else "polynomial")
+    assert found.base.kind == ("energy" if length else "polynomial")
 
 
 def test_a_comparison_stands_where_no_energy_can_be_fitted() -> None:
@@ -71,7 +71,7 @@ def test_a_small_f_is_no_proof_that_little_is_missing(rows: int, columns: tuple[
     """By chance, or because a base of many coefficients has taken noise as well."""
     table = neck(rows, columns)
     found = diagnose(fit_model(table, "linear"), table)
-    assert found.gate["F"] < 0.8
+    assert found.gate.F < 0.8
     assert found.upper_bound > 0.3
 
 
@@ -105,27 +105,28 @@ def test_a_force_that_never_varies_does_not_hide_the_order_of_the_load(constant:
 
 
 # --- bases of many columns ------------------------------------------------------------------------
-def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_base_too_large_for_the_design_is_tested_as_if_it_were_there() -> None:
     """What the base explains is no degree of freedom of a test, and takes those of the noise."""
     table = neck(90)
-    base = fit_model(table, "poly:1").base
-    found: list[Decision] = []
-    for most in (1000, 0):
-        monkeypatch.setattr(import_module("ecm.diagnosis.problem"), "_MOST_BASE_IN_GRAM", most)
-        found.append(decide(base, table, list(all_effects()), None, 0))
+    model = fit_model(table, "poly:1")
+    found = [
+        decide(
+            model.base, prepare(model, table), settings=DiagnosisSettings(most_base_columns=most)
+        )
+        for most in (1000, 0)
+    ]
     carried, apart = found
     assert carried.problem.n_base == 42
     assert apart.problem.n_base == 0
     assert apart.problem.ids == carried.problem.ids
     assert apart.problem.untestable == carried.problem.untestable
     assert apart.problem.scale == pytest.approx(carried.problem.scale, rel=1e-6)
-    assert apart.smooth.dof == carried.smooth.dof
-    assert apart.smooth.dof_error == carried.smooth.dof_error
-    assert apart.gate == pytest.approx(carried.gate, rel=1e-6)
-    assert apart.left["p"] == pytest.approx(carried.left["p"], rel=1e-4)
-    rests = [_rest(one.problem, one.problem.scored) for one in found]
+    assert apart.gate.smooth.dof == carried.gate.smooth.dof
+    assert apart.gate.smooth.dof_error == carried.gate.smooth.dof_error
+    assert pytest.approx(carried.gate.F, rel=1e-6) == apart.gate.F
+    assert apart.gate.p == pytest.approx(carried.gate.p, rel=1e-6)
+    assert apart.left.p == pytest.approx(carried.left.p, rel=1e-4)
+    rests = [_residual(one.problem, one.problem.scored) for one in found]
     free = [float(np.einsum("nii->", kept)) for _, kept in rests]
     assert free[1] == pytest.approx(free[0], abs=0.5)
     assert (rests[1][0] ** 2).sum() == pytest.approx((rests[0][0] ** 2).sum(), rel=0.02)
@@ -146,10 +147,10 @@ def test_a_large_base_hides_no_structure_from_the_gate() -> None:
         found.append(diagnose(fit_model(table, "linear"), table))
     nothing, missing = found
     assert nothing.verdict == "none"
-    assert 0.7 < nothing.gate["F"] < 1.4
+    assert 0.7 < nothing.gate.F < 1.4
     assert missing.verdict == "unknown"
     assert missing.unknown is not None
-    assert missing.unknown["words"].startswith("fx follows humidity")
+    assert missing.unknown.words.startswith("fx follows humidity")
 
 
 # --- noise of some of the columns -----------------------------------------------------------------
@@ -176,8 +177,8 @@ def test_declared_noise_counts_for_a_displacement_and_a_force(told: Instrument) 
     assert compared.noise.force_sd_N == 0.1
     assert compared.whitened_rms == pytest.approx(3.0, rel=0.1)
     found = diagnose(fit_model(table, "cubic"), table)
-    assert found.noise["source"] == "declared"
-    assert found.rmse["floor"]["fx_N"] == pytest.approx(0.1, rel=0.02)
+    assert found.noise.source == "declared"
+    assert found.rmse.floor["fx_N"] == pytest.approx(0.1, rel=0.02)
     assert [text for text in found.warnings if "times as large as declared" in text]
     assert not [text for text in found.warnings if "noise is assumed" in text]
 

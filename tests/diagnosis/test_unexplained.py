@@ -48,23 +48,24 @@ def test_variables_words_and_nearest(found: Diagnosis) -> None:
     assert found.verdict == "unknown"
     unknown = found.unknown
     assert unknown is not None
-    assert {"y_m", "time_s"} <= set(unknown["variables"])
-    assert unknown["relevance"]["y_m"] > 0.15
-    assert unknown["words"].startswith("tau_x follows time_s*y_m (+0.03")
-    assert unknown["nearest"]["share"] < 0.3
+    assert {"y_m", "time_s"} <= set(unknown.variables)
+    assert unknown.relevance["y_m"] > 0.15
+    assert unknown.words.startswith("tau_x follows time_s*y_m (+0.03")
+    assert unknown.nearest is not None
+    assert unknown.nearest.share < 0.3
 
 
 def test_the_skeleton_is_an_effect_that_explains_the_residual(found: Diagnosis) -> None:
     """At most ten lines; run as it stands it is named at once."""
     assert found.unknown is not None
-    text = found.unknown["skeleton"]
+    text = found.unknown.template
     assert len([line for line in text.splitlines() if line.strip()]) <= 10
     exec(compile(text, "skeleton", "exec"), {})
     try:
         after = diagnose(model(), strange())
         assert after.answer == (("my_effect",),), after.sentence()
         assert get_effect("my_effect").missing(strange().drop("time_s")) is not None
-        assert after.held_out["after"] < 1.05
+        assert after.held_out.after < 1.05
     finally:
         unregister("my_effect")
 
@@ -98,7 +99,7 @@ def test_of_a_table_with_one_force_the_draft_is_an_effect_as_well() -> None:
     found = diagnose(base, table)
     assert found.verdict == "unknown"
     assert found.unknown is not None
-    exec(compile(found.unknown["skeleton"], "skeleton", "exec"), {})
+    exec(compile(found.unknown.template, "skeleton", "exec"), {})
     try:
         assert diagnose(base, table).answer == (("my_effect",),)
         better = base.add("my_effect").fit(table)

@@ -32,13 +32,13 @@ def found(three: Table) -> Diagnosis:
 
 
 def test_the_static_model_fails_and_relaxation_is_named(found: Diagnosis) -> None:
-    assert found.base["kind"] == "polynomial"
-    assert found.gate["p"] < 1e-6
+    assert found.base.kind == "polynomial"
+    assert found.gate.p < 1e-6
     assert found.verdict == "named"
     assert found.answer == (("stress_relaxation",),)
     assert 10.0 < found.effects[0].effect.shape["tau_s"] < 100.0
-    for run in found.held_out["by_run"]:
-        assert run["before"] > 2.8 * run["after"]
+    for run in found.held_out.by_run:
+        assert run.before > 2.8 * run.after
 
 
 def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
@@ -61,11 +61,11 @@ def test_one_branch_foretells_a_rate_that_it_never_saw(three: Table) -> None:
 
 def test_a_second_branch_is_tried_and_not_kept(found: Diagnosis) -> None:
     """It fits the rows better and foretells one of the rates worse."""
-    (tried,) = found.further
-    assert tried["id"] == "stress_relaxation"
-    assert "second_tau_s" in tried["shape"]
-    assert not tried["kept"]
-    worse = np.array(tried["held_out_richer"]) / np.array(tried["held_out_plain"])
+    (tried,) = found.refinements
+    assert tried.id == "stress_relaxation"
+    assert "second_tau_s" in tried.shape
+    assert not tried.kept
+    worse = np.array(tried.held_out_richer) / np.array(tried.held_out_plain)
     assert worse.max() > 1.1
 
 
@@ -74,7 +74,7 @@ def test_each_rate_alone_names_it_too(shared_data: Path, rate: str) -> None:
     table = runs(shared_data, rate)
     alone = diagnose(fit_model(table, "poly:3"), table)
     assert alone.answer == (("stress_relaxation",),)
-    assert alone.held_out["before"] > 2.8 * alone.held_out["after"]
+    assert alone.held_out.before > 2.8 * alone.held_out.after
 
 
 def test_runs_that_are_unlike_the_others_are_noticed(shared_data: Path, three: Table) -> None:

@@ -34,25 +34,25 @@ def test_nothing_hidden_is_unknown_and_the_body_is_named_as_the_reason() -> None
     found = diagnose(another_body(), campaign("", 1.0, 4))
     assert found.verdict == "unknown"
     assert found.answer == ()
-    assert found.base["kind"] == "energy"
+    assert found.base.kind == "energy"
     assert found.unknown is not None
-    assert "the stated body is not the one that was measured" in found.unknown["words"]
+    assert "the stated body is not the one that was measured" in found.unknown.words
     assert any("names are against the energy model" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize("hidden", ["hysteresis", "fts_drift", "temperature_modulus"])
 def test_an_effect_is_named_through_a_wrong_body(hidden: str) -> None:
     found = diagnose(another_body(), campaign(hidden, 1.0, 4))
-    assert found.base["kind"] == "energy"
+    assert found.base.kind == "energy"
     assert len(found.answer) == 1
     assert hidden in found.answer[0]
-    assert found.held_out["after"] < 1.15
+    assert found.held_out.after < 1.15
 
 
 def test_the_right_body_is_never_doubted() -> None:
     for hidden in ("", "payload", "base_compliance"):
         found = diagnose(model(), campaign(hidden, 3.0, 4))
-        assert found.base["kind"] == "physics"
+        assert found.base.kind == "physics"
         assert not any("stated body" in text for text in found.warnings)
 
 
@@ -63,4 +63,4 @@ def test_what_no_symmetric_energy_takes_is_no_other_body() -> None:
     spoilt = table.with_columns({"fx_N": table.column("fx_N") + 6.0 * three_fold})
     found = diagnose(replace(model()), spoilt)
     assert found.verdict == "unknown"
-    assert found.base["kind"] == "physics"
+    assert found.base.kind == "physics"

@@ -69,7 +69,7 @@ def test_where_a_displacement_counts_from_is_no_strain(start_m: float) -> None:
     assert named.effect.shape["overstress"] == "linear"
     assert named.effect.shape["tau_s"] == pytest.approx(TAU_S, rel=0.05)
     assert named.values[0] == pytest.approx(SHARE, rel=0.05)
-    assert found.held_out["after"] < 0.1 * found.held_out["before"]
+    assert found.held_out.after < 0.1 * found.held_out.before
 
 
 def test_from_a_known_rest_pose_the_first_sample_is_strained_already() -> None:

@@ -20,7 +20,7 @@ from ecm.errors import InputError
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.rig import run_campaign
+from ecm.rig import CampaignOptions, run_campaign
 from support.campaigns import campaign, found_in, model, physics, workspace_poses
 from support.stand_in import L, StandIn, wrench
 
@@ -127,7 +127,7 @@ def test_a_fitted_tool_is_kept_for_rows_that_could_not_tell_it() -> None:
     again = with_shape("joint_offset", effect.shape)
     one = again.correction(Rows(table.select(np.arange(3, 4)), physics()), values)
     np.testing.assert_allclose(one[0], whole[3], rtol=1e-12)
-    with pytest.raises(InputError, match="do not tell the tool"):
+    with pytest.raises(InputError, match="do not determine the tool"):
         get_effect("joint_offset").correction(
             Rows(table.select(np.arange(3, 4)), physics()), values
         )
@@ -214,7 +214,7 @@ def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: 
     table = run_campaign(
         plan(workspace_poses(36, 3)),
         settings(joint_yield_rad_Nm=YIELD_RAD_NM, processes=1),
-        None, source=StandIn(), folder=tmp_path,
+        None, options=CampaignOptions(source=StandIn(), folder=tmp_path),
     )  # fmt: skip
     read, _ = top_of(table.matrix(JOINTS))
     by_encoders = table.drop("leds_visible").with_columns(dict(zip(POSE, read.T, strict=True)))
@@ -229,7 +229,7 @@ def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: 
 def test_an_arm_without_faults_is_not_named() -> None:
     diagnosis = diagnose(model(), encoders("", 5))
     assert diagnosis.verdict == "none", diagnosis.sentence()
-    listed = {item["id"] for item in diagnosis.not_testable}
+    listed = {item.id for item in diagnosis.not_testable}
     assert not listed & {"robot_compliance", "backlash", "joint_offset"}
 
 

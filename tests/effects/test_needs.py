@@ -106,7 +106,7 @@ def test_without_time_no_effect_of_path_reads_the_order_of_rows() -> None:
     order = np.random.default_rng(0).permutation(len(table))
     found = [diagnose(model(), rows) for rows in (table, table.select(order))]
     for diagnosis in found:
-        listed = {item["id"]: item["record"] for item in diagnosis.not_testable}
+        listed = {item.id: item.record for item in diagnosis.not_testable}
         assert listed["fts_hysteresis"] == "time_s"
         assert "hysteresis" in diagnosis.answer[0]
     assert found[0].answer == found[1].answer

@@ -28,14 +28,14 @@ def with_growing_scatter(table: Table, seed: int) -> Table:
 @pytest.mark.parametrize("seed", [1])
 def test_scatter_that_grows_with_the_load_is_seen_and_no_name(seed: int) -> None:
     plain = diagnose(model(), campaign("", 1.0, seed))
-    assert plain.noise["effects"] == []
+    assert plain.noise.effects == ()
     grown = diagnose(model(), with_growing_scatter(campaign("", 1.0, seed), seed))
     assert grown.verdict == "none", grown.sentence()
-    first = grown.noise["effects"][0]
-    assert first["id"] == "heteroscedastic_noise"
-    assert first["parameter"] == "torque_growth"
-    assert 0.3 * GROWTH_PER_NM < first["value"] < 2.0 * GROWTH_PER_NM
-    assert grown.noise["growth_per_Nm"] == first["value"]
+    first = grown.noise.effects[0]
+    assert first.id == "heteroscedastic_noise"
+    assert first.parameter == "torque_growth"
+    assert 0.3 * GROWTH_PER_NM < first.value < 2.0 * GROWTH_PER_NM
+    assert grown.noise.figures.growth_per_Nm == first.value
 
 
 def test_an_effect_is_still_named_under_growing_scatter() -> None:

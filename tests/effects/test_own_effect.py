@@ -73,10 +73,10 @@ def test_it_is_named_has_a_limit_and_is_listed_where_it_cannot_be_tested() -> No
     found = diagnose(model(), blown())
     assert "fan" in found.answer[0], found.sentence()
     limit = diagnose(model(), campaign("", 1.0, 4)).detection_limits["fan"]
-    assert limit["unit"] == "N/s"
-    assert 1e-6 < limit["size"] < 2e-4
+    assert limit.unit == "N/s"
+    assert 1e-6 < limit.size < 2e-4
     bare = diagnose(model(), campaign("", 1.0, 4).drop("time_s"))
-    listed = {item["id"]: item["record"] for item in bare.not_testable}
+    listed = {item.id: item.record for item in bare.not_testable}
     assert listed["fan"] == "time_s"
 
 

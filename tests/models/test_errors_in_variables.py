@@ -73,7 +73,7 @@ def test_pose_noise_does_not_soften_the_stiffness(name: str, monkeypatch) -> Non
     bias, size = axial()
     # The same weights with the columns at the measured poses.
     monkeypatch.setattr(
-        "ecm.models.errors_in_variables._away", lambda rows, h, away, noise: 0.0 * away
+        "ecm.models.errors_in_variables._pose_shift", lambda rows, h, shift, noise: 0.0 * shift
     )
     naive_bias, naive_size = axial()
     assert naive_bias < -0.005

@@ -36,9 +36,9 @@ def test_names_are_against_the_energy_of_that_length(name: str) -> None:
     told = campaign("anisotropy", 1.0, 4)
     model = fit_model(told, name)
     found = diagnose(model, silent())
-    assert found.base["kind"] == "energy"
+    assert found.base.kind == "energy"
     assert found.answer == diagnose(model, told).answer
-    assert found.detection_limits["own_weight"]["size"] > 0.0
+    assert found.detection_limits["own_weight"].size > 0.0
 
 
 def test_the_energy_stands_among_the_references(energy: Model) -> None:

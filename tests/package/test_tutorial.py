@@ -95,10 +95,12 @@ def test_what_the_paper_s_protocol_cannot_test_a_diagnosable_plan_names(
     paper, lacking = said("paper.json")
     assert history <= lacking
     assert paper["verdict"] == "unknown", paper["sentence"]
-    told, lacking = said("told.json")
+    diagnosable, lacking = said("diagnosable.json")
     assert not history & lacking
-    assert any("hysteresis" in members for members in told["answer"]), told["sentence"]
-    assert told["held_out"]["after"] < 1.15 < told["held_out"]["before"]
+    assert any("hysteresis" in members for members in diagnosable["answer"]), diagnosable[
+        "sentence"
+    ]
+    assert diagnosable["held_out"]["after"] < 1.15 < diagnosable["held_out"]["before"]
 
 
 def test_the_next_experiment_is_measured_and_tells_a_class_apart(

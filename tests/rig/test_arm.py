@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
 from ecm.rig.arm import kuka as arm
-from ecm.rig.arm.feed_forward import compiled
+from ecm.rig.arm.controller_model import ControllerModel
 from ecm.rig.arm.impedance import null_direction
-from ecm.rig.arm.inverse import flange, joints_at, solve, swivel
+from ecm.rig.arm.kinematics import flange_pose, inverse_kinematics, joints_at_swivel, swivel_angle
 from ecm.rig.arm.scene import scene
 from ecm.rig.arm.simulation import Simulation
-from ecm.rig.arm.timing import duration_s, progress
-from support.arm_rig import REST, library, machine, mechanism, settings
+from ecm.rig.arm.timing import cubic_profile, duration_s
+from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench
 
 F = NDArray[np.float64]
@@ -48,43 +48,45 @@ def test_the_flange_is_where_mujoco_has_it() -> None:
         sim.reset(joints)
         axes = sim.data.site_xmat[0].reshape(3, 3)
         wanted = place.flange_goal(sim.data.site_xpos[0], axes)
-        position, turn = flange(joints)
+        position, turn = flange_pose(joints)
         assert position == pytest.approx(wanted[0], abs=1e-12)
         assert turn == pytest.approx(wanted[1], abs=1e-12)
 
 
 def test_inverse_kinematics_finds_the_joints_back() -> None:
     for joints in near_home(300, 0.4, seed=1):
-        position, axes = flange(joints)
-        found = joints_at(position, axes, swivel(joints), near_home(1, 0.0)[0])
+        position, axes = flange_pose(joints)
+        found = joints_at_swivel(position, axes, swivel_angle(joints), near_home(1, 0.0)[0])
         assert found.joints_rad == pytest.approx(joints, abs=1e-9)
 
 
 def test_the_chosen_elbow_is_kept_and_the_pose_too() -> None:
     joints = near_home(1, 0.1, seed=2)[0]
-    position, axes = flange(joints)
+    position, axes = flange_pose(joints)
     for psi in (-0.6, 0.2, 0.7):
-        found = solve(position, axes, psi, joints, 0.035)
-        assert swivel(found.joints_rad) == pytest.approx(psi, abs=1e-9)
-        again = flange(found.joints_rad)
+        found = inverse_kinematics(position, axes, psi, joints, 0.035)
+        assert swivel_angle(found.joints_rad) == pytest.approx(psi, abs=1e-9)
+        again = flange_pose(found.joints_rad)
         assert again[0] == pytest.approx(position, abs=1e-12)
         assert again[1] == pytest.approx(axes, abs=1e-12)
 
 
 def test_another_elbow_is_taken_where_the_chosen_one_leaves_a_joint_no_room() -> None:
     home = near_home(1, 0.0)[0]
-    position, axes = flange(home)
+    position, axes = flange_pose(home)
     margin = float(arm.RANGE_RAD[1] - abs(home[1])) - 0.02
-    wanted = solve(position, axes, swivel(home), home, 0.035).joints_rad
+    wanted = inverse_kinematics(position, axes, swivel_angle(home), home, 0.035).joints_rad
     assert wanted == pytest.approx(home, abs=1e-9)
-    narrow = solve(position, axes, swivel(home), home, margin)
-    assert "joint" in narrow.reason or abs(swivel(narrow.joints_rad) - swivel(home)) > 0.05
+    narrow = inverse_kinematics(position, axes, swivel_angle(home), home, margin)
+    assert (
+        "joint" in narrow.reason or abs(swivel_angle(narrow.joints_rad) - swivel_angle(home)) > 0.05
+    )
 
 
 def test_out_of_reach_says_how_far() -> None:
     home = near_home(1, 0.0)[0]
-    _, axes = flange(home)
-    found = solve(np.array([1.5, 0.0, 0.3]), axes, 0.0, home, 0.035)
+    _, axes = flange_pose(home)
+    found = inverse_kinematics(np.array([1.5, 0.0, 0.3]), axes, 0.0, home, 0.035)
     assert "m from the shoulder; the arm has 0.79" in found.reason
 
 
@@ -97,7 +99,7 @@ def test_the_null_direction_moves_nothing() -> None:
 
 def test_the_cubic_law_rests_at_both_ends_and_peaks_at_the_given_speed() -> None:
     duration = duration_s(0.03, 0.02)
-    share, rate = progress(duration, 1e-3)
+    share, rate = cubic_profile(duration, 1e-3)
     assert share[-1] == 1.0
     assert 0.03 * rate.max() == pytest.approx(0.02, rel=1e-3)
     assert rate[-1] == 0.0
@@ -146,7 +148,7 @@ def test_inertia_bias_and_inverse_dynamics_agree_with_pinocchio() -> None:
         speeds, accelerations = random.uniform(-2.0, 2.0, (2, 7))
         sim.reset(joints)
         sim.speeds_rad_s[:] = speeds
-        sim.sense()
+        sim.update()
         inertia = np.stack([sim.times_inertia(row) for row in np.eye(7)])
         wanted = pin.crba(model, data, joints)
         wanted = np.triu(wanted) + np.triu(wanted, 1).T
@@ -214,7 +216,7 @@ def swing(step_s: float, method: str) -> F:
     """Total energy over half a second of free swinging on the mechanism, nothing damped."""
     sim = simulation(step_s)
     body: EnergyModel = mechanism().model()
-    solution = solve(
+    solution = inverse_kinematics(
         *scene(settings(), L).flange_goal(np.array([L - 0.002, 0.006, -0.004]), np.eye(3)),
         0.0, sim.home_rad, 0.035,
     )  # fmt: skip
@@ -226,7 +228,7 @@ def swing(step_s: float, method: str) -> F:
 
     def rate(joints: F, speeds: F) -> F:
         sim.joints_rad[:], sim.speeds_rad_s[:] = joints, speeds
-        sim.sense()
+        sim.update()
         sim.applied_Nm[:] = -sim.jacobian_T.dot(sim.wrench)
         mujoco.mj_step2(sim.model, sim.data)  # for its acceleration; the state is set again
         return np.array(sim.data.qacc)
@@ -243,7 +245,7 @@ def swing(step_s: float, method: str) -> F:
             a4 = rate(q + h * v + 0.5 * h * h * a2, v + h * a3)
             sim.joints_rad[:] = q + h * v + h * h / 6.0 * (a1 + a2 + a3)
             sim.speeds_rad_s[:] = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-            sim.sense()
+            sim.update()
         levels.append(energy())
     return np.asarray(levels) / levels[0] - 1.0
 
@@ -266,7 +268,7 @@ def test_explicit_steps_are_far_from_their_limit() -> None:
 
 
 def test_the_loop_evaluates_the_exported_model() -> None:
-    model = compiled(library())
+    model = ControllerModel(library())
     poses = some_poses(80, seed=9)
     fitted = EnergyModel.fit(poses, 0.97 * wrench(poses), length_m=L, degree=4, symmetry="alike")
     for pose in some_poses(20, seed=10):
@@ -286,11 +288,11 @@ def test_the_loop_evaluates_the_exported_model() -> None:
 
 
 def test_impedance_alone_settles_where_both_springs_balance() -> None:
-    control = machine()
+    control = simulated_arm()
     goal = REST + np.array([-0.006, 0.003, 0.0, 0.0, 0.0, 0.1])
-    from ecm.rig.arm.procedure import Stop
+    from ecm.rig.arm.sorties import Stop
 
-    outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).outcomes[0]
+    outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
     assert outcome.reason == ""
     pose = outcome.after_impedance
     h = mechanism().model().predict(pose[None])[0]

@@ -18,7 +18,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.record import Line
+from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.hidden.calibrate import Whitener
 from ecm.rig.measurement import row_covariance
 from support.arm_rig import REST, plan, run, settings
@@ -69,18 +69,16 @@ def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
 
 
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
-    campaign = RobotCampaign(
-        plan(some_poses(24)), settings(), StandIn(), folder=cache, library_folder=cache
-    )
+    campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
     for _ in campaign.lines((), 1):
         pass
     table = campaign.finished().measured()
-    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
-    elastic = campaign.plant.elastic.wrench(campaign.course.anchor[rows], table.poses)
+    rows = campaign.visits.at_poses
+    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], table.poses)
     true = campaign.plant.elastic.wrench(
-        campaign.course.anchor[rows], campaign.course.reached[rows]
+        campaign.visits.anchor[rows], campaign.visits.reached[rows]
     )
-    covariance = row_covariance(campaign.plant, campaign.course, campaign.settings)
+    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
     strength = Whitener(covariance, true[:, :, None]).strength(table.wrenches - elastic)
     assert strength == pytest.approx(1.0, abs=0.25)
 
@@ -138,7 +136,7 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
     approach = ["initial", "initial", "initial", "initial", "2"]
     campaign = RobotCampaign(
         plan(poses, pose_id=ids, approach=approach), settings(), StandIn(),
-        folder=cache, library_folder=cache,
+        folder=cache,
     )  # fmt: skip
     lines = list(campaign.lines((), 1))
     last = [line for line in lines if campaign.planned.visits[line.visit].kind == "pose"][-1]
@@ -196,7 +194,7 @@ def test_the_time_is_known_beforehand(cache: Path) -> None:
 
     table = plan(some_poses(6, seed=7))
     rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
-    campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache, library_folder=cache)
+    campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache)
     planned = campaign.minutes
     assert len(list(campaign.lines((), 1))) == 8
     assert campaign.minutes > planned + 0.1
@@ -321,7 +319,7 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
     process.kill()
     process.wait()
     lines = journal.read_text().split("\n")[2:-1]
-    done = [Line.parse(line, "journal") for line in lines]
+    done = [VisitRecord.parse(line, "journal") for line in lines]
     assert [line.visit for line in done] == list(range(len(done)))
     assert len(done) >= 2
     taken: list[int] = []
@@ -353,16 +351,15 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
             StandIn(),
             hide=hide,
             folder=cache,
-            library_folder=cache,
         )
-        ends[bool(hide)] = campaign.job.machine().sortie(campaign.tours[0].stops).outcomes[0]
+        ends[bool(hide)] = campaign.setup.build().sortie(campaign.sorties[0].stops).stops[0]
         if hide:
-            around = campaign.job.effects
-            assert around is not None
-            beside = around.around(campaign.settings, campaign.mechanism)
-            beside.leave(REST, 0.0)
-            beside.towards(campaign.tours[0].stops[0].visit)
-            at_rest = beside.wrench(REST, 0.0, 0.1, moving=False)
+            hidden = campaign.setup.hidden
+            assert hidden is not None
+            non_elastic = hidden.wrench(campaign.settings, campaign.mechanism)
+            non_elastic.begin(REST, 0.0)
+            non_elastic.next_visit(campaign.sorties[0].stops[0].visit)
+            at_rest = non_elastic.at(REST, 0.0, 0.1, moving=False)
             size = np.linalg.norm(at_rest)
             assert (size > 0.1) == (effect == "payload")
     assert ends[True].reason == ends[False].reason == ""

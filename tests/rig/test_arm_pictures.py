@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,26 @@ import pytest
 
 from ecm.errors import ComputationError, InputError, MissingExtra
 from ecm.report.page import FigureBlock
-from ecm.rig.arm.film import Film, centre_line, film
-from ecm.rig.arm.procedure import Stop
+from ecm.rig.arm.film import Film, centre_line, write_film
+from ecm.rig.arm.pictures import (
+    PictureSource,
+    draw_phases,
+    first_pose_trace,
+    require_robot,
+    write_pictures,
+)
 from ecm.rig.arm.scene import mujoco
-from ecm.rig.arm.show import need_robot, pose_on_its_way, show
+from ecm.rig.arm.sorties import Stop
 from ecm.workflow.report_arm import arm_section
-from support.arm_rig import REST, job, library, machine, plan, settings
+from support.arm_rig import REST, arm_setup, library, plan, settings, simulated_arm
 from support.neck import Done
 from support.stand_in import L, StandIn, some_poses
 
 GOAL = REST + np.array([-0.003, 0.004, 0.0, 0.0, 0.0, 0.3])
+
+
+def pictures(folder: Path, **rig: Any) -> PictureSource:
+    return PictureSource(plan(some_poses(7)), settings(**rig), source=StandIn(), folder=folder)
 
 
 def need_drawing() -> None:
@@ -35,7 +46,7 @@ def test_a_film_shows_the_arm_and_what_it_bends(tmp_path: Path) -> None:
     need_drawing()
     image = pytest.importorskip("PIL.Image", reason="pillow is missing: see the extra robot")
     out = tmp_path / "film.gif"
-    count = film(job(), [Stop(0, GOAL, (), 0.2, 0.2)], out, 0.033)
+    count = write_film(arm_setup(), [Stop(0, GOAL, (), 0.2, 0.2)], out, 0.033)
     frames = []
     with image.open(out) as moving:
         assert moving.n_frames == count > 5
@@ -58,12 +69,10 @@ def test_the_centre_line_meets_both_frames() -> None:
 
 def test_phases_are_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    from ecm.rig.arm.figure import figure_7
-
     stop = Stop(0, GOAL, (), 0.2, 0.2)
-    result = machine().sortie([stop])
+    result = simulated_arm().sortie([stop])
     out = tmp_path / "fig7.svg"
-    figure_7(result, stop, L, out)
+    draw_phases(result, stop, L, out)
     text = out.read_text(encoding="utf-8")
     assert "<svg" in text
     assert len(text) > 20_000
@@ -72,9 +81,7 @@ def test_phases_are_drawn(tmp_path: Path) -> None:
 def test_show_writes_what_is_asked_for(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
     out = tmp_path / "fig7.png"
-    (line,) = show(
-        plan(some_poses(7)), settings(), phases=out, source=StandIn(), folder=tmp_path / "cache"
-    )
+    (line,) = write_pictures(pictures(tmp_path / "cache"), phases=out)
     assert str(out) in line
     assert out.read_bytes()[:4] == b"\x89PNG"
 
@@ -83,12 +90,11 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
-    monkeypatch.setattr("ecm.rig.arm.show._TRIED", 2)
-    common: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
-    weak = settings(force_limit_N=1.0)
-    (line,) = show(plan(some_poses(7)), weak, phases=tmp_path / "fig7.png", **common)
+    monkeypatch.setattr("ecm.rig.arm.pictures._TRIED", 2)
+    weak = pictures(tmp_path / "cache", force_limit_N=1.0)
+    (line,) = write_pictures(weak, phases=tmp_path / "fig7.png")
     assert "does not reach: while in phase impedance: force" in line
-    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), weak, **common)
+    arrays, phases, reason = first_pose_trace(weak)
     assert "limit 1 N" in reason
     assert "reading" not in [name for name, _, _ in phases]
     record: dict[str, Any] = {"reached": 0, "poses": 7, "reasons": []}
@@ -97,7 +103,7 @@ def test_a_pose_that_no_limit_lets_the_arm_reach_is_not_called_reached(
     section = arm_section(step, figures, {"d": "D-optimal"})
     (figure,) = [block for block in section.blocks if isinstance(block, FigureBlock)]
     assert "not reached: while in phase impedance: force" in figure.caption
-    arrays, phases, reason = pose_on_its_way(plan(some_poses(7)), settings(), **common)
+    arrays, phases, reason = first_pose_trace(pictures(tmp_path / "cache"))
     assert reason == ""
     step = {"records": {"d": record}, "phases_s": phases, "not_reached": reason}
     section = arm_section(step, figures, {"d": "D-optimal"})
@@ -110,24 +116,24 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
 ) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is missing: see the extra report")
     library()  # skips where there is no compiler at all
-    common: dict[str, Any] = {"phases": tmp_path / "fig7.png", "source": StandIn()}
-    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
-    monkeypatch.setattr("ecm.rig.arm.feed_forward.shutil.which", lambda _name: None)
-    show(plan(some_poses(7)), settings(), folder=tmp_path / "kept", **common)
+    kept, out = pictures(tmp_path / "kept"), tmp_path / "fig7.png"
+    write_pictures(kept, phases=out)
+    monkeypatch.setattr("ecm.rig.arm.controller_model.shutil.which", lambda _name: None)
+    write_pictures(kept, phases=out)
     with pytest.raises(ComputationError, match="no C compiler"):
-        show(plan(some_poses(7)), settings(), folder=tmp_path / "bare", **common)
+        write_pictures(pictures(tmp_path / "bare"), phases=out)
     assert not (tmp_path / "bare").exists()
     with pytest.raises(ComputationError, match="no C compiler"):  # another controller than the kept
-        show(plan(some_poses(8, seed=5)), settings(), folder=tmp_path / "kept", **common)
+        write_pictures(replace(kept, plan=plan(some_poses(8, seed=5))), phases=out)
 
 
 def test_pictures_are_of_the_arm_alone() -> None:
     from ecm.rig import RigSettings
 
     with pytest.raises(InputError, match=r"--film.*mode"):
-        need_robot(RigSettings(), ("--film", Path("a.gif")))
+        require_robot(RigSettings(), ("--film", Path("a.gif")))
     with pytest.raises(InputError, match=r"expected a file ending in \.gif"):
-        need_robot(settings(), ("--film", Path("a.mp4")))
+        require_robot(settings(), ("--film", Path("a.mp4")))
 
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,15 +13,15 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ecm.rig.arm.feed_forward import compiled
+from ecm.rig.arm.controller_model import ControllerModel
 from ecm.rig.arm.impedance import Impedance
-from ecm.rig.arm.inverse import flange, joints_at, swivel
+from ecm.rig.arm.kinematics import flange_pose, joints_at_swivel, swivel_angle
 from ecm.rig.arm.kuka import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
-from ecm.rig.arm.procedure import Outcome, Sortie, Stop
 from ecm.rig.arm.scene import scene
 from ecm.rig.arm.simulation import Diverged
-from ecm.rig.arm.summary import errors, fractions
-from support.arm_rig import REST, library, machine, mechanism, settings
+from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
+from ecm.rig.arm.summary import motion_shares, pose_errors
+from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.neck import ROOT
 from support.stand_in import L, some_poses
 
@@ -29,13 +29,13 @@ F = NDArray[np.float64]
 GOAL: F = REST + np.array([-0.004, 0.004, -0.003, 0.1, 0.15, 0.2])
 
 
-def sortie(*goals: F, via: tuple[F, ...] = (), **rig: Any) -> Sortie:
+def sortie(*goals: F, via: tuple[F, ...] = (), **rig: Any) -> SortieResult:
     stops = [Stop(i, goal, via, 0.1, 0.2) for i, goal in enumerate(goals)]
-    return machine(**rig).sortie(stops)
+    return simulated_arm(**rig).sortie(stops)
 
 
-def only(result: Sortie) -> Outcome:
-    (outcome,) = result.outcomes
+def only(result: SortieResult) -> StopResult:
+    (outcome,) = result.stops
     return outcome
 
 
@@ -58,19 +58,19 @@ def test_the_position_phase_reaches_what_impedance_does_not() -> None:
     assert [o.reason for o in outcomes] == [""] * len(poses)
     after = np.stack([o.after_impedance for o in outcomes])
     reached = np.stack([o.reached for o in outcomes])
-    short, _ = errors(after, poses)
-    exact, turned = errors(reached, poses)
+    short, _ = pose_errors(after, poses)
+    exact, turned = pose_errors(reached, poses)
     assert np.median(short) > 1e-3
     assert exact.max() < 5e-5
     assert turned.max() < 2e-4
-    share = fractions(after, poses, REST)
+    share = motion_shares(after, poses, REST)
     assert 0.1 < share[0] < 0.3
     assert (share[3:] > 0.9).all()
 
 
 def test_feed_forward_saves_the_wait_for_the_trim() -> None:
-    held, _ = errors(only(sortie(GOAL)).reached[None], GOAL[None])
-    loose, _ = errors(
+    held, _ = pose_errors(only(sortie(GOAL)).reached[None], GOAL[None])
+    loose, _ = pose_errors(
         only(sortie(GOAL, feed_forward=False, reach_tolerance_m=0.01)).reached[None], GOAL[None]
     )
     assert held[0] < 2e-5
@@ -79,7 +79,7 @@ def test_feed_forward_saves_the_wait_for_the_trim() -> None:
 
 def test_the_trim_makes_the_pose_exact() -> None:
     stop = Stop(0, GOAL, (), 1.0, 0.2)
-    distance, angle = errors(only(machine().sortie([stop])).reached[None], GOAL[None])
+    distance, angle = pose_errors(only(simulated_arm().sortie([stop])).reached[None], GOAL[None])
     assert distance[0] < 1e-8
     assert angle[0] < 1e-8
 
@@ -105,9 +105,9 @@ def test_a_stop_on_the_way_is_passed_first() -> None:
 def test_direct_goes_from_pose_to_pose_without_home() -> None:
     second = REST + np.array([-0.003, 0.005, 0.002, 0.1, 0.1, 0.25])
     direct = sortie(GOAL, second)
-    assert [o.reason for o in direct.outcomes] == ["", ""]
-    assert [o.from_home for o in direct.outcomes] == [True, False]
-    away = np.linalg.norm(direct.outcomes[1].trace[:, :3] - REST[:3], axis=1)
+    assert [o.reason for o in direct.stops] == ["", ""]
+    assert [o.from_home for o in direct.stops] == [True, False]
+    away = np.linalg.norm(direct.stops[1].trace[:, :3] - REST[:3], axis=1)
     assert away.min() > 2e-3
     assert direct.duration_s < sortie(GOAL).duration_s + sortie(second).duration_s
 
@@ -139,9 +139,9 @@ def test_a_broken_limit_is_told_and_the_arm_comes_home(
 def test_after_a_skipped_pose_the_next_one_begins_at_home() -> None:
     far = REST + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.6])
     result = sortie(GOAL, far, GOAL, torque_limit_Nm=6.0)
-    assert [bool(o.reason) for o in result.outcomes] == [False, True, False]
-    assert [o.from_home for o in result.outcomes] == [True, False, True]
-    assert result.outcomes[2].reached == pytest.approx(result.outcomes[0].reached, abs=1e-6)
+    assert [bool(o.reason) for o in result.stops] == [False, True, False]
+    assert [o.from_home for o in result.stops] == [True, False, True]
+    assert result.stops[2].reached == pytest.approx(result.stops[0].reached, abs=1e-6)
 
 
 def test_a_collision_with_the_stop_ends_in_the_way_back() -> None:
@@ -172,7 +172,7 @@ def test_a_simulation_that_diverges_is_told_and_the_next_sortie_is_sound(
     factor: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
-    control = machine()
+    control = simulated_arm()
     sound = control.simulation.mechanism
     calls = iter(range(10**9))
     control.simulation.mechanism = lambda p: sound(p) if next(calls) < 777 else p * factor
@@ -187,29 +187,29 @@ def test_a_pose_that_is_no_number_is_a_divergence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it stands
-    simulation = machine().simulation
+    simulation = simulated_arm().simulation
     simulation.joints_rad[:] = np.nan
     with pytest.raises(Diverged):
-        simulation.sense()
+        simulation.update()
 
 
 def test_joints_that_yield_hang_behind_their_encoders() -> None:
     size = 5e-5
-    control = machine(joint_yield_rad_Nm=size)
+    control = simulated_arm(joint_yield_rad_Nm=size)
     outcome = only(control.sortie([Stop(0, GOAL, (), 0.8, 0.2)]))
     assert outcome.reason == ""  # by the encoders it is there
     place = scene(settings(), L)
     goal_m, goal_axes = place.flange_goal(GOAL[:3], Rotation.from_rotvec(GOAL[3:]).as_matrix())
-    position, axes = flange(outcome.joints_rad)
+    position, axes = flange_pose(outcome.joints_rad)
     assert position == pytest.approx(goal_m, abs=1e-5)
     assert axes == pytest.approx(goal_axes, abs=5e-5)
     simulation = control.simulation
     held = mechanism().model().predict(outcome.reached[None])[0]
-    stand = joints_at(
+    stand = joints_at_swivel(
         *place.flange_goal(
             outcome.reached[:3], Rotation.from_rotvec(outcome.reached[3:]).as_matrix()
         ),
-        swivel(outcome.joints_rad), outcome.joints_rad,
+        swivel_angle(outcome.joints_rad), outcome.joints_rad,
     )  # fmt: skip
     simulation.reset(stand.joints_rad)
     hung = -size * simulation.jacobian @ (simulation.jacobian.T @ held)
@@ -222,7 +222,7 @@ def test_joints_that_yield_hang_behind_their_encoders() -> None:
 def test_torque_goes_on_where_the_position_controller_takes_over_and_where_the_way_turns(
     size: float,
 ) -> None:
-    control = machine(joint_yield_rad_Nm=size)
+    control = simulated_arm(joint_yield_rad_Nm=size)
     simulation = control.simulation
     torques: list[F] = []
     held: list[float] = []
@@ -245,12 +245,12 @@ def test_torque_goes_on_where_the_position_controller_takes_over_and_where_the_w
 
 
 def test_the_pose_by_the_encoders_is_where_the_arm_would_be_with_these_joints() -> None:
-    control = machine()
+    control = simulated_arm()
     simulation = control.simulation
     simulation.reset(simulation.home_rad + np.array([0.1, -0.05, 0.1, 0.05, -0.1, 0.1, 0.2]))
     away = 1e-4 * np.array([1.0, -2.0, 3.0, 1.0, 2.0, -1.0, 2.0])
-    found = simulation.pose_beside(away)
-    assert simulation.pose_beside(np.zeros(7)) == pytest.approx(simulation.pose, abs=1e-12)
+    found = simulation.pose_after(away)
+    assert simulation.pose_after(np.zeros(7)) == pytest.approx(simulation.pose, abs=1e-12)
     assert np.abs(found - simulation.pose).max() > 1e-4
     simulation.reset(simulation.joints_rad + away)
     assert found == pytest.approx(simulation.pose, abs=5e-7)
@@ -258,11 +258,13 @@ def test_the_pose_by_the_encoders_is_where_the_arm_would_be_with_these_joints() 
 
 def test_friction_stops_the_impedance_phase_early_and_not_the_position_phase() -> None:
     stop = Stop(0, GOAL, (), 0.3, 0.2)
-    smooth, rough = (only(machine(joint_friction=share).sortie([stop])) for share in (0.0, 0.1))
+    smooth, rough = (
+        only(simulated_arm(joint_friction=share).sortie([stop])) for share in (0.0, 0.1)
+    )
     assert rough.reason == ""
     assert np.abs(rough.after_impedance - smooth.after_impedance)[3:].max() > 1e-3
     assert np.abs(rough.reached - GOAL).max() < 1e-4
-    stuck = only(machine(joint_friction=0.5).sortie([stop]))
+    stuck = only(simulated_arm(joint_friction=0.5).sortie([stop]))
     assert "did not come to rest" in stuck.reason
 
 
@@ -273,7 +275,7 @@ def test_limits_are_the_published_ones() -> None:
 
 
 def test_the_same_sortie_gives_the_same_numbers() -> None:
-    control = machine()
+    control = simulated_arm()
     first = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
     control.sortie([Stop(1, some_poses(1)[0], (), 0.1, 0.2)])
     again = only(control.sortie([Stop(0, GOAL, (), 0.1, 0.2)]))
@@ -282,25 +284,25 @@ def test_the_same_sortie_gives_the_same_numbers() -> None:
 
 
 def test_the_example_is_valid_and_holds_the_defaults() -> None:
-    from ecm.rig.arm_table import ArmTable
+    from ecm.rig.arm.settings import ArmSettings
     from ecm.workflow.config import read_rig
 
     rig = read_rig(ROOT / "examples" / "robot.toml")
     assert rig.rig.mode == "robot"
-    assert rig.arm == ArmTable()
+    assert rig.arm == ArmSettings()
 
 
 @pytest.mark.parametrize("ratio", [0.2, 0.7, 1.0])
 def test_every_mode_of_arm_controller_and_mechanism_has_the_ratio(ratio: float) -> None:
-    control = machine(damping_ratio=ratio)
+    control = simulated_arm(damping_ratio=ratio)
     simulation = control.simulation
     simulation.reset(simulation.home_rad + np.array([0.1, -0.05, 0.1, 0.05, -0.1, 0.1, 0.2]))
-    impedance = Impedance(settings(damping_ratio=ratio).arm, simulation, compiled(library()))
+    impedance = Impedance(settings(damping_ratio=ratio).arm, simulation, ControllerModel(library()))
     impedance.design()
     inertia = np.linalg.inv(simulation.compliance())
     # The velocity's share of the virtual spring's wrench, column by column.
     damping = impedance.damping
-    model = compiled(library())
+    model = ControllerModel(library())
     model.pose[:] = simulation.pose
     model.evaluate()
     elastic = 0.5 * (model.stiffness + model.stiffness.T) + np.diag(impedance.stiffness)
@@ -322,20 +324,20 @@ def test_a_small_ratio_rings_and_a_large_one_does_not() -> None:
 
 def test_the_chosen_elbow_is_held_through_the_procedure() -> None:
     for elbow in (-0.5, 0.4):
-        control = machine(elbow_rad=elbow)
-        assert swivel(control.simulation.home_rad) == pytest.approx(elbow, abs=1e-6)
+        control = simulated_arm(elbow_rad=elbow)
+        assert swivel_angle(control.simulation.home_rad) == pytest.approx(elbow, abs=1e-6)
         outcome = only(control.sortie([Stop(0, GOAL, (), 0.5, 0.2)]))
         assert outcome.reason == ""
-        assert swivel(outcome.joints_rad) == pytest.approx(elbow, abs=1e-4)
+        assert swivel_angle(outcome.joints_rad) == pytest.approx(elbow, abs=1e-4)
         assert outcome.reached == pytest.approx(GOAL, abs=1e-6)
 
 
 def test_an_elbow_with_far_to_go_does_not_swing_the_top_aside() -> None:
-    control = machine(elbow_rad=0.0)
-    control._elbow = 0.6  # as where the chosen one leaves a joint no room
+    control = simulated_arm(elbow_rad=0.0)
+    control._elbow_rad = 0.6  # as where the chosen one leaves a joint no room
     outcome = only(control.sortie([Stop(0, GOAL, (), 0.5, 0.2)]))
     assert outcome.reason == ""
-    assert swivel(outcome.joints_rad) == pytest.approx(0.6, abs=1e-4)
+    assert swivel_angle(outcome.joints_rad) == pytest.approx(0.6, abs=1e-4)
     begin, end = outcome.phases[2][1:]
     during = outcome.trace[(outcome.trace_s > begin) & (outcome.trace_s <= end)]
     start = outcome.after_impedance

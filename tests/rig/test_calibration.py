@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.calibration import hand_eye, payload, sensor_frame, target_frame
 from ecm.rig.calibration.before import calibrated
-from ecm.rig.compensation import zero_at
+from ecm.rig.force_torque_sensor import zero_at
 from ecm.rig.frames import compose, rotation, seen_from
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 

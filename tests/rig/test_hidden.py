@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,20 @@ import pytest
 from ecm.effects import all_effects
 from ecm.errors import InputError
 from ecm.io.table import Table, read_table
-from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
+from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.frames import rotate, rotation
-from ecm.rig.hidden.draw import DRAWS, MOVING
-from ecm.rig.hidden.limits import LARGEST
+from ecm.rig.hidden.limits import measure
 from ecm.rig.measurement import residual, wrench_in_base
-from ecm.rig.physics.marker_motion import MarkerMotion
-from ecm.rig.physics.platform_slip import PlatformSlip
+from ecm.rig.physics import TRUE_EFFECTS, Conditions, TrueEffect
+from ecm.rig.physics.body import PlatformSlip
+from ecm.rig.physics.camera import MarkerMotion
+from ecm.rig.physics.true_effect import RigScale
 from support.campaigns import plan as diagnosable_plan
 from support.stand_in import F, StandIn, error_of, plan_of, some_poses, whitener_of, wrench
 
 ZERO = np.zeros(6)
+SCALE = RigScale(0.1, 3600.0, 22.0, 28.0, 0.5)
+AT_REST = sorted(name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion)
 
 
 def both_sides() -> Table:
@@ -38,17 +42,17 @@ def both_sides() -> Table:
     )
 
 
-@pytest.mark.parametrize("effect", sorted(DRAWS))
+@pytest.mark.parametrize("effect", AT_REST)
 def test_the_wanted_strength_is_reached(effect: str) -> None:
     plan, settings = both_sides(), RigSettings()
     plain = Campaign(plan, settings, StandIn(), seed=2)
-    base = residual(plain.plant, plain.course, plain.physics, ZERO, settings)
+    base = residual(plain.plant, plain.visits, plain.physics, ZERO, settings)
     sizes = []
     for wanted in (0.5, 2.0):
         hidden = Campaign(plan, settings, StandIn(), hide=[Hidden(effect, wanted)], seed=2)
-        left = residual(hidden.plant, hidden.course, hidden.physics, ZERO, settings) - base
+        left = residual(hidden.plant, hidden.visits, hidden.physics, ZERO, settings) - base
         assert whitener_of(hidden).strength(left) == pytest.approx(wanted, rel=1e-4)
-        sizes.append(hidden.secrets[0].size)
+        sizes.append(hidden.injected[0].size)
         excess = whitener_of(hidden).strength(error_of(hidden, hidden.run()))
         assert excess == pytest.approx(np.hypot(1.0, wanted), abs=0.12)
     # Nearly proportional, with the same sign and shape.
@@ -57,8 +61,8 @@ def test_the_wanted_strength_is_reached(effect: str) -> None:
 
 def test_thirty_effects_of_the_catalogue_can_be_hidden() -> None:
     known = {effect.id for effect in all_effects()}
-    assert len(set(DRAWS) & known) >= 30
-    assert {*DRAWS, *MOVING} <= known
+    assert len(AT_REST) >= 30
+    assert set(TRUE_EFFECTS) <= known
 
 
 def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
@@ -70,8 +74,8 @@ def test_a_remount_by_90_degrees_turns_the_anisotropy_over() -> None:
     settings = RigSettings.from_dict({"rig": {"pose_error_m": 0.0, "pose_error_rad": 0.0}})
     campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("anisotropy", 2.0)])
     nominal = Campaign(plan, settings, StandIn())
-    left = residual(campaign.plant, campaign.course, campaign.physics, ZERO, settings)
-    left = left - residual(nominal.plant, nominal.course, nominal.physics, ZERO, settings)
+    left = residual(campaign.plant, campaign.visits, campaign.physics, ZERO, settings)
+    left = left - residual(nominal.plant, nominal.visits, nominal.physics, ZERO, settings)
     assert np.abs(left).max() > 0.5
     assert left[40:] == pytest.approx(-left[:40], abs=1e-9)
 
@@ -102,42 +106,49 @@ def test_a_strength_that_asks_for_an_absurd_size_is_refused() -> None:
     # What it names as possible is.
     possible = float(text.split("at most at s = ")[1].split(",", maxsplit=1)[0])
     weaker = Hidden.parse(f"stress_relaxation={possible}")
-    size = Campaign(one_dwell(), RigSettings(), StandIn(), hide=weaker).secrets[0].size
+    size = Campaign(one_dwell(), RigSettings(), StandIn(), hide=weaker).injected[0].size
     assert 0.4 < size <= 0.6
     # Blind sets under the paper's protocol want it all the same, and say so by the object.
     wanted = [Hidden("stress_relaxation", 3.0)]
-    assert Campaign(one_dwell(), RigSettings(), StandIn(), hide=wanted).secrets[0].size > 0.6
+    assert Campaign(one_dwell(), RigSettings(), StandIn(), hide=wanted).injected[0].size > 0.6
     # With several dwells the same strength is nothing special.
-    assert Campaign(both_sides(), RigSettings(), StandIn(), hide=hide).secrets[0].size < 0.3
+    assert Campaign(both_sides(), RigSettings(), StandIn(), hide=hide).injected[0].size < 0.3
 
 
-def test_every_effect_has_a_largest_size() -> None:
-    assert set(LARGEST) == {*DRAWS, *MOVING}
+@pytest.mark.parametrize("kind", TRUE_EFFECTS.values())
+def test_every_effect_declares_its_name_unit_and_largest_size(kind: type[TrueEffect]) -> None:
+    assert kind.limit.share > 0.0
+    assert kind.limit.remedy
+    assert measure(kind.unit, SCALE) > 0.0
+    drawn = kind.draw(np.random.default_rng(0), SCALE)
+    assert type(drawn) is kind
+    assert drawn.with_parameters(json.loads(json.dumps(drawn.parameters()))) == drawn
+    assert [effect.name for effect in TRUE_EFFECTS.values()].count(kind.name) == 1
 
 
-@pytest.mark.parametrize("effect", sorted(DRAWS))
+@pytest.mark.parametrize("effect", AT_REST)
 def test_a_diagnosable_plan_can_hide_every_effect(effect: str) -> None:
     """At every strength of the blind benchmark, as `--hide` asks for it."""
     for strength in (0.2, 3.0):
         hide = Hidden.parse(f"{effect}={strength}")
         campaign = Campaign(diagnosable_plan(), RigSettings(), StandIn(), hide=hide, seed=2)
-        assert campaign.secrets[0].effect == effect
+        assert campaign.injected[0].effect == effect
 
 
 def test_random_draws_among_what_the_plan_can_hide(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = {name: DRAWS[name] for name in ("stress_relaxation", "payload", "fts_offset")}
-    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", few)
+    few = {name: TRUE_EFFECTS[name] for name in ("stress_relaxation", "payload", "fts_offset")}
+    monkeypatch.setattr("ecm.rig.hidden.spec.TRUE_EFFECTS", few)
     drawn = []
     for seed in range(12):
         campaign = Campaign(
             one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"), seed=seed
         )
-        drawn.append(campaign.secrets[0].effect)
+        drawn.append(campaign.injected[0].effect)
         again = json.loads(campaign.truth_text() or "")["effects"]
-        assert [e["id"] for e in again] == [campaign.secrets[0].effect]
+        assert [e["id"] for e in again] == [campaign.injected[0].effect]
     assert set(drawn) == {"payload", "fts_offset"}
-    only = {"stress_relaxation": DRAWS["stress_relaxation"]}
-    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", only)
+    only = {"stress_relaxation": TRUE_EFFECTS["stress_relaxation"]}
+    monkeypatch.setattr("ecm.rig.hidden.spec.TRUE_EFFECTS", only)
     with pytest.raises(InputError, match=r"random=3: .*none of 1 effects at s = 3.*diagnosable"):
         Campaign(one_dwell(), RigSettings(), StandIn(), hide=Hidden.parse("random=3"))
 
@@ -152,15 +163,15 @@ def test_random_is_drawn_by_the_seed() -> None:
         document = json.loads(campaign.truth_text() or "")
         drawn.append(document["effects"][0]["id"] if document["effects"] else "nothing")
     assert len(set(drawn)) >= 12
-    assert set(drawn) <= {*DRAWS, "nothing"}
+    assert set(drawn) <= {*AT_REST, "nothing"}
     assert "nothing" in drawn
     sure = Campaign(plan, RigSettings(), StandIn(), hide=Hidden.parse("random=1"), seed=seed)
-    assert sure.secrets[0].strength == 1.0
+    assert sure.injected[0].strength == 1.0
 
 
 def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
     right = reveal(out, {"verdict": "none", "answer": []})
     assert right.score is not None
@@ -171,7 +182,7 @@ def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
     assert wrong.score["wrong"] == [["payload"]]
 
 
-@pytest.mark.parametrize("effect", sorted(DRAWS))
+@pytest.mark.parametrize("effect", AT_REST)
 def test_another_campaign_can_measure_the_same_rig(effect: str, tmp_path: Path) -> None:
     """What is sealed beside a table is hidden again, shape and size, whatever the plan."""
     first = Campaign(both_sides(), RigSettings(), StandIn(), hide=[Hidden(effect, 2.0)], seed=5)
@@ -182,26 +193,29 @@ def test_another_campaign_can_measure_the_same_rig(effect: str, tmp_path: Path) 
     (tmp_path / "first.truth.json").write_text(text)
     again = Hidden.parse(str(tmp_path / "first.csv"))
     second = Campaign(both_sides(), RigSettings(), StandIn(), hide=again, seed=6)
-    assert second.secrets == first.secrets
-    name = first.secrets[0].name
-    assert getattr(second.physics, name) == getattr(first.physics, name).afterwards()
+    truth = first.injected[0].truth.afterwards()
+    assert second.injected == [replace(first.injected[0], truth=truth)]
+    assert truth in second.physics.effects
 
 
 def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
     slip = PlatformSlip(1e-3, at_s=600.0)
-    poses, times = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (2, 1)), np.array([10.0, 700.0])
-    assert slip.felt(poses, times)[:, 1] == pytest.approx([0.0, 1e-3])
-    assert slip.afterwards().felt(poses, times)[:, 1] == pytest.approx([1e-3, 1e-3])
+    poses, times = (
+        np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (2, 1)),
+        Conditions(0.1, time_s=np.array([10.0, 700.0])),
+    )
+    assert slip.body_pose(poses, times)[:, 1] == pytest.approx([0.0, 1e-3])
+    assert slip.afterwards().body_pose(poses, times)[:, 1] == pytest.approx([1e-3, 1e-3])
     marker = MarkerMotion(1e-3, end_s=1200.0, step_s=600.0)
-    shown = [m.measured(poses, times)[:, 0] for m in (marker, marker.afterwards())]
-    assert shown[1] - shown[0] == pytest.approx([-5e-4, 0.0])
+    seen = [m.measured(poses, times)[:, 0] for m in (marker, marker.afterwards())]
+    assert seen[1] - seen[0] == pytest.approx([-5e-4, 0.0])
     creeping = MarkerMotion(1e-3)
     assert creeping.afterwards() == creeping
 
 
 def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
     assert Hidden.parse(str(out)) == (Hidden("none", 0.0),)
     (tmp_path / "data.truth.json").write_text("{}")
@@ -220,7 +234,7 @@ def test_what_the_base_can_move_does_not_count_as_strength() -> None:
 
     plain = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2)
     freer = Campaign(plan, RigSettings(), StandIn(), hide=hide, seed=2, base_columns=stiffer_axis)
-    assert abs(freer.secrets[0].size) > 1.5 * abs(plain.secrets[0].size)
+    assert abs(freer.injected[0].size) > 1.5 * abs(plain.injected[0].size)
 
 
 def test_two_effects_can_be_hidden() -> None:
@@ -273,7 +287,7 @@ def test_scoring(truth: list[str], answer: list[list[str]], correct: bool, named
 
 def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="fts_offset=1.5", seed=9, **kept)
     assert "fts_offset" not in out.read_text() + out.with_suffix(".toml").read_text()
     report = {"verdict": "named", "answer": [["fts_offset"]]}
@@ -299,7 +313,7 @@ def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
 
 def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, **kept)
     with pytest.raises(InputError, match="nothing was hidden"):
         reveal(out)
@@ -308,7 +322,7 @@ def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> N
 @pytest.mark.parametrize("text", ["[]", "{", '{"answer": ["payload"]}', '{"verdict": "none"}'])
 def test_an_answer_that_is_no_report_is_refused(tmp_path: Path, text: str) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="payload", **kept)
     answer = tmp_path / "answer.json"
     answer.write_text(text)
@@ -324,16 +338,16 @@ STILL: dict[str, Any] = {
 
 def noise_free(campaign: Campaign, kind: str) -> tuple[F, F]:
     """Wrenches in base axes and poses that readings without noise give, rows of one kind."""
-    truth = campaign.plant.truth(campaign.course, campaign.physics, ZERO)
+    truth = campaign.plant.truth(campaign.visits, campaign.physics, ZERO)
     wrenches = wrench_in_base(
         campaign.plant,
-        campaign.course,
+        campaign.visits,
         campaign.physics,
         sensor=truth.sensor,
         poses=truth.pose_seen,
         law="linear",
     )
-    rows = [v.kind == kind for v in campaign.course.visits]
+    rows = [v.kind == kind for v in campaign.visits]
     return wrenches[rows], truth.pose_seen[rows]
 
 
@@ -343,7 +357,7 @@ def test_a_sensor_zeroed_with_its_payload_feels_only_how_it_turns() -> None:
     for zeroed in (False, True):
         settings = RigSettings.from_dict({**STILL, "instrument": {"zeroed_with_payload": zeroed}})
         campaign = Campaign(plan, settings, StandIn(), hide=[Hidden("payload", 2.0)])
-        mass = campaign.secrets[0].size
+        mass = campaign.injected[0].size
         weight = np.array([mass * 9.81, 0.0, 0.0])
         home = noise_free(campaign, "home")[0][0, :3]
         assert home == pytest.approx(np.zeros(3) if zeroed else weight, abs=1e-9)

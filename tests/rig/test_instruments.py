@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from ecm.rig import Campaign, RigSettings
+from ecm.rig.camera import Camera, Optics
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import rotation, rotation_vector, top_from_sensor_wrench
-from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.measurement import residual
-from ecm.rig.optics import Optics
+from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import StandIn, instruments, plan_of, some_poses
 
 
@@ -130,8 +129,8 @@ def test_the_base_target_takes_the_camera_s_motion_off() -> None:
         figures = {"camera_drift_m": 3e-4, "camera_drift_rad": 1e-3, "base_target": target}
         settings = RigSettings.from_dict({"instrument": figures})
         campaign = Campaign(plan, settings, StandIn(), seed=3)
-        rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
-        error = campaign.run().measured().poses - campaign.course.reached[rows]
+        rows = campaign.visits.at_poses
+        error = campaign.run().measured().poses - campaign.visits.reached[rows]
         errors[target] = float(np.sqrt(np.mean(error[:, :3] ** 2)))
     assert errors[True] == pytest.approx(37e-6, rel=0.2)
     assert errors[False] > 4.0 * errors[True]
@@ -150,8 +149,8 @@ def test_the_sensor_s_own_errors_are_in_its_own_frame() -> None:
     plain = Campaign(plan, RigSettings.from_dict(straight), StandIn())
     wrong = Campaign(plan, RigSettings.from_dict({"instrument": figures}), StandIn())
     zero = np.zeros(6)
-    true = plain.plant.truth(plain.course, replace(plain.physics, sensor_warm_up=None), zero)
-    read = wrong.plant.truth(wrong.course, replace(wrong.physics, sensor_warm_up=None), zero)
+    true = plain.plant.truth(plain.visits, plain.physics.without(SensorWarmUp), zero)
+    read = wrong.plant.truth(wrong.visits, wrong.physics.without(SensorWarmUp), zero)
     assert read.sensor[:, 0] == pytest.approx(1.1 * true.sensor[:, 0])
     assert read.sensor[:, 1] == pytest.approx(true.sensor[:, 1] + 0.1 * true.sensor[:, 0])
     assert read.sensor[:, 2:] == pytest.approx(true.sensor[:, 2:])
@@ -164,9 +163,9 @@ def test_the_sensor_drifts_with_its_own_temperature() -> None:
     campaign = Campaign(plan, settings, StandIn())
     plain = Campaign(plan, RigSettings(), StandIn())
     zero = np.zeros(6)
-    change = campaign.plant.truth(campaign.course, campaign.physics, zero).sensor
-    change = change - plain.plant.truth(plain.course, plain.physics, zero).sensor
-    warm = campaign.course.sensor_temperature_degC - 22.0
+    change = campaign.plant.truth(campaign.visits, campaign.physics, zero).sensor
+    change = change - plain.plant.truth(plain.visits, plain.physics, zero).sensor
+    warm = campaign.visits.sensor_temperature_degC - 22.0
     assert change[:, 0] == pytest.approx(0.1 * warm)
     assert np.abs(change[:, 1:]).max() == 0.0
 
@@ -178,11 +177,11 @@ def test_the_marker_s_weight_turns_with_the_platform() -> None:
     plain = Campaign(plan, RigSettings.from_dict({"plant": {"drift_N": 0.0}}), StandIn())
     left = []
     for one in (campaign, plain):
-        args = (one.plant, one.course, one.physics, np.zeros(6), one.settings)
+        args = (one.plant, one.visits, one.physics, np.zeros(6), one.settings)
         left.append(residual(*args))
     force = (left[0] - left[1])[:, :3]
-    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
-    turn = rotation(campaign.course.reached[rows, 3:])
+    rows = campaign.visits.at_poses
+    turn = rotation(campaign.visits.reached[rows, 3:])
     weight = 0.2 * np.array([9.81, 0.0, 0.0])
     # It hangs on the sensor at every zero, so only its turning is left: m g (1 - R).
     assert force == pytest.approx(weight - turn @ weight, abs=1e-9)

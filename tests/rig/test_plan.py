@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.rig import Campaign, RigSettings
 from ecm.rig.actions import Action
-from ecm.rig.timeline import Visit
+from ecm.rig.visits import Visit
 from support.stand_in import L, StandIn, plan_of, some_poses
 
 
@@ -128,8 +128,8 @@ def test_warm_up_heats_the_mechanism() -> None:
     campaign = Campaign(plan, RigSettings(), StandIn())
     begin, end = campaign.timeline.heating[0]
     assert end - begin == pytest.approx(1200.0)
-    taken = [i for i, v in enumerate(campaign.course.visits) if v.kind == "pose"]
-    cold, warm = campaign.course.temperature_degC[taken]
+    taken = [i for i, v in enumerate(campaign.visits) if v.kind == "pose"]
+    cold, warm = campaign.visits.temperature_degC[taken]
     assert warm > cold + 5.0
 
 

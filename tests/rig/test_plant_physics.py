@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ecm.errors import ComputationError
-from ecm.rig.compensation import zero_at
+from ecm.rig.force_torque_sensor import zero_at
 from ecm.rig.frames import (
     compose,
     left_jacobian_inverse,
@@ -20,20 +20,13 @@ from ecm.rig.frames import (
     seen_from,
     top_from_sensor_wrench,
 )
-from ecm.rig.physics.base_frame import BaseFrame
-from ecm.rig.physics.base_plate import BasePlate
-from ecm.rig.physics.cable import Cable
-from ecm.rig.physics.face_tilt import FaceTilt
-from ecm.rig.physics.hysteresis import Hysteresis
-from ecm.rig.physics.marker_motion import MarkerMotion
-from ecm.rig.physics.natural_bend import NaturalBend
-from ecm.rig.physics.payload import Payload
-from ecm.rig.physics.platform_slip import PlatformSlip
-from ecm.rig.physics.relaxation import Relaxation
-from ecm.rig.physics.sensor_warm_up import SensorWarmUp
-from ecm.rig.physics.softening import Softening
-from ecm.rig.physics.temperature import Temperature
-from ecm.rig.physics.tip_target import TipTarget
+from ecm.rig.physics import Conditions
+from ecm.rig.physics.body import FaceTilt, NaturalBend, PlatformSlip
+from ecm.rig.physics.camera import BaseFrame, MarkerMotion, TipTarget
+from ecm.rig.physics.clamp import BasePlate
+from ecm.rig.physics.load import Cable, Payload
+from ecm.rig.physics.material import Hysteresis, Relaxation, Softening, Temperature
+from ecm.rig.physics.sensor import SensorWarmUp
 from support.stand_in import L, some_poses, stiffness, wrench
 
 F = NDArray[np.float64]
@@ -111,9 +104,13 @@ class TestHysteresis:
 def test_temperature_has_the_slope_of_its_size_and_bends() -> None:
     hot = Temperature(-0.01, reference_degC=22.0)
     step = 1e-3
-    slope = np.diff(hot.factor(np.array([22.0 - step, 22.0 + step])))[0] / (2 * step)
+
+    def factor(*degrees: float) -> F:
+        return hot.factor(Conditions(L, temperature_degC=np.array(degrees)))
+
+    slope = np.diff(factor(22.0 - step, 22.0 + step))[0] / (2 * step)
     assert slope == pytest.approx(-0.01, rel=1e-6)
-    below, above = hot.factor(np.array([12.0, 32.0])) - 1.0
+    below, above = factor(12.0, 32.0) - 1.0
     assert abs(below + above) > 1e-3
 
 
@@ -142,7 +139,8 @@ class TestBasePlate:
 
 def test_a_turned_target_is_seen_turned_in_the_axes_of_the_platform() -> None:
     poses = some_poses(10)
-    seen = TipTarget(0.01, axis=(0.0, 0.0, 1.0), shift_m_rad=(0.02, 0.0, 0.0)).measured(poses)
+    target = TipTarget(0.01, axis=(0.0, 0.0, 1.0), shift_m_rad=(0.02, 0.0, 0.0))
+    seen = target.measured(poses, Conditions(L))
     offset = seen_from(poses, seen)
     assert offset == pytest.approx(np.tile([2e-4, 0, 0, 0, 0, 0.01], (10, 1)), abs=1e-12)
 
@@ -161,25 +159,26 @@ def test_weight_pulls_along_gravity_wherever_the_platform_looks() -> None:
 def test_a_taut_cable_pulls_towards_its_clamp_and_a_slack_one_does_not() -> None:
     poses = some_poses(10)
     taut = Cable(50.0, clamp_m=(0.1, 0.4, 0.0), free_m=0.2)
-    pull = taut.pull(poses)
+    at = Conditions(L, poses=poses)
+    pull = taut.load(at)
     place = poses[:, :3] + rotate(rotation(poses[:, 3:]), np.tile(taut.place_m, (10, 1)))
     way = np.array([0.1, 0.4, 0.0]) - place
     assert np.cross(pull[:, :3], way) == pytest.approx(np.zeros((10, 3)), abs=1e-9)
     stretch = np.linalg.norm(way, axis=1) - 0.2
     assert np.linalg.norm(pull[:, :3], axis=1) == pytest.approx(50.0 * stretch, rel=0.01)
     assert pull[:, 3:] == pytest.approx(np.cross(place - poses[:, :3], pull[:, :3]))
-    assert np.abs(Cable(50.0, clamp_m=(0.1, 0.4, 0.0), free_m=1.0).pull(poses)).max() < 0.02
+    assert np.abs(Cable(50.0, clamp_m=(0.1, 0.4, 0.0), free_m=1.0).load(at)).max() < 0.02
 
 
 def test_a_slip_changes_the_poses_after_it_and_keeps_the_work() -> None:
-    poses, time = some_poses(10), np.linspace(0.0, 100.0, 10)
+    poses, at = some_poses(10), Conditions(L, time_s=np.linspace(0.0, 100.0, 10))
     slip = PlatformSlip(0.002, direction=(0.0, 1.0, 0.0, 0.0, 0.0, 0.5), at_s=50.0)
-    felt = slip.felt(poses, time)
+    felt = slip.body_pose(poses, at)
     assert felt[:5] == pytest.approx(poses[:5])
     jump = np.array([0.0, 0.002, 0.0, 0.0, 0.0, 0.01])
     assert seen_from(poses[5:], felt[5:]) == pytest.approx(np.tile(jump, (5, 1)), abs=1e-12)
     h = wrench(felt)
-    moved = slip.moved(h, poses, felt)
+    moved = slip.platform_wrench(h, poses, felt, at)
     # A wrench about two points does the same work on a rotation about the platform's origin.
     spin = np.array([0.1, -0.2, 0.3])
     velocity = np.cross(spin, felt[:, :3] - poses[:, :3])
@@ -188,15 +187,15 @@ def test_a_slip_changes_the_poses_after_it_and_keeps_the_work() -> None:
 
 
 def test_a_marker_that_creeps_moves_everything_the_other_way() -> None:
-    poses, time = some_poses(3), np.array([0.0, 600.0, 3600.0])
+    poses, at = some_poses(3), Conditions(L, time_s=np.array([0.0, 600.0, 3600.0]))
     creep = MarkerMotion(1e-3, direction=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0), time_s=600.0)
-    shift = (creep.measured(poses, time) - poses)[:, 1]
+    shift = (creep.measured(poses, at) - poses)[:, 1]
     assert shift == pytest.approx([0.0, -1e-3 * np.log(2.0) / np.log(7.0), -1e-3])
 
 
 def test_a_base_frame_error_moves_the_base_itself() -> None:
     error = BaseFrame(0.01, axis=(0.0, 0.0, 1.0), shift_m_rad=(0.0, 0.1, 0.0))
-    at_base = error.measured(np.zeros((1, 6)))
+    at_base = error.measured(np.zeros((1, 6)), Conditions(L))
     assert at_base == pytest.approx(np.array([[0.0, 1e-3, 0.0, 0.0, 0.0, 0.01]]))
 
 
@@ -209,7 +208,8 @@ def test_relaxation_is_the_maxwell_chain_under_a_ramp() -> None:
 
     options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.01}
     held = solve_ivp(rate, (0.0, travel + dwell), [0.0], **options).y[0, -1]
-    factor = chain.factor(np.array([travel]), np.array([dwell]))[0]
+    at = Conditions(L, travel_s=np.array([travel]), dwell_s=np.array([dwell]))
+    factor = chain.factor(at)[0]
     assert factor == pytest.approx(1.0 + 0.2 * held, rel=1e-3)
 
 
@@ -229,14 +229,15 @@ def test_relaxation_goes_on_along_a_way_of_several_pieces() -> None:
     carried = chain.carried(h, time, np.zeros(5, dtype=bool))
     assert carried[:, 2] == pytest.approx(size * exact, abs=1e-4)
     # A single ramp and its rest is what a reading at rest has.
-    factor = chain.factor(np.array([2.0]), np.array([3.0]))[0]
+    at = Conditions(L, travel_s=np.array([2.0]), dwell_s=np.array([3.0]))
+    factor = chain.factor(at)[0]
     assert carried[2, 2] == pytest.approx(factor - 1.0, rel=1e-12)
-    anew = np.array([False, False, True, False, False])
-    assert chain.carried(h, time, anew)[2] == pytest.approx(np.zeros(6), abs=0.0)
+    restart = np.array([False, False, True, False, False])
+    assert chain.carried(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
 
 
 def test_softening_spares_first_visits_and_takes_later_ones() -> None:
-    factor = Softening(0.1, energy_J=0.3).factor(np.array([0.1, 0.5, 1.5, 0.5, 1.5]))
+    factor = Softening(0.1, energy_J=0.3).factor_of(np.array([0.1, 0.5, 1.5, 0.5, 1.5]))
     assert factor[[0, 1, 2, 4]] == pytest.approx(1.0)
     assert 0.9 < factor[3] < 0.95
 
@@ -246,16 +247,20 @@ def test_a_remount_turns_what_is_the_mechanisms_own(part: FaceTilt | NaturalBend
     # A body that is turned by a half turn with its defect looks as one with the opposite defect.
     poses, h = some_poses(10, 3), np.random.default_rng(4).normal(size=(10, 6))
     opposite = replace(part, size=-part.size)
-    half, straight = np.full(10, np.pi), np.zeros(10)
-    assert part.felt(poses, half) == pytest.approx(opposite.felt(poses, straight), abs=1e-12)
-    assert part.turned(h, half) == pytest.approx(opposite.turned(h, straight), abs=1e-12)
-    assert not np.allclose(part.felt(poses, half), part.felt(poses, straight), atol=1e-4)
+    half, straight = (Conditions(L, mount_rad=np.full(10, turn)) for turn in (np.pi, 0.0))
+    body = part.body_pose(poses, half)
+    same = opposite.body_pose(poses, straight)
+    assert body == pytest.approx(same, abs=1e-12)
+    turned = opposite.platform_wrench(h, poses, same, straight)
+    assert part.platform_wrench(h, poses, body, half) == pytest.approx(turned, abs=1e-12)
+    assert not np.allclose(body, part.body_pose(poses, straight), atol=1e-4)
 
 
 def test_linear_compensation_leaves_only_the_curvature_of_the_warm_up() -> None:
     time = np.linspace(0.0, 3600.0, 100)
     warm_up = SensorWarmUp(1.0, time_s=3600.0)
-    drift = warm_up.reading(time, np.zeros((100, 6)))
+    at = Conditions(L, time_s=time, walk=np.zeros((100, 6)))
+    drift = warm_up.reading(np.zeros((100, 6)), at)
     ends = np.array([0, 99])
     left = drift - zero_at(time, time[ends], drift[ends], "linear")
     assert np.abs(left[:, 0]).max() == pytest.approx(0.0779, abs=1e-4)

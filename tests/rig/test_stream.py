@@ -13,12 +13,12 @@ import pytest
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import Table, read_table
-from ecm.rig import Campaign, Hidden, RigSettings, run_campaign
+from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Anchors, Smooth
 from ecm.rig.frames import rotation, turn_wrench
 from ecm.rig.hidden.calibrate import Whitener
-from ecm.rig.hidden.draw import DRAWS
-from ecm.rig.physics.time_skew import TimeSkew
+from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.camera import TimeSkew
 from ecm.rig.raw_stream import RawStream
 from support.campaigns import model, workspace_poses
 from support.stand_in import F, L, StandIn, plan_of, some_poses, wrench
@@ -37,7 +37,14 @@ def stream_of(campaign: Campaign) -> RawStream:
 def measured(folder: Path, hide: str, seed: int = 3) -> Path:
     out = folder / f"{hide.replace('=', '-')}.csv"
     plan = plan_of(workspace_poses(40, 3))
-    run_campaign(plan, STREAM, out, hide=hide, seed=seed, source=StandIn(), folder=folder)
+    run_campaign(
+        plan,
+        STREAM,
+        out,
+        hide=hide,
+        seed=seed,
+        options=CampaignOptions(source=StandIn(), folder=folder),
+    )
     return out
 
 
@@ -54,9 +61,9 @@ def test_a_leg_begins_and_ends_at_the_solved_poses_and_follows_the_map_between()
     assert len(stream.legs) == 60  # there and home
     rows = [np.flatnonzero(stream.leg == 2 * i) for i in range(30)]
     rest, moving = [r[-1] for r in rows], [r[0] for r in rows]
-    visits = [i for i, v in enumerate(campaign.course.visits) if v.kind == "pose"]
-    course = campaign.course
-    at_rest = campaign.plant.elastic.wrench(course.anchor[visits], course.reached[visits])
+    visits = [i for i, v in enumerate(campaign.visits) if v.kind == "pose"]
+    anchor, reached = campaign.visits.anchor[visits], campaign.visits.reached[visits]
+    at_rest = campaign.plant.elastic.wrench(anchor, reached)
     assert stream.elastic_wrench()[rest] == pytest.approx(at_rest, abs=1e-9)
     speed = np.abs(stream.velocities())
     assert speed[rest].max() == 0.0
@@ -124,7 +131,7 @@ def test_a_skew_is_as_strong_as_wanted_and_named_with_its_delay(
     out = measured(tmp_path, f"time_skew={strength}")
     found = diagnosed(out.with_suffix(".raw.parquet"))
     assert found.answer == (("time_skew",),)
-    truth = campaign.physics.time_skew
+    truth = campaign.physics.get(TimeSkew)
     assert truth is not None
     mean = truth.size * (1.0 + 0.5 * truth.creep)
     assert found.effects[0].values[0] == pytest.approx(mean, rel=0.1)
@@ -132,9 +139,9 @@ def test_a_skew_is_as_strong_as_wanted_and_named_with_its_delay(
     # The readings at rest hold nothing of it, and say what would.
     at_rest = diagnosed(out)
     assert at_rest.verdict == "none"
-    reasons = {n["id"]: n for n in at_rest.not_testable}
-    assert reasons["time_skew"]["reason"] == "no raw stream"
-    assert "NAME.raw.parquet" in reasons["time_skew"]["record"]
+    reasons = {n.id: n for n in at_rest.not_testable}
+    assert reasons["time_skew"].reason == "no raw stream"
+    assert "NAME.raw.parquet" in reasons["time_skew"].record
 
 
 def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:
@@ -144,6 +151,7 @@ def test_what_is_hidden_at_rest_is_in_the_stream_too(tmp_path: Path) -> None:
     assert "time_skew" not in found.answer[0]
 
 
+AT_REST = sorted(name for name, kind in TRUE_EFFECTS.items() if not kind.only_in_motion)
 OTHERWISE = {
     # effect: share of it by which the stream may differ from the readings at rest, and why.
     "fts_hysteresis": 0.3,  # at rest it follows commanded poses, in the stream those reached
@@ -152,7 +160,7 @@ OTHERWISE = {
 }
 
 
-@pytest.mark.parametrize("effect", sorted(DRAWS))
+@pytest.mark.parametrize("effect", AT_REST)
 def test_every_truth_of_the_plant_acts_in_motion_too(effect: str) -> None:
     """Where a leg ends, at a pose and at home, the stream holds what a reading at rest does."""
     settings = RigSettings.from_dict({"rig": {"stream_Hz": 10.0}})
@@ -163,11 +171,11 @@ def test_every_truth_of_the_plant_acts_in_motion_too(effect: str) -> None:
     for hide in ([Hidden(effect, 1.0)], []):
         campaign = Campaign(plan, settings, StandIn(), hide=hide, seed=1)
         stream = stream_of(campaign)
-        at_rest = campaign.plant.truth(campaign.course, campaign.physics, campaign.offset)
+        at_rest = campaign.plant.truth(campaign.visits, campaign.physics, campaign.offset)
         seen, sensor = stream.truth(campaign.physics)
         both.append(((seen, at_rest.pose_seen), (sensor, at_rest.sensor)))
     last = np.flatnonzero(np.diff(stream.leg, append=-1))
-    visits = campaign.course.visits
+    visits = campaign.visits
     ends = [
         (last[k::2], [i for i, v in enumerate(visits) if v.kind == kind])
         for k, kind in enumerate(("pose", "home"))
@@ -190,7 +198,7 @@ def test_what_relaxes_goes_on_through_rest_and_way_home() -> None:
     for hide in (relaxation, []):
         campaign = Campaign(plan, settings, StandIn(), hide=hide, seed=1)
         seen, sensor = stream_of(campaign).truth(campaign.physics)
-        parts.append(turn_wrench(rotation(seen[:, 3:]), campaign.plant.zeroed(sensor))[:, :3])
+        parts.append(turn_wrench(rotation(seen[:, 3:]), campaign.plant.to_top(sensor))[:, :3])
     stream, part = stream_of(campaign), parts[0] - parts[1]
     ends = np.flatnonzero(np.diff(stream.leg, append=-1))
     at_home = []
@@ -213,12 +221,12 @@ def test_each_piece_of_the_way_is_passed_once() -> None:
     for settings in (STREAM, RigSettings.from_dict({"rig": {"stream_Hz": 0.2}})):
         campaign = Campaign(plan_of(poses, approach=approach), settings, StandIn(), seed=1)
         stream = stream_of(campaign)
-        _, course = stream._still
-        for before, visit in pairwise(course.visits):
+        _, samples = stream._still
+        for before, visit in pairwise(samples):
             assert np.array_equal(visit.way[0], before.pose)
         lengths = [
             sum(float(np.abs(np.diff(v.way[:, 3:], axis=0)).sum()) for v in visits)
-            for visits in (course.visits, campaign.course.visits)
+            for visits in (samples, campaign.visits)
         ]
         assert lengths[0] <= 1.001 * lengths[1]
         if settings is STREAM:  # a sample in 5 s misses much of a way of 3 s
@@ -259,7 +267,8 @@ def test_a_skew_that_is_absurd_is_refused_with_what_would_show_it() -> None:
 
 
 def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ecm.rig.hidden.spec.DRAWS", {"payload": DRAWS["payload"]})
+    few = {name: TRUE_EFFECTS[name] for name in ("payload", "time_skew")}
+    monkeypatch.setattr("ecm.rig.hidden.spec.TRUE_EFFECTS", few)
     drawn: dict[bool, set[str]] = {True: set(), False: set()}
     for streamed in (True, False):
         settings = STREAM if streamed else RigSettings()
@@ -268,7 +277,7 @@ def test_random_draws_a_skew_only_where_there_is_a_stream(monkeypatch: pytest.Mo
                 plan_of(some_poses(30)), settings, StandIn(),
                 hide=Hidden.parse("random=1"), seed=seed,
             )  # fmt: skip
-            drawn[streamed].add(campaign.secrets[0].effect)
+            drawn[streamed].add(campaign.injected[0].effect)
     assert drawn == {True: {"payload", "time_skew"}, False: {"payload"}}
 
 
@@ -278,7 +287,8 @@ class Stop(Exception):
 
 def test_a_campaign_that_was_cut_ends_with_the_same_stream(tmp_path: Path) -> None:
     plan = plan_of(some_poses(25))
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache", "seed": 4}
+    options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
+    kept: dict[str, Any] = {"options": options, "seed": 4}
 
     def stop(done: int, total: int, word: str) -> None:
         if word == "measuring" and done == 11:
@@ -306,13 +316,15 @@ def test_where_no_stream_can_be_kept_it_is_said_before_the_work(tmp_path: Path) 
     plan, source = plan_of(some_poses(25)), StandIn()
     arm = RigSettings.from_dict({"rig": {"mode": "robot", "stream_Hz": 2.0}})
     with pytest.raises(InputError, match="only the quasi-static rig"):
-        run_campaign(plan, arm, tmp_path / "data.csv", source=source)
+        run_campaign(plan, arm, tmp_path / "data.csv", options=CampaignOptions(source=source))
     assert source.solved == 0
     measured: list[int] = []
     with pytest.raises(InputError, match=r"stream_Hz.*Plan 20 or more"):
         run_campaign(
-            plan, STREAM, tmp_path / "data.csv", source=StandIn(curvature=False),
-            folder=tmp_path / "cache",
+            plan, STREAM, tmp_path / "data.csv",
+            options=CampaignOptions(
+                source=StandIn(curvature=False), folder=tmp_path / "cache"
+            ),
             progress=lambda done, n, word: measured.append(done) if word == "measuring" else None,
         )  # fmt: skip
     assert measured == []
@@ -331,10 +343,10 @@ def test_the_wrench_is_turned_by_the_pose_of_its_own_row() -> None:
     )
     campaign = Campaign(plan_of(some_poses(25)), settings, StandIn())
     skew = TimeSkew(0.3)
-    campaign.physics = replace(campaign.physics, time_skew=skew)
+    campaign.physics = campaign.physics.put(skew)
     stream = stream_of(campaign)
     seen, sensor = stream.truth(campaign.physics)
-    top = campaign.plant.zeroed(sensor - campaign.offset)
+    top = campaign.plant.to_top(sensor - campaign.offset)
     later, _ = stream._on_the_way(skew.read_s(stream.time_s))
     own, other = (turn_wrench(rotation(poses[:, 3:]), top) for poses in (seen, later))
     table = table_of(campaign)
@@ -389,23 +401,24 @@ def test_thermometers_and_stamps_are_as_the_rig_file_says() -> None:
 
 
 def test_in_memory_it_is_said_that_no_stream_is_kept() -> None:
-    table = run_campaign(plan_of(some_poses(25)), STREAM, None, source=StandIn())
+    table = run_campaign(
+        plan_of(some_poses(25)), STREAM, None, options=CampaignOptions(source=StandIn())
+    )
     assert any("stream_Hz" in text for text in table.warnings)
-    plain = run_campaign(plan_of(some_poses(25)), RigSettings(), None, source=StandIn())
+    plain = run_campaign(
+        plan_of(some_poses(25)), RigSettings(), None, options=CampaignOptions(source=StandIn())
+    )
     assert not any("stream_Hz" in text for text in plain.warnings)
 
 
 def test_a_way_point_that_nothing_is_known_of_is_no_guess() -> None:
     hide = [Hidden("fts_hysteresis", 1.0)]
     campaign = Campaign(plan_of(some_poses(8)), RigSettings(), StandIn(curvature=False), hide=hide)
-    course = campaign.course
-    visit = course.visits[3]
+    visit = campaign.visits.rows[3]
     strange = replace(visit, way=np.stack([visit.way[0], visit.way[-1] + 1e-3, visit.way[-1]]))
-    visits = (*course.visits[:3], strange, *course.visits[4:])
+    rows = (*campaign.visits.rows[:3], strange, *campaign.visits.rows[4:])
     with pytest.raises(ComputationError, match="none of the 9 solved poses"):
-        campaign.plant.anew().truth(
-            replace(course, visits=visits), campaign.physics, campaign.offset
-        )
+        campaign.plant.truth(replace(campaign.visits, rows=rows), campaign.physics, campaign.offset)
 
 
 def test_the_arm_cannot_remember_wrenches_that_no_map_knows() -> None:

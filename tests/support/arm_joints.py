@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ecm import _native
 from ecm.rig import RigSettings
-from ecm.rig.arm.inverse import solve, swivel
+from ecm.rig.arm.kinematics import inverse_kinematics, swivel_angle
 from ecm.rig.arm.scene import scene
 from support.stand_in import L
 
@@ -21,7 +21,9 @@ def joints_of(poses: F, elbow_rad: F) -> F:
     joints = np.empty((len(poses), 7))
     for i, turn in enumerate(elbow_rad):
         position, flange = place.flange_goal(poses[i, :3], axes[i])
-        found = solve(position, flange, swivel(place.home_rad) + turn, place.home_rad, 0.035)
+        found = inverse_kinematics(
+            position, flange, swivel_angle(place.home_rad) + turn, place.home_rad, 0.035
+        )
         assert not found.reason, found.reason
         joints[i] = found.joints_rad
     return joints

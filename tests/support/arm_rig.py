@@ -13,15 +13,15 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.io.table import Table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, plan_of, some_poses, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
 
-from ecm.rig.arm.feed_forward import build
-from ecm.rig.arm.mechanism import controller_model, surrogate
-from ecm.rig.arm.procedure import Machine
-from ecm.rig.arm.worker import Job
+from ecm.rig.arm.controller_model import compile_model, controller_document
+from ecm.rig.arm.procedure import SimulatedArm
+from ecm.rig.arm.surrogate import fit_surrogate
+from ecm.rig.arm.worker import ArmSetup
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -40,25 +40,25 @@ def library() -> Path:
     """The controller's model, compiled once: it errs by a few per cent, as a fitted one does."""
     need_program("cc", "gcc")
     poses = some_poses(80, seed=9)
-    model = controller_model("", poses, 0.97 * wrench(poses), L)
-    return build(model, Path(tempfile.mkdtemp(prefix="ecm-controller-")))
+    model = controller_document("", poses, 0.97 * wrench(poses), L)
+    return compile_model(model, Path(tempfile.mkdtemp(prefix="ecm-controller-")))
 
 
 @lru_cache(maxsize=1)
 def mechanism() -> Any:
     """The energy surrogate of the closed form."""
     poses = some_poses(120, seed=8)
-    return surrogate(poses, wrench(poses), L)
+    return fit_surrogate(poses, wrench(poses), L)
 
 
-def job(**rig: Any) -> Job:
-    """What a machine is built from."""
-    return Job(settings(**rig), mechanism(), library())
+def arm_setup(**rig: Any) -> ArmSetup:
+    """What an arm is built from."""
+    return ArmSetup(settings(**rig), mechanism(), library())
 
 
-def machine(**rig: Any) -> Machine:
-    """A machine of its own."""
-    return job(**rig).machine()
+def simulated_arm(**rig: Any) -> SimulatedArm:
+    """A simulated arm."""
+    return arm_setup(**rig).build()
 
 
 def plan(poses: F, **columns: Any) -> Table:
@@ -73,5 +73,9 @@ def run(cache: Path, poses: F, out: Path | None = None, **more: Any) -> Table:
     columns = more.pop("columns", {})
     rig = {"processes": 1, **rig}
     return run_campaign(
-        plan(poses, **columns), settings(**rig), out, source=StandIn(), folder=cache, **more
+        plan(poses, **columns),
+        settings(**rig),
+        out,
+        options=CampaignOptions(source=StandIn(), folder=cache),
+        **more,
     )

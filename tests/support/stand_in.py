@@ -141,16 +141,16 @@ def some_poses(count: int, seed: int = 0) -> F:
 
 def error_of(campaign: Campaign, table: Table) -> F:
     """Measured wrench minus the plant's elastic wrench at the measured pose."""
-    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
+    rows = campaign.visits.at_poses
     measured = table.measured()
-    elastic = campaign.plant.elastic.wrench(campaign.course.anchor[rows], measured.poses)
+    elastic = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], measured.poses)
     return measured.wrenches - elastic
 
 
 def whitener_of(campaign: Campaign) -> Whitener:
-    rows = np.asarray([v.kind == "pose" for v in campaign.course.visits])
-    h = campaign.plant.elastic.wrench(campaign.course.anchor[rows], campaign.course.reached[rows])
-    covariance = row_covariance(campaign.plant, campaign.course, campaign.settings)
+    rows = campaign.visits.at_poses
+    h = campaign.plant.elastic.wrench(campaign.visits.anchor[rows], campaign.visits.reached[rows])
+    covariance = row_covariance(campaign.plant, campaign.visits, campaign.settings)
     return Whitener(covariance, h[:, :, None])
 
 

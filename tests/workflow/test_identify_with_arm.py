@@ -58,7 +58,7 @@ def test_a_job_that_cannot_drive_the_arm_says_so_before_any_work(
     if missing == "mujoco":
         monkeypatch.setitem(sys.modules, "mujoco", None)
     else:
-        monkeypatch.setattr("ecm.rig.arm.feed_forward.shutil.which", lambda _name: None)
+        monkeypatch.setattr("ecm.rig.arm.controller_model.shutil.which", lambda _name: None)
     (tmp_path / "plan.csv").write_text(csv_text(neck_columns(3)))
     job = ROOT / "examples" / "quick.toml" if command == "identify" else tmp_path / "plan.csv"
     (tmp_path / "plan.toml").write_text(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from ecm.cli.main import main, run
+from ecm.cli.main import main as main  # the entry point of pyproject.toml
+from ecm.cli.main import run
 
-__all__ = ["main", "run"]
+__all__ = ["run"]

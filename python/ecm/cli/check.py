@@ -46,5 +46,5 @@ def _print(result: Check, session: Session) -> None:
     session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
     if result.not_testable:
         session.print("Not testable with these columns:")
-        missing = [(f"  {id}", why, f"-> {what}") for id, why, what in result.not_testable]
+        missing = [(f"  {one.id}", one.reason, f"-> {one.record}") for one in result.not_testable]
         session.print(columns(missing, header=False))

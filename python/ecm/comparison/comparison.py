@@ -1,4 +1,4 @@
-"""Compare a model with measurements: floor, excess error, one plain sentence."""
+"""Compare a model with measurements: noise floor, excess error, one plain sentence."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ecm.comparison.reference_models import ReferenceModels, fit_reference_models
+from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import Residuals, residuals
 from ecm.comparison.run_outliers import run_outliers
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
+from ecm.io.extras import require
 from ecm.models.noise_estimate import estimate_noise
+from ecm.models.training import training_of
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
@@ -46,12 +49,12 @@ class Component:
     excess_high: float
     """90 % interval, groups of rows resampled."""
     lack_of_fit: FTest | None
-    """Of this component alone, over its own noise; None without repeats."""
+    """Test of this component alone, over its own noise; None without repeats."""
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """What a comparison was made of."""
+    """The inputs of a comparison, for the parts that are made when they are asked for."""
 
     model: Model
     rows: Rows
@@ -61,13 +64,17 @@ class _Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What `compare` found."""
+    """Errors of a model beside the noise of the measurements: N measured poses, m components.
+
+    `print` shows one sentence, `plot` the residuals, `to_pandas` the components, `where` where the
+    model fails, and `to_dict` is the report.
+    """
 
     model: str
     rows: int
     components: tuple[Component, ...]
     whitened_rms: float
-    """1 where noise explains everything."""
+    """Root mean square of the whitened residual; 1 where noise explains everything."""
     excess: float
     """sqrt(whitened_rms^2 - 1), the strength s of what is missing."""
     excess_low: float
@@ -77,19 +84,19 @@ class Comparison:
     outside_domain: int
     """Rows outside the poses that the model was trained on."""
     whitened: F
-    """(N, m) of the measured poses, in file order."""
+    """(N, m) residuals over their noise, in file order."""
     physical: F
-    """(N, m)."""
+    """(N, m) residuals, measured minus predicted, in the units of the outputs."""
     row: I
-    """(N,) their rows in the table, from 0."""
+    """(N,) rows in the table, from 0."""
     compared: _Compared
     warnings: tuple[str, ...] = ()
 
     @cached_property
     def references(self) -> ReferenceModels | None:
-        """Physics base, symmetric energy, ceiling and floor; None for tables of other columns.
+        """Reference models of the table; None where its columns do not allow them.
 
-        Fits two bases, and runs the FEM of a `[mechanism]` that is new: made when it is asked for.
+        Made when it is asked for: fits two bases, and runs the FEM of a new `[mechanism]`.
         """
         return fit_reference_models(self.compared.model, self.compared.rows.table, self.noise)
 
@@ -99,8 +106,11 @@ class Comparison:
         at = np.ascontiguousarray(made.rows.poses[made.scored])
         return residual_maps_of(made.rows, made.residuals, made.scored, made.model.leverage(at))
 
+    def __str__(self) -> str:
+        return self.sentence()
+
     def sentence(self) -> str:
-        """One plain sentence."""
+        """Return one plain sentence."""
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
         unit = unit_of(worst.name)
         if self.noise.components is not None and self.noise.source == "assumed":
@@ -121,11 +131,38 @@ class Comparison:
         )
 
     def where(self) -> ResidualMaps:
-        """Residual maps, signature shares, residual stiffness and the worst rows."""
+        """Return residual maps, signature shares, residual stiffness and the worst rows."""
         return self._where
 
+    def to_pandas(self) -> Any:
+        """Return the components as a DataFrame; needs pandas.
+
+        Raises
+        ------
+        MissingExtra
+            If pandas is not installed.
+        """
+        pandas = require("pandas", "data", "The components as a DataFrame")
+        return pandas.DataFrame([asdict(c) for c in self.components]).drop(columns="lack_of_fit")
+
+    def plot(self, variable: str | None = None) -> Any:
+        """Return a plotly figure of the residual of each component.
+
+        Parameters
+        ----------
+        variable
+            Name in `where().variables`; default: the one that the residual follows most.
+
+        Raises
+        ------
+        MissingExtra
+            If plotly is not installed.
+        """
+        plotly = require("plotly.graph_objects", "report", "The figure of the residuals")
+        return plotly.Figure(residual_figure(self.where(), variable))
+
     def to_dict(self) -> dict[str, Any]:
-        """For --json."""
+        """Return the report as plain JSON."""
         return {
             "schema": 1,
             "model": self.model,
@@ -145,9 +182,40 @@ class Comparison:
 
 
 def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int = 0) -> Comparison:
-    """Residuals of a model on a table, beside the noise of the table.
+    """Compare a model with measurements.
 
-    The floor comes from repeats, else from the table's instrument figures, else it is assumed.
+    The noise comes from repeats, else from the table's instrument figures, else it is assumed.
+
+    Parameters
+    ----------
+    model
+        Model with the pose and wrench columns of the table.
+    table
+        Measurements; poses count, home and unloaded rows do not.
+    noise
+        Noise of the rows, where it is known better than the table tells.
+    seed
+        Seed of the random generator of the bootstraps.
+
+    Returns
+    -------
+    Comparison
+        Error of each component against its noise, and where the model fails.
+
+    Raises
+    ------
+    InputError
+        If the table lacks a column of the model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 1e9 * x**3})
+    >>> result = ecm.compare(ecm.fit_model(table, "cubic"), table)
+    >>> [c.name for c in result.components]
+    ['fx_N']
     """
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:
@@ -160,10 +228,10 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
     predicted = model.predict(table)
     if noise is None:
         noise = estimate_noise(rows, predicted, fallback=model.noise)
-    found = residuals(rows, predicted, noise, model.base.error)
+    errors = residuals(rows, predicted, noise, model.base.error)
     scored = is_pose_row(table)
-    physical, whitened = found.physical[scored], found.whitened[scored]
-    variance = np.einsum("nii->ni", found.covariance[scored])
+    physical, whitened = errors.physical[scored], errors.whitened[scored]
+    variance = np.einsum("nii->ni", errors.covariance[scored])
     groups = row_groups(table)[scored]
     measured = np.stack([table.column(name) for name in model.outputs], axis=1)
     excited = np.ptp(measured[scored], axis=0) > 1e-12
@@ -172,7 +240,7 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
     mean = float((whitened[:, excited] ** 2).mean())
     draws = _bootstrap(physical**2 - variance, whitened[:, excited] ** 2 - 1.0, groups, seed)
     cells, fitted = repeat_cells(table)[scored], _fitted_here(model, table)
-    # A whitened component holds those before it: each by itself is over its own deviation.
+    # Whitening mixes components: each by itself is divided by its own standard deviation.
     alone = physical / np.sqrt(variance)
     components = tuple(
         Component(
@@ -204,16 +272,14 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         physical=physical,
         row=np.flatnonzero(scored),
         warnings=tuple(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
-        compared=_Compared(model, rows, found, scored),
+        compared=_Compared(model, rows, errors, scored),
     )
 
 
 def _fitted_here(model: Model, table: Table) -> int:
-    """How many numbers of the model were fitted to this very table; none where it is new to it."""
-    from ecm.models.training import training_of  # Late: models stand on the comparison.
-
+    """Return how many values of the model were fitted to this very table."""
     known, count = model.training.get("hash"), model.training.get("rows")
-    # A hash reads every number: only of as many rows as the fit had.
+    # A hash reads every number: only where there are as many rows as the fit had.
     fitted = (
         rows for rows in (table.measured(), without_zero_readings(table)) if len(rows) == count
     )
@@ -224,27 +290,24 @@ def _fitted_here(model: Model, table: Table) -> int:
 
 
 def _lack(residual: F, cells: I, fitted: float) -> FTest | None:
-    """F of the lack of fit; None where nothing is repeated or as much is fitted as was measured.
-
-    What all components share is fitted to each in equal parts.
-    """
-    found = lack_of_fit(residual, cells, fitted)
-    return found if found is not None and np.isfinite(found.F) else None
+    """Return the test of the lack of fit; None without repeats or without degrees of freedom."""
+    test = lack_of_fit(residual, cells, fitted)
+    return test if test is not None and np.isfinite(test.F) else None
 
 
 def _bootstrap(physical: F, whitened: F, groups: I, seed: int) -> tuple[F, F]:
-    """90 % intervals of the excess variances, groups resampled."""
+    """Return 90 % intervals of the excess variances, groups resampled."""
     _, packed = np.unique(groups, return_inverse=True)
     count = int(packed.max()) + 1
     sizes = np.bincount(packed).astype(np.float64)
     sums = np.stack([np.bincount(packed, column) for column in physical.T], axis=1)
-    whole = np.bincount(packed, whitened.mean(axis=1))
+    all_components = np.bincount(packed, whitened.mean(axis=1))
     rng = np.random.default_rng([seed, 11])
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
     totals = drawn @ sizes
     tails = [0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL]
     parts = np.quantile((drawn @ sums) / totals[:, None], tails, axis=0)
-    return np.asarray(parts), np.asarray(np.quantile((drawn @ whole) / totals, tails))
+    return np.asarray(parts), np.asarray(np.quantile((drawn @ all_components) / totals, tails))
 
 
 def _root(value: float) -> float:

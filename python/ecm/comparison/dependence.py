@@ -13,38 +13,40 @@ from ecm.regression.f_test import orthonormal
 from ecm.regression.rows import Rows
 
 _DEGREE = 3
-"""Of the curve in one variable that a share is read from."""
+"""Degree of the polynomial in one variable."""
 
 
 def dependence_variables(rows: Rows) -> dict[str, F]:
-    """Name with unit to (N,): pose, bend, azimuth, loads, order, covariates, approach side."""
+    """Return (N,) values by name with unit: pose, bend, loads, order, covariates, approach side."""
     table = rows.table
-    found = {name: rows.poses[:, j] for j, name in enumerate(rows.base.inputs)}
+    variables = {name: rows.poses[:, j] for j, name in enumerate(rows.base.inputs)}
     if rows.base.inputs == POSE:
         axis = rows.rotation[:, :, 0]
-        found["bend_rad"] = np.arctan2(np.hypot(axis[:, 1], axis[:, 2]), axis[:, 0])
-        found["azimuth_rad"] = np.arctan2(axis[:, 2], axis[:, 1])
+        variables["bend_rad"] = np.arctan2(np.hypot(axis[:, 1], axis[:, 2]), axis[:, 0])
+        variables["azimuth_rad"] = np.arctan2(axis[:, 2], axis[:, 1])
     if rows.base.outputs == WRENCH:
-        found["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
-        found["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
-    found["row"] = np.arange(1, len(table) + 1).astype(np.float64)
+        variables["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
+        variables["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
+    variables["row"] = np.arange(1, len(table) + 1).astype(np.float64)
     named = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "repeat")
     for name in (*named, *table.covariates):
         if table.has(name):
             values = table.column(name)
             if np.isfinite(values).all():
-                found[name] = values
+                variables[name] = values
     if table.has("approach") and rows.base.inputs == POSE:
-        found["approach_side"] = approach_sides(table, rows.length_m if rows.has_length else None)
-    return found
+        variables["approach_side"] = approach_sides(
+            table, rows.length_m if rows.has_length else None
+        )
+    return variables
 
 
 def dependence_shares(
     variables: Mapping[str, F], whitened: F, outputs: tuple[str, ...]
 ) -> tuple[tuple[str, str, float], ...]:
-    """Share of each component's squares that a cubic in one variable explains beyond chance."""
+    """Return (variable, component, share) of the squares that a cubic explains beyond chance."""
     n = len(whitened)
-    found = []
+    shares = []
     for name, values in variables.items():
         distinct = len(np.unique(values))
         degree = min(_DEGREE, distinct - 1)
@@ -54,10 +56,10 @@ def dependence_shares(
         basis = orthonormal(np.polynomial.chebyshev.chebvander(x, degree))
         explained = ((basis.T @ whitened) ** 2).sum(axis=0)
         total = (whitened**2).sum(axis=0)
-        # Of what it does not explain, chance gives each column its part.
+        # Each column explains its part of the rest by chance.
         chance = basis.shape[1] * (total - explained) / max(1, n - basis.shape[1])
         for j, output in enumerate(outputs):
             if total[j] > 0.0:
                 share = float((explained[j] - chance[j]) / total[j])
-                found.append((name, output, max(0.0, share)))
-    return tuple(sorted(found, key=lambda item: -item[2]))
+                shares.append((name, output, max(0.0, share)))
+    return tuple(sorted(shares, key=lambda item: -item[2]))

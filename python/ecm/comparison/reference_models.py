@@ -1,7 +1,7 @@
-"""Four references side by side, and the family of the missing effect that they point to.
+"""Four reference models side by side, and the family of the missing effect that they point to.
 
 Each is the held-out error in units of the noise: of the physics base, of the symmetric energy
-model, of the ceiling (base and a free cubic of the pose), and of the noise itself, 1. What the
+model, of the ceiling (base and a free cubic of the pose), and of the noise itself: 1. What the
 energy can fit and the physics cannot is symmetric: elasticity or geometry. What the ceiling can fit
 and the energy cannot is asymmetric or not conservative. What the ceiling cannot fit is no function
 of the pose: history, time or noise.
@@ -16,12 +16,15 @@ import numpy as np
 
 from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
+from ecm.models.by_degree import symmetric_energy
+from ecm.models.history import ceiling_rms, held_out_rms
+from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.physics.map import FREE, PhysicsMap, physics_map, reach_of
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
-    from ecm.models.joint_fit import JointFit
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
@@ -44,7 +47,7 @@ class ReferenceModels:
     floor: float = 1.0
 
     def levels(self) -> dict[str, float]:
-        """Those that are known, by name."""
+        """Return the known errors by name."""
         named = {
             "physics base": self.physics,
             "symmetric energy": self.energy,
@@ -54,7 +57,7 @@ class ReferenceModels:
         return {name: value for name, value in named.items() if value is not None}
 
     def shares(self) -> dict[str, float]:
-        """Share of the excess, in squares, of each family that can be told."""
+        """Return the share of the excess, in squares, of each family that can be separated."""
         levels = [self.physics, self.energy, self.ceiling, self.floor]
         names = ["symmetric", "asymmetric", "other"]
         falls: dict[str, float] = {}
@@ -69,17 +72,17 @@ class ReferenceModels:
         return {name: fall / total for name, fall in falls.items()} if total > _NOTHING else {}
 
     def sentence(self) -> str:
-        """One plain sentence."""
+        """Return one plain sentence."""
         shares = self.shares()
         if not shares:
             return "What is left is noise: no family of effects stands out."
         best = max(shares, key=shares.__getitem__)
-        said = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
+        text = f"{shares[best]:.0%} of the excess points to {_FAMILIES[best]}"
         rest = [f"{v:.0%} to {_FAMILIES[k]}" for k, v in shares.items() if k != best and v > 0.15]
-        return said + (f", {' and '.join(rest)}." if rest else ".")
+        return text + (f", {' and '.join(rest)}." if rest else ".")
 
     def to_dict(self) -> dict[str, Any]:
-        """For --json."""
+        """Return plain JSON."""
         return {
             "physics": self.physics,
             "energy": self.energy,
@@ -91,16 +94,11 @@ class ReferenceModels:
 
 
 def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceModels | None:
-    """References of a table with all six pose and wrench columns and repeats or many rows.
+    """Fit the reference models; None for a table without all six pose and wrench columns.
 
     The physics base is that of the model, where it is one, else that of the table's `[mechanism]`:
     its FEM runs here where it is not in the cache yet.
     """
-    # Late: models stand on the comparison.
-    from ecm.models.history import ceiling_rms
-    from ecm.models.joint_fit import joint_fit
-    from ecm.models.physics.map import FREE, PhysicsMap, physics_map, reach_of
-
     if not table.has(*POSE, *WRENCH) or noise.components is not None:
         return None
     kept = without_zero_readings(table)
@@ -113,10 +111,9 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
     elif physics.family is not None:
         physics = physics.with_free(*FREE)
     fits = [None if b is None else joint_fit(b, (), kept, noise) for b in (physics, _energy(kept))]
-    found = [fit for fit in fits if fit is not None]
-    if not found:
+    if not any(fits):
         return None
-    ceilings = [ceiling_rms(fit, kept, noise) for fit in found]
+    ceilings = [ceiling_rms(fit, kept, noise) for fit in fits if fit is not None]
     known = [item.whitened for item in ceilings if item is not None]
     return ReferenceModels(
         physics=_held_out(fits[0], kept),
@@ -126,9 +123,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
 
 
 def _energy(table: Table) -> StiffnessMap | None:
-    """The symmetric energy, where the length is known and the rows are enough for it."""
-    from ecm.models.by_degree import symmetric_energy
-
+    """Return the symmetric energy, where the length is known and there are enough rows."""
     if table.meta.length_m is None:
         return None
     try:
@@ -138,8 +133,6 @@ def _energy(table: Table) -> StiffnessMap | None:
 
 
 def _held_out(fit: JointFit | None, table: Table) -> float | None:
-    from ecm.models.history import held_out_rms
-
     if fit is None:
         return None
     groups = row_groups(table)

@@ -150,7 +150,7 @@ def _panels(found: ResidualMaps, columns: Mapping[str, F], variable: str) -> lis
             "meta": LINK,
             "customdata": found.row.tolist(),
             "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
-            **draw.component_axes(j),
+            **draw.panel_axes(j),
         }
         for j, name in enumerate(found.outputs)
     ]
@@ -171,7 +171,7 @@ def _predicted(
             "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
             "customdata": found.row.tolist(),
             "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
-            **draw.component_axes(j),
+            **draw.panel_axes(j),
         }
         for j, name in enumerate(found.outputs)
     ]

@@ -1,4 +1,4 @@
-"""Where a model fails: residuals of the measured poses against everything they could follow."""
+"""Residual maps: residuals of the measured poses against every variable they may follow."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _WORTH_SAYING = 0.05
 
 @dataclass(frozen=True)
 class ResidualMaps:
-    """Residuals, measured minus predicted, of the measured poses in file order."""
+    """Residuals, measured minus predicted: N measured poses in file order, m components."""
 
     outputs: tuple[str, ...]
     row: I
-    """(N,) rows in the table, from 1."""
+    """(N,) rows of the table, from 1."""
     variables: Mapping[str, F]
-    """Name with unit to (N,): pose, bend, azimuth, |h|, time, order, covariates, approach side."""
+    """(N,) by name with unit: pose, bend, azimuth, |h|, time, order, covariates, approach side."""
     physical: Mapping[str, F]
     """`base`, and with a full pose and wrench `top`: (N, m) in the units of the outputs."""
     spread: Mapping[str, F]
@@ -36,7 +36,7 @@ class ResidualMaps:
     size: F
     """(N,) root mean square of the row's residual, whitened by its full covariance."""
     shares: Mapping[str, float]
-    """Of the residual's squares beyond chance, by signature (effects.md)."""
+    """Share of the residual's squares beyond chance, by signature (effects.md)."""
     follows: tuple[tuple[str, str, float], ...]
     """Variable, component and the share of that component's squares, strongest first."""
     stiffness: F | None
@@ -44,18 +44,18 @@ class ResidualMaps:
     and rad."""
     stiffness_sd: F | None
     leverage: F | None
-    """(N,) of the model there, in units of one row's noise."""
+    """(N,) leverage of the model, in units of one row's noise."""
     top_from_base: F | None
     """(N, 6, 6) turns a wrench to top axes, where pose and wrench are full."""
 
     @property
     def over_noise(self) -> dict[str, F]:
-        """`physical` over `spread`: the full whitener would mix components."""
+        """`physical` over `spread`; whitening would mix components."""
         return {frame: values / self.spread[frame] for frame, values in self.physical.items()}
 
     def worst(self, count: int = 10) -> list[dict[str, Any]]:
-        """The rows with the largest whitened residual."""
-        found = []
+        """Return the rows with the largest whitened residual."""
+        rows = []
         over_noise = self.over_noise["base"]
         for i in np.argsort(-self.size, kind="stable")[:count]:
             j = int(np.argmax(np.abs(over_noise[i])))
@@ -67,16 +67,16 @@ class ResidualMaps:
             }
             if self.leverage is not None:
                 item["leverage"] = float(self.leverage[i])
-            found.append(item)
-        return found
+            rows.append(item)
+        return rows
 
     def sentence(self) -> str:
-        """What the residual follows most, in words."""
-        told: dict[str, str] = {}
+        """Return in words what the residual follows most."""
+        named: dict[str, str] = {}
         for variable, output, share in self.follows:
             if share >= _WORTH_SAYING:
-                told.setdefault(variable, f"{variable} ({share:.0%} of {output})")
-        parts = list(told.values())[:3]
+                named.setdefault(variable, f"{variable} ({share:.0%} of {output})")
+        parts = list(named.values())[:3]
         text = f"The residual follows {', '.join(parts)}." if parts else ""
         signed = [item for item in self.shares.items() if item[1] >= _WORTH_SAYING]
         if signed:
@@ -85,7 +85,7 @@ class ResidualMaps:
         return text.strip() or "The residual follows no single variable."
 
     def strongest(self, count: int = 2) -> list[str]:
-        """The variables that the residual follows most; then the others in their order."""
+        """Return the variables that the residual follows most, then the others in their order."""
         ranked = dict.fromkeys(variable for variable, _, _ in self.follows)
         return list(ranked | dict.fromkeys(self.variables))[:count]
 
@@ -97,55 +97,64 @@ class ResidualMaps:
         over_noise: bool = True,
         predicted: F | None = None,
     ) -> dict[str, F]:
-        """Columns of every component against a variable; `residual_figure` draws them.
+        """Return every component against a variable; `Comparison.plot` draws them.
 
         Parameters
         ----------
         variable
-            A name of `variables`; default the one that the residual follows most.
+            Name in `variables`; default: the one that the residual follows most.
+        frame
+            Axes of the components: base or top.
+        over_noise
+            Divide by the noise; else in the units of the outputs.
         predicted
-            (N, m) in units of the outputs, base axes: what a candidate effect says; its columns
-            are named `predicted fx_N` and so on.
+            (N, m) prediction of a candidate effect, in the units of the outputs and base axes; its
+            columns are named `predicted fx_N` and so on.
 
         Returns
         -------
-        `row`, the variable, and each component (N,), over its noise or in its unit.
+        dict
+            `row`, the variable, and each component (N,).
+
+        Raises
+        ------
+        InputError
+            If there is no such variable or frame.
         """
         variable = self.strongest()[0] if variable is None else variable
         for given, known in ((variable, self.variables), (frame, self.physical)):
             if given not in known:
                 raise InputError(f"no {given!r} in the map; there are {', '.join(known)}")
         shown = (self.over_noise if over_noise else self.physical)[frame]
-        found = {"row": self.row.astype(np.float64), variable: self.variables[variable]}
-        found |= dict(zip(self.outputs, shown.T, strict=True))
+        columns = {"row": self.row.astype(np.float64), variable: self.variables[variable]}
+        columns |= dict(zip(self.outputs, shown.T, strict=True))
         if predicted is not None:
             if frame == "top" and self.top_from_base is not None:
                 predicted = np.einsum("nij,nj->ni", self.top_from_base, predicted)
             values = predicted / self.spread[frame] if over_noise else predicted
-            found |= {f"predicted {n}": v for n, v in zip(self.outputs, values.T, strict=True)}
-        return found
+            columns |= {f"predicted {n}": v for n, v in zip(self.outputs, values.T, strict=True)}
+        return columns
 
     def workspace_map(self) -> dict[str, F]:
-        """`row`, the pose columns (N,), and `over_noise`: the size of the row's residual."""
+        """Return `row`, the pose columns (N,), and `over_noise`: the size of the residual."""
         pose = {name: values for name, values in self.variables.items() if name in POSE}
         return {"row": self.row.astype(np.float64), **pose, "over_noise": self.size}
 
     def signature_map(self) -> dict[str, float]:
-        """`shares`, the largest first."""
+        """Return the signature shares, the largest first."""
         return dict(sorted(self.shares.items(), key=lambda item: -item[1]))
 
     def stiffness_map(self) -> dict[str, F] | None:
-        """`value` and `sd` (6, 6) of the residual stiffness; None where the rows are too few."""
+        """Return `value` and `sd` (6, 6) of the residual stiffness; None with too few rows."""
         if self.stiffness is None or self.stiffness_sd is None:
             return None
         return {"value": self.stiffness, "sd": self.stiffness_sd}
 
     def to_dict(self) -> dict[str, Any]:
-        """For --json."""
-        worst = self.worst()
+        """Return plain JSON."""
         return {
             "sentence": self.sentence(),
-            "worst_rows": worst,
+            "worst_rows": self.worst(),
             "signature": dict(self.shares),
             "follows": [
                 {"variable": variable, "component": output, "share": share}
@@ -156,31 +165,31 @@ class ResidualMaps:
         }
 
 
-def residual_maps_of(rows: Rows, found: Residuals, scored: B, leverage: F | None) -> ResidualMaps:
-    """Maps of the residuals of the scored rows."""
+def residual_maps_of(rows: Rows, errors: Residuals, scored: B, leverage: F | None) -> ResidualMaps:
+    """Return the maps of the scored rows."""
     outputs = rows.base.outputs
     variables = {name: values[scored] for name, values in dependence_variables(rows).items()}
-    # Of a single row nothing varies; against its number it can be drawn.
+    # A single row can still be drawn against its number.
     variables = {name: v for name, v in variables.items() if name == "row" or np.ptp(v) > 0.0}
-    physical = {"base": found.physical[scored]}
-    spread = {"base": np.sqrt(np.einsum("nii->ni", found.covariance[scored]))}
+    physical = {"base": errors.physical[scored]}
+    spread = {"base": np.sqrt(np.einsum("nii->ni", errors.covariance[scored]))}
     full = rows.base.inputs == POSE and outputs == WRENCH
     stiffness = sd = turn = None
     shares: dict[str, float] = {}
     if full:
         turn = np.ascontiguousarray(np.swapaxes(rows.base_from_top[scored], 1, 2))
         physical["top"] = np.einsum("nij,nj->ni", turn, physical["base"])
-        covariance = turn @ found.covariance[scored] @ np.swapaxes(turn, 1, 2)
+        covariance = turn @ errors.covariance[scored] @ np.swapaxes(turn, 1, 2)
         spread["top"] = np.sqrt(np.einsum("nii->ni", covariance))
-        shares = signature_shares(rows, found.whitened, found.whitener)
-        stiffness, sd = residual_stiffness(rows, found, scored)
+        shares = signature_shares(rows, errors.whitened, errors.whitener)
+        stiffness, sd = residual_stiffness(rows, errors, scored)
     return ResidualMaps(
         outputs=outputs,
         row=np.flatnonzero(scored) + 1,
         variables=variables,
         physical=physical,
         spread=spread,
-        size=np.asarray(np.sqrt((found.whitened[scored] ** 2).mean(axis=1))),
+        size=np.asarray(np.sqrt((errors.whitened[scored] ** 2).mean(axis=1))),
         shares=shares,
         follows=dependence_shares(variables, physical["base"] / spread["base"], outputs),
         stiffness=stiffness,

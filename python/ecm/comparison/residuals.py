@@ -20,7 +20,7 @@ class Residuals:
     """Measured minus predicted."""
 
     physical: F
-    """(N, m)."""
+    """(N, m) in the units of the outputs."""
     whitened: F
     """(N, m)."""
     covariance: F
@@ -30,7 +30,7 @@ class Residuals:
 
 
 def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
-    """Residuals of a prediction (N, m) under the noise of the rows."""
+    """Return the residuals of a prediction (N, m) under the noise of the rows."""
     measured = np.stack([rows.table.column(name) for name in rows.base.outputs], axis=1)
     covariance = noise.covariance(rows, base_error)
     whitener = whiteners(covariance)
@@ -39,10 +39,10 @@ def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residual
 
 
 def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
-    """(N, q) smooth functions of pose, time, order, temperature, side and dwell; their names.
+    """Return (N, q) smooth functions of pose, time, order, temperature, side, dwell; their names.
 
-    Pose and its squares and products, then each covariate, t squared, and the products of each
-    covariate with the pose; at most `most` of them, the products of the pose going first.
+    Pose, each covariate, t squared, products of covariates with the pose, squares and products of
+    the pose; the last are left out where there would be more than `most`.
     """
     loaded = (~rows.unloaded).astype(np.float64)
     scaled = _standard(rows.poses) * loaded[:, None]
@@ -54,12 +54,12 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
         for i in range(len(names))
         for j in range(i)
     ]
-    beside = covariates(rows)
-    own = [(values, name) for name, values in beside.items()]
-    bent = [(v**2, f"{name}^2") for name, v in beside.items() if name == "time_s"]
+    named = covariates(rows)
+    own = [(values, name) for name, values in named.items()]
+    bent = [(v**2, f"{name}^2") for name, v in named.items() if name == "time_s"]
     products = [
         (scaled[:, j] * values, f"{name}*{names[j]}")
-        for name, values in beside.items()
+        for name, values in named.items()
         for j in range(len(names))
     ]
     one = [(np.ones(len(rows)), "constant")]
@@ -68,12 +68,12 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
 
 
 def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
-    """The names whose product a name of `features` stands for; none of the constant.
+    """Return the names whose product a name of `features` stands for; none for the constant.
 
     Parameters
     ----------
     known
-        Names of pose and covariates: a column of one's own may hold a star itself.
+        Names of pose and covariates: the name of a user's column may contain a star itself.
     """
     if feature in known:
         return (feature,)
@@ -84,20 +84,20 @@ def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
 
 
 def covariates(rows: Rows) -> dict[str, F]:
-    """Standardised variables (N,) beside the pose that a residual may follow."""
+    """Return the standardised variables (N,) beside the pose that a residual may follow."""
     table = rows.table
-    found: dict[str, F] = {}
+    variables: dict[str, F] = {}
     for name in candidate_covariates(table, rows.base.inputs, rows.base.outputs):
         values = np.nan_to_num(table.column(name))
         if float(np.ptp(values)) > 0.0:
-            found[name] = _standard(values[:, None])[:, 0]
-    if "time_s" not in found and len(table) > 1:
-        found["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
+            variables[name] = _standard(values[:, None])[:, 0]
+    if "time_s" not in variables and len(table) > 1:
+        variables["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
         side = approach_sides(table, rows.length_m if rows.has_length else None)
         if float(np.ptp(side)) > 0.0:
-            found["approach"] = side
-    return found
+            variables["approach"] = side
+    return variables
 
 
 def _standard(values: F) -> F:

@@ -16,25 +16,25 @@ if TYPE_CHECKING:
 
 _DEGREE = 3
 _UNLIKE = 1.5
-"""A run is unlike the others where a curve of the others misses it by so many times more than they
-miss each other."""
+"""A run is an outlier where the curves of the others miss it so many times more than they miss each
+other."""
 _SWAPPED = 0.5
 
 
 @dataclass(frozen=True)
 class RunOutlier:
-    """One run and why it stands apart."""
+    """One run that does not agree with the others."""
 
     run: int
     error: float
-    """What a curve of the other runs misses, over the spread of the run's own reading."""
+    """Error of the other runs' curves, over the size of the run's own reading."""
     others: float
-    """The same among the others."""
+    """The same error among the others."""
     swapped: bool
-    """Whether exchanging its pose and wrench columns brings it back."""
+    """Whether it agrees with its pose and wrench columns exchanged."""
 
     def sentence(self) -> str:
-        """One plain sentence."""
+        """Return one plain sentence."""
         text = (
             f"run {self.run} is unlike the others: what they say of it is off by "
             f"{self.error:.2g} of its spread, among themselves by {self.others:.2g}"
@@ -47,10 +47,10 @@ class RunOutlier:
 
 
 def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> list[RunOutlier]:
-    """Runs of a table with one pose and one wrench column that the others do not foretell.
+    """Return the runs that the others do not predict, for one pose and one wrench column.
 
-    A cubic of the others is compared with each run. With two runs nobody can say which one it is:
-    fewer than three runs give none.
+    A cubic through each other run is compared with each run. Fewer than three runs give none: of
+    two nobody can tell which one is wrong.
     """
     if len(inputs) != 1 or len(outputs) != 1 or not table.has("run"):
         return []
@@ -61,30 +61,30 @@ def run_outliers(table: Table, inputs: Sequence[str], outputs: Sequence[str]) ->
         return []
     size = np.array([float(np.sqrt((y[run == n] ** 2).mean())) for n in numbers])
     own = {int(n): (x[run == n], y[run == n]) for n in numbers}
-    # Each run against each other one: the median keeps one strange run from spoiling the rest.
+    # Each run against each other one: the median does not see a single strange run.
     pairs = np.array([[_miss(own[int(a)], own[int(b)]) for b in numbers] for a in numbers])
     pairs /= size[:, None]
-    apart = np.array([np.median(np.delete(pairs[i], i)) for i in range(len(numbers))])
-    found = []
+    errors = np.array([np.median(np.delete(pairs[i], i)) for i in range(len(numbers))])
+    outliers = []
     for i, number in enumerate(numbers):
-        rest = float(np.median(np.delete(apart, i)))
-        if apart[i] <= _UNLIKE * rest:
+        rest = float(np.median(np.delete(errors, i)))
+        if errors[i] <= _UNLIKE * rest:
             continue
         turned = _exchanged(own[int(number)], x[run != number], y[run != number])
         again = np.median([_miss(turned, own[int(b)]) for b in numbers if b != number])
         again /= float(np.sqrt((turned[1] ** 2).mean()))
-        swapped = bool(again < _SWAPPED * apart[i])
-        found.append(RunOutlier(int(number), float(apart[i]), rest, swapped))
-    return found
+        swapped = bool(again < _SWAPPED * errors[i])
+        outliers.append(RunOutlier(int(number), float(errors[i]), rest, swapped))
+    return outliers
 
 
 def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
-    """Root mean square by which a cubic through `by` misses `of`, within the range of `by`."""
+    """Return the root mean square by which a cubic through `by` misses `of`."""
     low, high = float(by[0].min()), float(by[0].max())
     span = max(high - low, 1e-300)
     curve = np.polynomial.Polynomial.fit(by[0], by[1], min(_DEGREE, len(by[0]) - 1))
     inside = np.clip(of[0], low - 0.1 * span, high + 0.1 * span)
-    # Beyond the other's range the nearest reading stands: a far place is itself a difference.
+    # Beyond the range of `by` the curve is constant, and the distance counts as a difference.
     beyond = (of[0] - inside) / span
     miss = of[1] - curve(inside)
     scale = float(np.sqrt((by[1] ** 2).mean()))
@@ -92,7 +92,7 @@ def _miss(of: tuple[F, F], by: tuple[F, F]) -> float:
 
 
 def _exchanged(pair: tuple[F, F], x: F, y: F) -> tuple[F, F]:
-    """Pose and wrench exchanged, each in the unit of the others' (milli and the like)."""
+    """Return the pair with pose and wrench exchanged, each in the unit of the others."""
     new_x, new_y = pair[1], pair[0]
     return new_x * _decade(x, new_x), new_y * _decade(y, new_y)
 

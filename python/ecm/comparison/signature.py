@@ -1,4 +1,4 @@
-"""Shares of the residual by signature: what a missing effect looks like before it has a name."""
+"""Signature: share of the residual that is proportional, constant, odd, even, or follows time."""
 
 from __future__ import annotations
 
@@ -16,16 +16,21 @@ _COVARIATES = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s
 def signature_shares(
     rows: Rows, whitened: F, whitener: F, weights: F | None = None, scale: float = 1.0
 ) -> dict[str, float]:
-    """Share of the whitened residual's squares, beyond chance, that each family explains alone.
+    """Return the share of the residual's squares, beyond chance, that each family explains alone.
 
     Parameters
     ----------
     whitened, whitener
-        (N, 6) residuals over their noise, and (N, 6, 6) what made them so.
+        (N, 6) residuals over their noise, and (N, 6, 6) the matrices that whiten a row.
     weights
         (N,) robust weights of the rows.
     scale
-        Mean square that noise alone gives.
+        Mean square of noise alone.
+
+    Returns
+    -------
+    dict
+        Share by signature; empty for tables without all six pose and wrench columns.
     """
     if rows.base.inputs != POSE or rows.base.outputs != WRENCH or not rows.has_length:
         return {}
@@ -63,7 +68,7 @@ def signature_shares(
 
 
 def _spread(values: F) -> F:
-    """(N, 6, 6 q): each function in each component."""
+    """Return (N, 6, 6 q): each function in each component."""
     n, q = values.shape
     columns = np.zeros((n, 6, 6 * q))
     for j in range(6):

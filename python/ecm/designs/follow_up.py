@@ -1,9 +1,9 @@
-"""The campaign of a proposed experiment: what `diagnose` wants measured next, as a plan.
+"""Follow-up plans: the campaign of an experiment that `diagnose` proposes.
 
-The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
-so that both tables together are one campaign; a sweep also stops on the straight ways to them.
-A session joins several experiments, "a + b": one plan, each part in a run of its own, what changes
-the set-up last.
+The plan visits poses of the diagnosed data again, under their own pose_id and in a run of its own,
+so that both tables together are one campaign; a sweep also stops on the straight lines to them.
+A session joins several experiments, "a + b", in one plan: each part is a run, and those that change
+the set-up come last.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.designs.plans import outer_poses
 from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
@@ -32,11 +33,11 @@ class _Visit:
     action: str
     pose: int = -1
     share: float = 1.0
-    """Of the straight way from home to the pose."""
+    """Share of the straight way from home to the pose."""
     approach: str = "initial"
     dwell_s: float = _DWELL_S
     run: int = 0
-    """Of the plan, from 0."""
+    """Run of the plan, from 0."""
 
 
 def follow_up_plan(data: Table, experiment: str) -> Table:
@@ -54,6 +55,16 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
     ------
     InputError
         For an experiment that is done by hand and not by driving to poses (a calliper, a gauge).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.random.default_rng(0).uniform(0.0, 0.1, (12, 6))
+    >>> plan = follow_up_plan(as_table(dict(zip(POSE, poses.T))), "repeat_first_poses")
+    >>> sorted(set(plan.text("action").tolist()))
+    ['home', 'measure', 'unload']
     """
     lacking = [name for name in POSE if not data.has(name)]
     if lacking:
@@ -70,11 +81,22 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
         own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
-    return _plan(data, poses, ids, _turned_on(visits))
+    return _plan(data, poses, ids, _relative_remounts(visits))
 
 
 def can_be_run(experiment: str) -> bool:
-    """Whether the rig can carry the experiment out, or some part of a session."""
+    """Whether the rig can carry out the experiment, or some part of a session.
+
+    Parameters
+    ----------
+    experiment
+        The `action` of an entry of `next_experiment`, or the id of an experiment.
+
+    Examples
+    --------
+    >>> can_be_run("calliper"), can_be_run("hold_60_s")
+    (False, True)
+    """
     return any(part.can_be_driven for part in session_of(experiment))
 
 
@@ -109,13 +131,13 @@ def _measure(
     return [_Visit("measure", i, approach=approach, dwell_s=dwell_s) for i in poses]
 
 
-def _between(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
-    found: list[_Visit] = []
+def _with_checks(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
+    rows: list[_Visit] = []
     for i, visit in enumerate(visits):
         if i and i % every == 0:
-            found.append(_Visit(check))
-        found.append(visit)
-    return found
+            rows.append(_Visit(check))
+        rows.append(visit)
+    return rows
 
 
 def _holds(poses: F, ids: I) -> list[_Visit]:
@@ -124,17 +146,15 @@ def _holds(poses: F, ids: I) -> list[_Visit]:
 
 def _both_sides(poses: F, ids: I) -> list[_Visit]:
     """From home, from a pose beyond, and from there again after 60 s."""
-    from ecm.designs.plans import outer_poses
-
     farther = outer_poses(poses)
     pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
-    found: list[_Visit] = []
+    visits: list[_Visit] = []
     for i in pairs:
         side = str(int(ids[farther[i]]))
-        found += _measure([farther[i], i])
-        found += _measure([i], approach=side)
-        found += _measure([i], approach=side, dwell_s=60.0)
-    return found
+        visits += _measure([farther[i], i])
+        visits += _measure([i], approach=side)
+        visits += _measure([i], approach=side, dwell_s=60.0)
+    return visits
 
 
 def _first_ten(poses: F, ids: I) -> list[_Visit]:
@@ -154,7 +174,7 @@ def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
 
 
 def _zeros(poses: F, ids: I) -> list[_Visit]:
-    return _between(_measure(_spread_out(poses, 40)), "unload", 10)
+    return _with_checks(_measure(_spread_out(poses, 40)), "unload", 10)
 
 
 def _homes(poses: F, ids: I) -> list[_Visit]:
@@ -165,7 +185,7 @@ def _homes(poses: F, ids: I) -> list[_Visit]:
     away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
     largest = away[int((away**2).sum(axis=1).argmax())]
     one_side = np.argsort(-(away @ largest))[:8].tolist()
-    return _between(_measure(one_side * 8), "home", 1)
+    return _with_checks(_measure(one_side * 8), "home", 1)
 
 
 def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
@@ -175,18 +195,18 @@ def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
     ]  # fmt: skip
 
 
-def _turned_on(visits: Iterable[_Visit]) -> list[_Visit]:
+def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
     """Remounts from the mounting that the plan has reached: for the rig the turns add up."""
     reached = 0
-    found = []
+    rows = []
     for visit in visits:
         name, _, degrees = visit.action.partition(":")
         if name != "remount":
-            found.append(visit)
+            rows.append(visit)
             continue
-        found.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
+        rows.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
         reached = int(degrees)
-    return found
+    return rows
 
 
 def _without_payload(poses: F, ids: I) -> list[_Visit]:
@@ -242,14 +262,14 @@ the set-up least comes first."""
 def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
     """-1 at home; a stop on the way to a pose is a pose of its own."""
     on_the_way: dict[tuple[int, float], int] = {}
-    found = []
+    pose_ids = []
     for v in visits:
         if v.pose < 0 or v.share == 1.0:
-            found.append(-1 if v.pose < 0 else int(ids[v.pose]))
+            pose_ids.append(-1 if v.pose < 0 else int(ids[v.pose]))
         else:
             new = int(ids.max()) + 1 + len(on_the_way)
-            found.append(on_the_way.setdefault((v.pose, v.share), new))
-    return found
+            pose_ids.append(on_the_way.setdefault((v.pose, v.share), new))
+    return pose_ids
 
 
 def _plan(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:

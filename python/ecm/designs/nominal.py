@@ -1,6 +1,6 @@
-"""The nominal mechanism of a design: what the noise of a row and the effects at a pose depend on.
+"""Nominal model of a design, for the noise of a row and the effects at a pose.
 
-A design comes before the measurement, so its stiffness is nominal: of a given model, of the
+A design comes before the measurement, so its stiffness is nominal: that of a given model, of the
 simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
 """
 
@@ -21,17 +21,39 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import EnergyMap, Model, StiffnessMap, physics_map, surrogate_of
 from ecm.regression.noise import Noise, declared_noise, whiteners
+from ecm.rig.camera import Camera
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import top_from_sensor_wrench
-from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import RigSettings
 
-_ENOUGH = 100
-"""Simulated poses from which a physics map can be made and tried."""
+_MIN_POSES = 100
+"""Number of simulated poses from which a physics map can be fitted and tested."""
 
 
 @dataclass(frozen=True)
 class NominalModel:
-    """A nominal map, the instruments' noise, and the description of the candidates."""
+    """A nominal map, the instruments' noise, and the description of the candidates.
+
+    Parameters
+    ----------
+    base
+        Map from (N, 6) poses to (N, 6) wrenches.
+    noise
+        Noise of one row.
+    meta
+        Mechanism, scene and instruments of the candidates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> bent = np.random.default_rng(0).normal(0.0, 0.01, (60, 6))
+    >>> pairs = np.hstack([bent + [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0 * bent])
+    >>> meta = Meta(mechanism={"length_m": 0.1})
+    >>> nominal = nominal_model(as_table(dict(zip((*POSE, *WRENCH), pairs.T)), meta=meta))
+    >>> nominal.whiteners(pairs[:2, :6]).shape
+    (2, 6, 6)
+    """
 
     base: StiffnessMap
     noise: Noise
@@ -77,27 +99,53 @@ def nominal_model(
     threads: int = 0,
     progress: Callable[[int, int, str], object] | None = None,
 ) -> NominalModel:
-    """The nominal base: of `model`, else of the candidates' wrenches, else FEM of [mechanism].
+    """The nominal model of a table of candidates.
+
+    Its map is that of `model`, else it is fitted to the candidates' wrenches, else it is the FEM of
+    their `[mechanism]`.
 
     Parameters
     ----------
+    candidates
+        Table with the six pose columns.
+    model
+        A fitted model.
     physics
-        Only the physics base will do: of `model`, or the FEM of `[mechanism]` with its
-        sensitivities to E and Poisson's ratio (built once per shape, minutes).
+        Accept only the physics map: of `model`, or the FEM of `[mechanism]` with its sensitivities
+        to E and Poisson's ratio (solved once per shape, minutes).
     noise
-        One row's, by default that of the candidates' `[instrument]`.
+        Noise of one row; by default that of the candidates' `[instrument]`.
+    threads
+        Threads of the FEM; 0: all.
+    progress
+        Called with the load cases done, their number and what is being done.
 
-    Errors
+    Returns
+    -------
+    NominalModel
+        Map, noise and description.
+
+    Raises
     ------
     InputError
-        Nothing of this is there, or a pose column is missing.
+        None of the three is there, or a pose column is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> bent = np.random.default_rng(0).normal(0.0, 0.01, (60, 6))
+    >>> pairs = np.hstack([bent + [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 100.0 * bent])
+    >>> meta = Meta(mechanism={"length_m": 0.1})
+    >>> nominal = nominal_model(as_table(dict(zip((*POSE, *WRENCH), pairs.T)), meta=meta))
+    >>> nominal.base.kind, nominal.noise.source
+    ('energy', 'assumed')
     """
     where = candidates.source
     if candidates.pose_columns != POSE:
-        found = ", ".join(candidates.pose_columns)
         raise InputError(
             f"{where}: the noise and the effects of a pose need the six pose columns, "
-            f"found {found}; give all of {', '.join(POSE)}"
+            f"found {', '.join(candidates.pose_columns)}; give all of {', '.join(POSE)}"
         )
     noise = declared_noise(candidates) if noise is None else noise
     meta = Meta(
@@ -114,7 +162,7 @@ def nominal_model(
         return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
     length = candidates.meta.length_m
     if candidates.wrench_columns == WRENCH and length is not None:
-        return NominalModel(_of_wrenches(candidates, length, known=known), noise, meta)
+        return NominalModel(_fitted_map(candidates, length, known=known), noise, meta)
     if body is not None and known:
         return NominalModel(physics_map(body, threads=threads, progress=progress), noise, meta)
     raise InputError(
@@ -130,7 +178,7 @@ def _physics(
     threads: int,
     progress: Callable[[int, int, str], object] | None,
 ) -> StiffnessMap:
-    """The physics base itself: E and, where it is tabulated, Poisson's ratio are unknown."""
+    """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
     if model is not None:
         if model.base.kind == "physics":
             return model.base
@@ -147,7 +195,29 @@ def _physics(
 
 
 def rig_noise(settings: RigSettings) -> Noise:
-    """One averaged row's noise of a rig file, as its campaigns declare it."""
+    """Noise of one averaged row, as the campaigns of a rig declare it.
+
+    Parameters
+    ----------
+    settings
+        Instruments and averaging window of the rig.
+
+    Returns
+    -------
+    Noise
+        Its source is `declared`.
+
+    Raises
+    ------
+    InputError
+        A figure is 0.
+
+    Examples
+    --------
+    >>> from ecm.rig import RigSettings
+    >>> rig_noise(RigSettings()).source
+    'declared'
+    """
     instrument, window = settings.instrument, settings.rig.window_s
     adjoint = top_from_sensor_wrench(instrument.top_from_sensor)
     variance = np.diag(ForceTorqueSensor(instrument).row_covariance(window, adjoint))
@@ -161,17 +231,17 @@ def rig_noise(settings: RigSettings) -> Noise:
     return Noise().with_parameters(sd, "declared")
 
 
-def _of_wrenches(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
-    """A map of simulated wrenches: the physics where the body is known, else a free energy."""
+def _fitted_map(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
+    """A map fitted to simulated wrenches: physics where the body is known, else a free energy."""
     poses, wrenches = candidates.poses, candidates.wrenches
-    if known and len(poses) >= _ENOUGH:
-        held = np.arange(len(poses)) % 5 == 4
+    if known and len(poses) >= _MIN_POSES:
+        tested = np.arange(len(poses)) % 5 == 4
         return surrogate_of(
-            poses[~held],
-            wrenches[~held],
+            poses[~tested],
+            wrenches[~tested],
             length_m,
-            test_poses=poses[held],
-            test_wrenches=wrenches[held],
+            test_poses=poses[tested],
+            test_wrenches=wrenches[tested],
             mechanism=dict(candidates.meta.mechanism),
         )
     fitted = EnergyModel.fit(

@@ -1,4 +1,4 @@
-"""Rows of a candidate table that are worth measuring, and how good that choice is."""
+"""Optimal designs: the rows of a candidate table worth measuring, and how good the choice is."""
 
 from __future__ import annotations
 
@@ -23,20 +23,39 @@ _DEFAULT = DesignSettings()
 
 @dataclass(frozen=True)
 class Design:
-    """Chosen rows of the candidates and how good they are."""
+    """Chosen rows of the candidates and how good they are.
+
+    Parameters
+    ----------
+    indices
+        (n,) rows of the candidates, from 0, growing.
+    criterion
+        Name of the criterion.
+    value
+        log det(M/n)/k, a variance in units of the noise's, or the smallest distance.
+    bound
+        Value that no design of this size can pass.
+    efficiency
+        Certified share of what is possible, at most 1.
+    status
+        How the search ended.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Design(np.array([0, 4, 8]), "d", -0.3, -0.2, 0.905, "converged").sentence()
+    '3 poses, D-efficiency 90.5 % of what is possible'
+    """
 
     indices: I
     criterion: str
     value: float
-    """log det(M/n)/k, a variance in units of the noise's, or the smallest distance."""
     bound: float
-    """No design of this size can pass this value."""
     efficiency: float
-    """Certified share of what is possible, at most 1."""
     status: str
 
     def sentence(self) -> str:
-        """One line for people."""
+        """The design in one line."""
         least = "at least " if self.criterion in ("g", "maximin") else ""
         return (
             f"{len(self.indices)} poses, {CRITERIA[self.criterion]} {least}"
@@ -89,8 +108,8 @@ def optimal_design(
     Examples
     --------
     >>> import numpy as np
-    >>> poses = np.linspace(-1.0, 1.0, 9)[:, None] * np.ones(2) ** [[1.0, 2.0]]
-    >>> poses[:, 1] = poses[:, 0] ** 2
+    >>> x = np.linspace(-1.0, 1.0, 9)
+    >>> poses = np.column_stack([x, x**2])
     >>> chosen = optimal_design(poses, 3, DesignSettings(model="linear", iterations=5))
     >>> [int(row) for row in chosen.indices]
     [0, 4, 8]
@@ -115,7 +134,7 @@ def optimal_design(
     }
     if settings.criterion == "maximin":
         scale, middle = _distance_scale(poses, settings)
-        found = maximin(
+        result = maximin(
             np.ascontiguousarray((poses - middle) * scale),
             n + len(inside),
             measured=None
@@ -128,7 +147,7 @@ def optimal_design(
         rows = regressor(poses, settings, measured=measured, base=base)
         averaged = settings.criterion in ("i", "di")
         terms = rows.rows.shape[1]
-        found = d_optimal(
+        result = d_optimal(
             rows.rows,
             n + len(inside),
             criterion=cast(Any, settings.criterion),
@@ -142,12 +161,12 @@ def optimal_design(
             **search,
         )
     return Design(
-        indices=np.asarray(found.indices, dtype=np.int64),
+        indices=np.asarray(result.indices, dtype=np.int64),
         criterion=settings.criterion,
-        value=found.value,
-        bound=found.bound,
-        efficiency=found.efficiency,
-        status=found.status,
+        value=result.value,
+        bound=result.bound,
+        efficiency=result.efficiency,
+        status=result.status,
     )
 
 
@@ -155,17 +174,16 @@ def repeated(poses: F, include: I, exclude: I) -> I:
     """Rows with the coordinates of an earlier one that may be chosen, or of an included one."""
     # + 0.0 makes -0 and 0 the same pose.
     keys = [row.tobytes() for row in np.ascontiguousarray(poses) + 0.0]
-    kept = set(include.tolist())
-    out = set(exclude.tolist())
-    seen = {keys[i] for i in kept if 0 <= i < len(keys)}
-    found = []
+    included = set(include.tolist())
+    listed = included | set(exclude.tolist())
+    seen = {keys[i] for i in included if 0 <= i < len(keys)}
+    copies = []
     for i, key in enumerate(keys):
-        if i in kept or i in out:
-            continue
-        if key in seen:
-            found.append(i)
-        seen.add(key)
-    return np.asarray(found, dtype=np.int64)
+        if i not in listed:
+            if key in seen:
+                copies.append(i)
+            seen.add(key)
+    return np.asarray(copies, dtype=np.int64)
 
 
 def _distance_scale(poses: F, settings: DesignSettings) -> tuple[F, F]:

@@ -1,10 +1,13 @@
-"""Campaigns of chosen poses: rows of a plan in visiting order, with the checks between them.
+"""Plans of chosen poses: rows in visiting order, with the checks between them.
 
-Columns of the candidates are copied, those of what was measured there are not. The order is
-random, so that a drift over time is no trend over the workspace.
+Columns of the candidates are copied, except those of measurements. The order is random, so that a
+drift over time is no trend over the workspace.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,50 +24,127 @@ _HOME_EVERY = 10
 _UNLOAD_EVERY = 40
 _ADDED = ("kind", "approach", "dwell_s", "run", "action")
 _MEASURED = (*WRENCH, *(f"sd_{name}" for name in WRENCH), "time_s", "repeat")
-"""What was measured and when says nothing about the plan."""
+"""Columns of a measurement, which a plan does not copy."""
 
 
 def plain_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
-    """Each pose once, from the initial pose, in random order; the rig chooses the dwell."""
-    rows = _shuffled(chosen, seed)
-    return _each_once(candidates, rows, np.full(len(rows), np.nan))
+    """Plan that visits each pose once, from the initial pose, in random order.
+
+    Parameters
+    ----------
+    candidates
+        Table of poses.
+    chosen
+        Design, with the rows to visit.
+    seed
+        Seed of the random generator.
+
+    Returns
+    -------
+    Table
+        The plan in visiting order; dwell times are empty, so that the rig chooses them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import Design, as_table
+    >>> chosen = Design(np.array([0, 2]), "d", 0.0, 0.0, 1.0, "converged")
+    >>> plan = plain_plan(as_table({"x_m": [0.1, 0.2, 0.3]}), chosen)
+    >>> sorted(plan["x_m"].tolist()), plan["action"].tolist()
+    ([0.1, 0.3], ['measure', 'measure'])
+    """
+    return _each_once(candidates, chosen, seed, np.nan)
 
 
 def paper_plan(candidates: Table, chosen: Design, *, seed: int = 0) -> Table:
-    """The paper's protocol: each pose once, from the initial pose, one dwell, random order."""
-    rows = _shuffled(chosen, seed)
-    return _each_once(candidates, rows, np.full(len(rows), DWELLS_S[0]))
+    """Plan of the paper's protocol: as `plain_plan`, with one dwell time of 2 s.
+
+    Parameters
+    ----------
+    candidates, chosen, seed
+        As for `plain_plan`.
+
+    Returns
+    -------
+    Table
+        The plan in visiting order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import Design, as_table
+    >>> chosen = Design(np.array([0, 2]), "d", 0.0, 0.0, 1.0, "converged")
+    >>> paper_plan(as_table({"x_m": [0.1, 0.2, 0.3]}), chosen)["dwell_s"].tolist()
+    [2.0, 2.0]
+    """
+    return _each_once(candidates, chosen, seed, DWELLS_S[0])
 
 
-def _shuffled(chosen: Design, seed: int) -> I:
+def _each_once(candidates: Table, chosen: Design, seed: int, dwell_s: float) -> Table:
     order = np.random.default_rng([seed, 2]).permutation(len(chosen.indices))
-    return chosen.indices[order]
+    return _plan(candidates, [_Row(int(i), "initial", dwell_s) for i in chosen.indices[order]])
 
 
-def _each_once(candidates: Table, rows: I, dwell_s: F) -> Table:
-    return _plan(
-        candidates,
-        rows,
-        kind=["pose"] * len(rows),
-        action=["measure"] * len(rows),
-        approach=["initial"] * len(rows),
-        dwell_s=dwell_s,
-    )
+@dataclass(frozen=True)
+class _Row:
+    """One row of a plan; a check at the rest pose has no candidate."""
+
+    candidate: int = -1
+    approach: str = ""
+    dwell_s: float = DWELLS_S[0]
+    kind: str = "pose"
+    action: str = "measure"
+
+
+_HOME = _Row(kind="home", action="home")
+_UNLOAD = _Row(kind="unloaded", action="unload")
 
 
 def diagnosable_plan(
     candidates: Table, chosen: Design, visits: int | None = None, *, seed: int = 0
 ) -> Table:
-    """Visits, by default two a pose, that separate the effects, and the checks between them.
+    """Plan that separates the effects: repeats, both sides of approach, several dwell times.
 
-    Each chosen pose is visited from the initial pose and from a pose beyond it, so that the
-    side of approach differs; visits left over repeat poses from the initial pose. Dwell times
-    are dealt independently of pose and side. A home check after every tenth visit, the sensor
-    unloaded at the beginning, the end, and after every fortieth.
+    Each pose is visited from the initial pose and, where there is one, from a pose beyond it, so
+    that the side of approach differs; the other visits repeat poses from the initial pose. Dwell
+    times are independent of pose and side. A home check stands before every tenth visit; the
+    sensor is read unloaded at the beginning, at the end, and after every fortieth visit.
+
+    Parameters
+    ----------
+    candidates
+        Table with the six pose columns.
+    chosen
+        Design, with the m rows to visit.
+    visits
+        Number of visits, at least m; by default 2 m.
+    seed
+        Seed of the random generator.
+
+    Returns
+    -------
+    Table
+        The plan in visiting order.
+
+    Raises
+    ------
+    InputError
+        Fewer visits than poses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import Design, as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.random.default_rng(0).uniform(0.0, 0.1, (12, 6))
+    >>> chosen = Design(np.arange(12), "d", 0.0, 0.0, 1.0, "converged")
+    >>> plan = diagnosable_plan(as_table(dict(zip(POSE, poses.T))), chosen)
+    >>> int((plan["kind"] == "pose").sum()), sorted(set(plan["dwell_s"].tolist()))
+    (24, [2.0, 8.0, 30.0])
     """
     rng = np.random.default_rng([seed, 3])
     poses = candidates.poses[chosen.indices]
-    own = _pose_ids(candidates)
+    ids = _pose_ids(candidates)
     m = len(poses)
     n = 2 * m if visits is None else visits
     if n < m:
@@ -72,46 +152,19 @@ def diagnosable_plan(
     beyond = outer_poses(poses)
     legs = [(i, "initial") for i in range(m)]
     both = [i for i in rng.permutation(m) if beyond[i] >= 0][: 3 * (n - m) // 4]
-    legs += [(int(i), str(int(own[chosen.indices[beyond[i]]]))) for i in both]
+    legs += [(int(i), str(int(ids[chosen.indices[beyond[i]]]))) for i in both]
     again = rng.permutation(m)
     legs += [(int(again[j % m]), "initial") for j in range(n - len(legs))]
     legs = [legs[i] for i in rng.permutation(n)]
     dwells = np.resize(np.asarray(DWELLS_S), n)[rng.permutation(n)]
-
-    rows: list[int] = []
-    kind: list[str] = []
-    action: list[str] = []
-    approach: list[str] = []
-    dwell: list[float] = []
-
-    def check(name: str, what: str) -> None:
-        rows.append(-1)
-        kind.append(name)
-        action.append(what)
-        approach.append("")
-        dwell.append(DWELLS_S[0])
-
-    check("unloaded", "unload")
-    for i, (pose, side) in enumerate(legs):
+    rows = [_UNLOAD]
+    for i, (pose, approach) in enumerate(legs):
         if i and i % _UNLOAD_EVERY == 0:
-            check("unloaded", "unload")
+            rows.append(_UNLOAD)
         if i % _HOME_EVERY == 0:
-            check("home", "home")
-        rows.append(int(chosen.indices[pose]))
-        kind.append("pose")
-        action.append("measure")
-        approach.append(side)
-        dwell.append(float(dwells[i]))
-    check("home", "home")
-    check("unloaded", "unload")
-    return _plan(
-        candidates,
-        np.asarray(rows),
-        kind=kind,
-        action=action,
-        approach=approach,
-        dwell_s=np.asarray(dwell),
-    )
+            rows.append(_HOME)
+        rows.append(_Row(int(chosen.indices[pose]), approach, float(dwells[i])))
+    return _plan(candidates, [*rows, _HOME, _UNLOAD])
 
 
 def _pose_ids(candidates: Table) -> F:
@@ -131,14 +184,13 @@ def outer_poses(poses: F) -> I:
     length = rest[0]
     weight = np.array([1.0, 1.0, 1.0, length**2, length**2, length**2])
     deflection = (poses - rest) * np.sqrt(weight)
-    gram = deflection @ deflection.T
-    own = np.diag(gram)
-    distance = own[:, None] + own[None, :] - 2.0 * gram
+    products = deflection @ deflection.T
+    own = np.diag(products)
+    distance = own[:, None] + own[None, :] - 2.0 * products
     # (p_i - p_j) . p_i < 0 by a clear margin.
-    distance[own[:, None] - gram > -0.1 * own[:, None]] = np.inf
+    distance[own[:, None] - products > -0.1 * own[:, None]] = np.inf
     nearest = distance.argmin(axis=1)
-    found = np.isfinite(distance[np.arange(len(poses)), nearest])
-    return np.where(found, nearest, -1)
+    return np.where(np.isfinite(distance[np.arange(len(poses)), nearest]), nearest, -1)
 
 
 def _rest_x_m(poses: F) -> float:
@@ -146,19 +198,9 @@ def _rest_x_m(poses: F) -> float:
     return float(np.median(poses[:, 0]))
 
 
-def _plan(
-    candidates: Table,
-    rows: I,
-    *,
-    kind: list[str],
-    action: list[str],
-    approach: list[str],
-    dwell_s: F,
-) -> Table:
-    """The plan's table; row -1 stands for a check at the rest pose.
-
-    A check has the further columns of the candidate nearest to the rest pose.
-    """
+def _plan(candidates: Table, visits: Sequence[_Row]) -> Table:
+    """Table of a plan; checks have the other columns of the candidate nearest to the rest pose."""
+    rows = np.array([visit.candidate for visit in visits], dtype=np.int64)
     measured = rows >= 0
     taken = rows
     if not measured.all():
@@ -176,11 +218,11 @@ def _plan(
             columns[name] = np.where(measured, columns[name], rest[j])
     columns |= {
         "pose_id": np.where(measured, _pose_ids(candidates)[taken], -1.0),
-        "kind": np.asarray(kind, dtype=object),
-        "approach": np.asarray(approach, dtype=object),
-        "dwell_s": dwell_s,
+        "kind": np.array([visit.kind for visit in visits], dtype=object),
+        "approach": np.array([visit.approach for visit in visits], dtype=object),
+        "dwell_s": np.array([visit.dwell_s for visit in visits]),
         "run": np.zeros(len(rows)),
-        "action": np.asarray(action, dtype=object),
+        "action": np.array([visit.action for visit in visits], dtype=object),
     }
     meta = Meta(
         mechanism=candidates.meta.mechanism,

@@ -1,7 +1,7 @@
-"""What a model predicts over the workspace: h, and K times half the range of the pose.
+"""Prediction over the workspace: rows whose variance is that of h, and of K times half the range.
 
-In units of one reading's noise: the rows over which I-optimal designs average and by which
-`how_many` expects its errors.
+In units of one reading's noise. I-optimal designs average over these rows, and `design_sizes`
+takes its expected errors from them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ecm.io.arrays import F, I
 _REGION = 1000
 """Poses over which an I-optimal design averages at most, as in `ecm-design`."""
 _STEP = 1e-4
-"""Of the candidates' range, for the derivative of the columns."""
+"""Step of the derivative of the columns, over the candidates' range."""
 
 
 def prediction_region(

@@ -1,8 +1,8 @@
-"""Rows of information that a pose gives: of polynomials one, of energies and physics six.
+"""Information rows of a pose: one for polynomials, six for energies and physics.
 
 Every row is whitened. Without a nominal base the components have one default noise each, as in
 the binary `ecm-design`; with one a row's covariance Sigma = Sigma_w + K_s Sigma_p K_s' depends on
-the pose, so that poses where the mechanism is stiff tell less.
+the pose, so that poses where the mechanism is stiff carry less information.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ecm.models import EnergyModel, PolynomialModel, parse_model
 COMPONENT_SD = np.array([0.9, 0.3, 0.3, 0.010, 0.012, 0.012])
 """One row's default noise: N and N m; fx carries the pose noise of the stiff axis."""
 _FAR = 10.0
-"""An effect may be so many times its ordinary size before the design hears of it."""
+"""Prior standard deviation of an effect's parameters over their ordinary size."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,12 @@ def polynomial_degree(model: str) -> int | None:
     Raises
     ------
     InputError
-        For other models: their design needs the parameters that it shall find.
+        For other models: their design needs the parameters that it is to determine.
+
+    Examples
+    --------
+    >>> polynomial_degree("cubic"), polynomial_degree("energy4")
+    (3, None)
     """
     if model == "physics":
         return None

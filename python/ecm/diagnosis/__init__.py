@@ -1,6 +1,7 @@
 """Which physical effect is missing: rank, search, accept, and say what cannot be told."""
 
-from ecm.diagnosis.procedure import diagnose
-from ecm.diagnosis.verdict import Diagnosis
+from ecm.diagnosis.procedure import Stages, diagnose, find_missing
+from ecm.diagnosis.result import Diagnosis
+from ecm.diagnosis.settings import DiagnosisSettings
 
-__all__ = ["Diagnosis", "diagnose"]
+__all__ = ["Diagnosis", "DiagnosisSettings", "Stages", "diagnose", "find_missing"]

@@ -74,13 +74,13 @@ def _shares(log: F, squares: F, y: F) -> F:
     weights, signal, noise = np.exp(log[:-2]), np.exp(log[-2]), np.exp(log[-1])
     kernel = signal * np.exp(-0.5 * (squares @ weights))
     alpha = np.linalg.solve(kernel + (noise + 1e-8) * np.eye(len(y)), y)
-    whole = kernel @ alpha
+    total = kernel @ alpha
     losses = np.zeros(len(weights))
     for j in range(len(weights)):
         # The kernel averaged over the variable: what the other variables alone foretell.
         blind = kernel * np.exp(0.5 * weights[j] * squares[:, :, j])
         blind = blind * float(np.exp(-0.5 * weights[j] * squares[:, :, j]).mean())
-        losses[j] = ((whole - blind @ alpha) ** 2).mean()
+        losses[j] = ((total - blind @ alpha) ** 2).mean()
     losses = np.where(losses > _FADES * losses.max(initial=0.0), losses, 0.0)
     total = losses.sum()
     return np.asarray(losses / total if total > 0.0 else losses)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import estimate, normal_equations
+from ecm.diagnosis.search import estimate
 from ecm.io.arrays import B, F, I
 
 _SLACK = 1e-9
@@ -21,26 +21,26 @@ class Bounded:
 
     theta: F
     columns: I
-    """Of the design, one for each coefficient."""
+    """Place in the design of each coefficient."""
     at_bound: B
     explained: float
-    """Sum of squares that they explain, over the noise scale."""
+    """Sum of squares that the coefficients explain, over the noise scale."""
     lost: float
-    """What they would explain more without bounds."""
+    """What they would explain in addition without bounds."""
 
 
 def bounded_estimate(
     problem: Problem, chosen: Sequence[Candidate], kept: Sequence[Candidate]
 ) -> Bounded:
-    """Base and chosen fitted together, the parameters of some of them in their bounds.
+    """Fit base and chosen effects, the parameters of some of them within their bounds.
 
     Parameters
     ----------
     kept
-        Those of the chosen whose bounds count.
+        The chosen effects whose bounds count.
     """
-    matrix, vector = normal_equations(problem)
-    theta, _, columns = estimate(problem, (matrix, vector), chosen)
+    fit = estimate(problem, chosen)
+    theta, columns, matrix = fit.theta, fit.columns, fit.matrix
     place = {column: i for i, column in enumerate(columns)}
     lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
     for item in kept:
@@ -48,17 +48,17 @@ def bounded_estimate(
             lower[place[column]] = parameter.lower * problem.norms[column]
             upper[place[column]] = parameter.upper * problem.norms[column]
     take = np.asarray(columns, dtype=np.int64)
-    matrix, vector = matrix[np.ix_(take, take)], vector[take]
+    vector = problem.equations[1][take]
     free = 2.0 * float(theta @ vector) - float(theta @ matrix @ theta)
     if np.all((theta >= lower) & (theta <= upper)):
         return Bounded(theta, take, np.zeros(len(take), dtype=np.bool_), free, 0.0)
     root = np.linalg.cholesky(matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take)))
-    found = lsq_linear(
+    bounded = lsq_linear(
         root.T,
         np.linalg.solve(root, vector),
         bounds=(lower - _SLACK, upper + _SLACK),
         method="bvls",
     ).x
-    at_bound = (found <= lower + _SLACK) | (found >= upper - _SLACK)
-    explained = 2.0 * float(found @ vector) - float(found @ matrix @ found)
-    return Bounded(found, take, at_bound, explained, max(0.0, free - explained))
+    at_bound = (bounded <= lower + _SLACK) | (bounded >= upper - _SLACK)
+    explained = 2.0 * float(bounded @ vector) - float(bounded @ matrix @ bounded)
+    return Bounded(bounded, take, at_bound, explained, max(0.0, free - explained))

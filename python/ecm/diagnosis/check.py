@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.diagnosis.to_json import fields_json
+from ecm.effects import all_effects
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import Table
 from ecm.regression.repeats import noise_source, repeated_poses
@@ -26,8 +28,8 @@ class ColumnCheck:
     unit: str
     role: str
     """pose, wrench, covariate, text, or standard for the rest."""
-    minimum: float | None
-    maximum: float | None
+    minimum: float | None = field(metadata={"json": "min"})
+    maximum: float | None = field(metadata={"json": "max"})
     distinct: int
     unknown: int
     """Empty cells."""
@@ -39,12 +41,22 @@ class ColumnCheck:
 
 
 @dataclass(frozen=True)
+class NotTestable:
+    """An effect that these data cannot test, why, and what to record."""
+
+    id: str
+    reason: str
+    record: str
+
+
+@dataclass(frozen=True)
 class Check:
-    """The report of `ecm check`."""
+    """What a table holds and what it can test; `print` shows it in plain words."""
 
     source: str
     rows: int
     kinds: dict[str, int]
+    """Number of rows of each kind."""
     runs: int
     columns: tuple[ColumnCheck, ...]
     never_excited: tuple[str, ...]
@@ -57,55 +69,28 @@ class Check:
     noise: str
     """Where the noise floor will come from: repeats, declared or assumed."""
     testable: tuple[str, ...]
-    not_testable: tuple[tuple[str, str, str], ...]
-    """(effect, reason, what to record)."""
+    not_testable: tuple[NotTestable, ...]
     warnings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON."""
-        return {
-            "schema": 1,
-            "source": self.source,
-            "rows": self.rows,
-            "kinds": self.kinds,
-            "runs": self.runs,
-            "columns": [
-                {
-                    "name": column.name,
-                    "unit": column.unit,
-                    "role": column.role,
-                    "min": column.minimum,
-                    "max": column.maximum,
-                    "distinct": column.distinct,
-                    "unknown": column.unknown,
-                }
-                for column in self.columns
-            ],
-            "never_excited": list(self.never_excited),
-            "missing": list(self.missing),
-            "groups": self.groups,
-            "repeated_poses": self.repeated_poses,
-            "noise": {"source": self.noise},
-            "testable": list(self.testable),
-            "not_testable": [
-                {"id": id, "reason": reason, "record": record}
-                for id, reason, record in self.not_testable
-            ],
-            "warnings": list(self.warnings),
-        }
+        """Return the report as plain JSON."""
+        return {"schema": 1} | fields_json(self) | {"noise": {"source": self.noise}}
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
 
     def sentences(self) -> list[str]:
-        """What matters, in plain words."""
-        said = [f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."]
-        said.extend(excitation_sentences(self.never_excited))
+        """Return what matters, in plain words."""
+        lines = [f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."]
+        lines.extend(excitation_sentences(self.never_excited))
         if self.missing:
-            said.append(f"Not there: {', '.join(self.missing)}.")
+            lines.append(f"Not there: {', '.join(self.missing)}.")
         if self.groups is not None:
-            said.append(f"Held-out splits keep {self.groups} groups of rows together.")
+            lines.append(f"Held-out splits keep {self.groups} groups of rows together.")
         n = self.repeated_poses
         why = f"repeats of {n} pose{'s' * (n != 1)} are too few" if n else "no pose is repeated"
-        said.append(_NOISE_WORDS[self.noise].format(n=n, why=why))
-        return said
+        lines.append(_NOISE_WORDS[self.noise].format(n=n, why=why))
+        return lines
 
 
 _NOISE_WORDS = {
@@ -125,14 +110,14 @@ _WORDS = {
 
 
 def never_excited(table: Table) -> tuple[str, ...]:
-    """Pose and wrench columns that are constant over the measured poses."""
+    """Return the pose and wrench columns that are constant over the measured poses."""
     measured = table.measured()
     names = (*measured.pose_columns, *measured.wrench_columns)
     return tuple(name for name in names if _is_constant(measured.column(name)))
 
 
 def excitation_sentences(names: Sequence[str]) -> list[str]:
-    """One sentence for each column that is never excited."""
+    """Return one sentence for each column that is never excited."""
     return [
         f"The {_WORDS.get(name, name)} ({name}) is never excited: nothing can be learnt about it."
         for name in names
@@ -140,9 +125,17 @@ def excitation_sentences(names: Sequence[str]) -> list[str]:
 
 
 def check(table: Table) -> Check:
-    """Columns, excitation, repeats and testable effects of a measurement table."""
+    """Check columns, excitation, repeats and testable effects of a measurement table.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> result = ecm.check(ecm.as_table({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [0.0, 9.0, 21.0]}))
+    >>> result.noise, result.never_excited
+    ('assumed', ())
+    """
     columns = tuple(_column(name, values) for name, values in table.columns.items())
-    still = never_excited(table)
+    constant = never_excited(table)
     missing = [name for name in (*POSE, *WRENCH) if not table.has(name)]
     kind = table.text("kind")
     kinds = {
@@ -150,14 +143,14 @@ def check(table: Table) -> Check:
         for name in ("pose", "home", "unloaded")
     }
     groups = table.groups()
-    testable, not_testable = _effects(table, still)
+    testable, not_testable = _effects(table, constant)
     return Check(
         source=table.source,
         rows=len(table),
         kinds={name: count for name, count in kinds.items() if count},
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
-        never_excited=still,
+        never_excited=constant,
         missing=tuple(missing) if len(missing) < 12 else (),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated_poses(table),
@@ -194,19 +187,18 @@ def _is_constant(values: NDArray[np.float64]) -> bool:
 
 
 def _effects(
-    table: Table, still: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[tuple[str, str, str], ...]]:
-    """The ids that the table's columns allow, and the others with reason and remedy."""
-    from ecm.effects import all_effects
-
+    table: Table, constant: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[NotTestable, ...]]:
+    """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
-    not_testable: list[tuple[str, str, str]] = []
+    not_testable: list[NotTestable] = []
     for effect in all_effects():
         missing = effect.missing(table)
         if missing is not None:
-            not_testable.append((effect.id, missing.reason, missing.record))
-        elif still:
-            not_testable.append((effect.id, f"{still[0]} is never excited", f"vary {still[0]}"))
+            not_testable.append(NotTestable(effect.id, missing.reason, missing.record))
+        elif constant:
+            name = constant[0]
+            not_testable.append(NotTestable(effect.id, f"{name} is never excited", f"vary {name}"))
         else:
             testable.append(effect.id)
     return tuple(testable), tuple(not_testable)

@@ -1,46 +1,29 @@
-"""Which effects cannot be told apart with these rows."""
+"""Confusion classes: which effects cannot be told apart with these rows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ecm.diagnosis.plain_form import plain_form, sign_is_significant
+from ecm.diagnosis.plain_form import sign_is_significant
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import LEAST_BIC, delta_bic, delta_bic_of_each, estimate, normal_equations
+from ecm.diagnosis.search import delta_bic, delta_bic_of_each, estimate, squares_by_row
 from ecm.io.arrays import F
 from ecm.regression.normal_equations import projected_out, solve
 
-SEPARABLE = 0.1
-MOST_IN_CLASS = 3
-FORM = 0.06
-"""What the form of a right effect may leave of it, in squares: a rival that looks alike and loses
-no more than this may be the truth."""
-REFUTED = 2.5 * FORM
-REFUTED_BY = 12.0
-"""A run that was measured later refutes a rival which leaves this share of what the effect explains
-in that run, more than the form of a right effect may, and so much in squares: with the rival true
-and d^2 between the two, the excess is normal with mean -d^2 and variance 4 d^2, which comes beyond
-12 in 3 of 10000 runs at most."""
-NEAR = 0.3
-NEAR_IN_DOUBT = 0.6
-"""Share of what an effect explains that a rival may lose and still stand for it: beside another
-effect, and where the form is in doubt."""
-
 
 def separability(
-    problem: Problem,
-    equations: tuple[F, F],
-    item: Candidate,
-    rival: Candidate,
-    others: Sequence[Candidate],
+    problem: Problem, item: Candidate, rival: Candidate, others: Sequence[Candidate]
 ) -> float:
-    """Share of an effect's fitted correction that a rival cannot imitate, base and others free."""
-    theta, _, columns = estimate(problem, equations, (*others, item))
-    weight = dict(zip(columns, theta, strict=True))
-    own = np.array([weight[c] for c in item.columns])
-    matrix = equations[0]
+    """Return the share of an effect's correction that a rival cannot imitate, base and others free.
+
+    Returns
+    -------
+    From 0, the rival explains all of it, to 1.
+    """
+    own = estimate(problem, (*others, item)).of(item)
+    matrix = problem.equations[0]
     fixed = problem.base_index + tuple(c for other in others for c in other.columns)
     size = squares_left_after(matrix, item.columns, own, fixed)
     if size <= 0.0:
@@ -49,77 +32,81 @@ def separability(
 
 
 def squares_left_after(matrix: F, columns: Sequence[int], values: F, fixed: Sequence[int]) -> float:
-    """Squared length of columns @ values after projecting out the fixed columns."""
+    """Return the squared length of columns @ values after projecting out the fixed columns.
+
+    Parameters
+    ----------
+    matrix
+        (K, K) products of all columns.
+    """
     a = np.asarray(columns, dtype=np.int64)
-    whole = float(values @ matrix[np.ix_(a, a)] @ values)
+    total = float(values @ matrix[np.ix_(a, a)] @ values)
     if not fixed:
-        return whole
+        return total
     b = np.asarray(fixed, dtype=np.int64)
     cross = matrix[np.ix_(b, a)] @ values
-    return max(whole - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
+    return max(total - float(cross @ solve(matrix[np.ix_(b, b)], cross)), 0.0)
 
 
 def confusion_class(
     problem: Problem,
     chosen: Sequence[Candidate],
     item: Candidate,
-    least: float = LEAST_BIC,
-    most: int = MOST_IN_CLASS,
+    least_bic: float | None = None,
+    most: int | None = None,
 ) -> list[str]:
-    """The effect and its rivals: within `least` in BIC in its place, or not separable.
+    """Return the ids of an effect and of its rivals: near in BIC in its place, or not separable.
 
     Parameters
     ----------
+    least_bic
+        Loss of BIC within which a rival is a member; default: that of the settings.
     most
-        Members that a class has; of rivals that only look alike the nearest.
+        Members of the class; of rivals that only look alike the nearest; default: settings.
     """
-    equations = normal_equations(problem)
+    settings = problem.settings
+    least_bic = settings.least_bic if least_bic is None else least_bic
+    most = settings.most_in_class if most is None else most
     others = [other for other in chosen if other is not item]
-    present = {other.id for other in chosen}
-    own = delta_bic(equations, problem, chosen)
-    found: dict[str, float] = {}
-    rivals = [c for c in (*problem.candidates, *problem.shadows) if c.id not in present]
-    losses = own - delta_bic_of_each(equations, problem, others, rivals)
-    later = _Later(problem, equations, others, item)
-    for rival, loss in zip(rivals, losses.tolist(), strict=True):
+    own = delta_bic(problem, chosen)
+    rivals = _rivals(problem, {other.id for other in chosen})
+    losses = own - delta_bic_of_each(problem, others, rivals)
+    later = _LaterRuns(problem, others, item)
+
+    def is_member(rival: Candidate, loss: float) -> bool:
         alike = (
-            loss < max(least, FORM * own)
-            and separability(problem, equations, item, rival, others) < SEPARABLE
+            loss < max(least_bic, settings.form_share * own)
+            and separability(problem, item, rival, others) < settings.separable
         )
-        if rival in problem.shadows:
-            # The data cannot show its true form: half of what the named one explains is enough.
-            alike = alike or loss < 0.5 * own
-        if (loss < least or alike) and not later.refutes(rival):
-            found[rival.id] = min(loss, found.get(rival.id, np.inf))
-    ordered = sorted(found, key=lambda id: found[id])
-    near = [id for id in ordered if found[id] < least]
-    # Of those that only look alike, and lose in BIC, the nearest: a long list names nothing.
-    alike_only = [id for id in ordered if id not in near][: max(0, most - 1 - len(near))]
+        # The data cannot show the true form of an imitator: half of what is explained is enough.
+        alike = alike or (rival in problem.imitators and loss < 0.5 * own)
+        return (loss < least_bic or alike) and not later.refutes(rival)
+
+    nearest = _nearest(
+        pair for pair in zip(rivals, losses.tolist(), strict=True) if is_member(*pair)
+    )
+    near = [id for id, loss in nearest.items() if loss < least_bic]
+    # Rivals that only look alike, and lose in BIC: a long list names nothing.
+    alike_only = [id for id in nearest if id not in near][: max(0, most - 1 - len(near))]
     members = [item.id, *near, *alike_only]
-    plain = plain_form(item)
-    known = plain is not None and plain.id in {rival.id for rival in rivals}
-    hidden = plain is not None and known and plain.id not in members
-    if plain is not None and hidden and not sign_is_significant(problem, chosen, item):
-        # It won by having fewer numbers than what is plainer, not by what it alone does.
-        members = [*members[: most - 1], plain.id]
-    return members
+    plain = item.effect.plain_form()
+    if plain is None or plain.id in members or plain.id not in {rival.id for rival in rivals}:
+        return members
+    if sign_is_significant(problem, chosen, item):
+        return members
+    # It was chosen because it has fewer parameters than the plainer form, not for its own sign.
+    return [*members[: most - 1], plain.id]
 
 
-class _Later:
-    """What runs that were measured after the first say, each by itself, of an effect's rivals.
+class _LaterRuns:
+    """What each run that was measured after the first says about the rivals of an effect.
 
-    A chosen experiment has few rows: in the squares of all rows, of which the form of the right
-    effect may leave a share as well, its voice would be lost.
+    A chosen experiment has few rows. In the sum over all rows, of which the form of the right
+    effect may leave a share as well, it would not count.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        equations: tuple[F, F],
-        others: Sequence[Candidate],
-        item: Candidate,
-    ) -> None:
-        self._problem, self._equations, self._others = problem, equations, others
+    def __init__(self, problem: Problem, others: Sequence[Candidate], item: Candidate) -> None:
+        self._problem, self._others = problem, others
         self._runs = np.zeros(len(problem.table), dtype=np.int64)
         if problem.table.has("run"):
             self._runs = np.unique(problem.table.column("run"), return_inverse=True)[1]
@@ -127,22 +114,20 @@ class _Later:
         if self._count:
             self._with_item = self._squares((*others, item))
             explained = np.maximum(self._squares(others) - self._with_item, 0.0)
-            self._limit = np.maximum(REFUTED_BY, REFUTED * explained)
+            settings = problem.settings
+            self._limit = np.maximum(settings.refuted_by, settings.refuted_share * explained)
 
     def refutes(self, rival: Candidate) -> bool:
-        """Whether one of them speaks against the rival and none as clearly for it."""
+        """Whether one run is against the rival and none as clearly for it."""
         if not self._count:
             return False
         excess = self._squares((*self._others, rival)) - self._with_item
-        against, for_it = excess > self._limit, -excess > self._limit
-        return bool(against.any() and not for_it.any())
+        against, in_favour = excess > self._limit, -excess > self._limit
+        return bool(against.any() and not in_favour.any())
 
     def _squares(self, chosen: Sequence[Candidate]) -> F:
-        """Whitened squares that a set leaves in each of the later runs."""
-        problem = self._problem
-        theta, _, columns = estimate(problem, self._equations, chosen)
-        left = problem.response - problem.design[:, :, list(columns)] @ theta
-        rows = problem.weights * (left**2).sum(axis=1) / problem.scale
+        """Return the whitened squares that a set leaves in each of the later runs."""
+        rows = squares_by_row(self._problem, chosen) / self._problem.scale
         return np.asarray(np.bincount(self._runs, rows)[1:], dtype=np.float64)
 
 
@@ -151,50 +136,60 @@ def widened_class(
     chosen: Sequence[Candidate],
     item: Candidate,
     members: Sequence[str],
-    near: float,
+    near_share: float,
 ) -> list[str]:
-    """The class of an effect with its nearest rivals: those that lose less than `near` of it.
+    """Return the class of an effect with the rivals that lose less than a share of its gain.
 
-    The truth may be an effect that no library holds; then the nearest names share its look.
+    The truth may be an effect that no library holds; then the nearest names look like it.
     """
-    equations = normal_equations(problem)
     others = [other for other in chosen if other is not item]
-    present = {other.id for other in chosen} | set(members)
-    own, rest = delta_bic(equations, problem, chosen), delta_bic(equations, problem, others)
-    losses: dict[str, float] = {}
-    rivals = [c for c in (*problem.candidates, *problem.shadows) if c.id not in present]
-    lost = own - delta_bic_of_each(equations, problem, others, rivals)
-    later = _Later(problem, equations, others, item)
-    within = near * (own - rest)
-    for rival, loss in zip(rivals, lost.tolist(), strict=True):
-        if loss < within and not later.refutes(rival):
-            losses[rival.id] = min(loss, losses.get(rival.id, np.inf))
-    nearest = sorted(losses, key=losses.__getitem__)
-    return [*members, *nearest[: max(0, MOST_IN_CLASS - len(members))]]
+    rivals = _rivals(problem, {other.id for other in chosen} | set(members))
+    own = delta_bic(problem, chosen)
+    losses = own - delta_bic_of_each(problem, others, rivals)
+    within = near_share * (own - delta_bic(problem, others))
+    later = _LaterRuns(problem, others, item)
+    nearest = _nearest(
+        (rival, loss)
+        for rival, loss in zip(rivals, losses.tolist(), strict=True)
+        if loss < within and not later.refutes(rival)
+    )
+    room = max(0, problem.settings.most_in_class - len(members))
+    return [*members, *list(nearest)[:room]]
 
 
-def confusable_pairs(problem: Problem) -> list[list[str]]:
-    """Pairs of testable effects of which one imitates every direction of the other."""
-    equations = normal_equations(problem)
-    matrix, vector = projected_out(*equations, problem.base_index)
+def _rivals(problem: Problem, present: set[str]) -> list[Candidate]:
+    return [c for c in (*problem.candidates, *problem.imitators) if c.id not in present]
+
+
+def _nearest(losses: Iterable[tuple[Candidate, float]]) -> dict[str, float]:
+    """Return the least loss of each rival, by id, the smallest first."""
+    least: dict[str, float] = {}
+    for rival, loss in losses:
+        least[rival.id] = min(loss, least.get(rival.id, np.inf))
+    return dict(sorted(least.items(), key=lambda pair: pair[1]))
+
+
+def confusable_pairs(problem: Problem) -> list[tuple[str, str]]:
+    """Return the pairs of testable effects of which one imitates every direction of the other."""
+    matrix, vector = projected_out(*problem.equations, problem.base_index)
     ids = problem.ids
     first: dict[str, Candidate] = {}
     for candidate in problem.candidates:
         first.setdefault(candidate.id, candidate)
     columns = [np.asarray(first[id].columns, dtype=np.int64) for id in ids]
-    whole = np.maximum(np.diag(matrix), 0.0)
+    own = np.maximum(np.diag(matrix), 0.0)
     shares = np.ones((len(ids), len(ids)))
     for j in range(len(ids)):
         # What the base leaves of every column, and what of that this effect leaves.
         rest, _ = projected_out(matrix, vector, first[ids[j]].columns)
-        left = np.clip(np.diag(rest), 0.0, whole)
+        left = np.clip(np.diag(rest), 0.0, own)
         for i, other in enumerate(columns):
-            total = float(whole[other].sum())
+            total = float(own[other].sum())
             shares[i, j] = float(left[other].sum()) / total if total > 0.0 else 1.0
     least = np.minimum(shares, shares.T)
     return [
-        [ids[i], ids[j]]
+        (ids[i], ids[j])
         for i in range(len(ids))
         for j in range(i + 1, len(ids))
-        if least[i, j] < SEPARABLE
+        if least[i, j] < problem.settings.separable
     ]

@@ -1,24 +1,30 @@
-"""The smallest effect that would have been seen."""
+"""Detection limits: the smallest effect that these rows would have named."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, special
 
-from ecm.diagnosis.accept import LEVEL
 from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.search import LEAST_BIC, normal_equations
+from ecm.io.arrays import F
 from ecm.regression.normal_equations import solve
 
-_POWER = 0.9
+
+@dataclass(frozen=True)
+class DetectionLimit:
+    """Size of one parameter of an effect that is named with the chance `power`."""
+
+    parameter: str
+    size: float
+    unit: str
 
 
-def detection_limits(problem: Problem) -> dict[str, dict[str, Any]]:
-    """Per effect, the size of its best visible parameter that is named with chance 0.9."""
-    matrix = normal_equations(problem)[0]
-    limits: dict[str, dict[str, Any]] = {}
+def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
+    """Return the limit of each testable effect, by its best visible parameter."""
+    matrix = problem.equations[0]
+    limits: dict[str, DetectionLimit] = {}
     for candidate in problem.candidates:
         if candidate.id in limits:
             continue
@@ -31,18 +37,12 @@ def detection_limits(problem: Problem) -> dict[str, dict[str, Any]]:
                 sizes.append((size / parameter.scale, size, parameter))
         if sizes:
             _, size, parameter = min(sizes, key=lambda item: item[0])
-            limits[candidate.id] = {
-                "parameter": parameter.name,
-                "size": size,
-                "unit": parameter.unit,
-            }
+            limits[candidate.id] = DetectionLimit(parameter.name, size, parameter.unit)
     return limits
 
 
-def _information(
-    matrix: np.ndarray[Any, np.dtype[np.float64]], problem: Problem, column: int
-) -> float:
-    """Whitened squared length of one column after projecting the base out, over the scale."""
+def _information(matrix: F, problem: Problem, column: int) -> float:
+    """Return the squared length of one column after projecting the base out, over the scale."""
     base = np.asarray(problem.base_index, dtype=np.int64)
     own = float(matrix[column, column])
     if len(base) == 0:
@@ -52,14 +52,13 @@ def _information(
 
 
 def _noncentrality(problem: Problem, candidate: Candidate) -> float:
-    """Noncentrality at which the fall passes both the test and BIC with chance 0.9."""
-    k = candidate.parameters
-    tests = max(1, len(problem.ids))
-    needed = max(
-        float(special.chdtri(k, LEVEL / tests)), LEAST_BIC + k * float(np.log(problem.size))
-    )
+    """Return the noncentrality at which delta chi² passes the test and BIC often enough."""
+    settings, k = problem.settings, candidate.parameters
+    by_test = float(special.chdtri(k, settings.level / max(1, len(problem.ids))))
+    by_bic = settings.least_bic + k * float(np.log(problem.size))
+    needed = max(by_test, by_bic)
 
     def lacking(value: float) -> float:
-        return 1.0 - float(special.chndtr(needed, k, value)) - _POWER
+        return 1.0 - float(special.chndtr(needed, k, value)) - settings.power
 
     return float(optimize.brentq(lacking, 1e-3, 4.0 * needed + 100.0))

@@ -1,10 +1,10 @@
-"""How surely an experiment would tell the members of a class apart.
+"""Discrimination power: how surely an experiment would separate the members of a class.
 
-With one member as the truth the rows of a campaign are predicted, and the best that base, other
-effects and rival can do on them and on the data together. What stays decides as in `classes`: the
-rival is out where it loses enough more of all rows, or enough in one of the new runs by itself,
-beyond what the form of a right effect may leave. A measurement by hand reads the size of the
-effects that it is named for, with the error of the tool.
+With one member as the truth, the rows of a campaign are predicted, and base, other effects and
+rival are fitted to them and to the data together. The residual decides as in `confusion`: the rival
+is refuted where it loses enough in all rows, or enough in one of the new runs by itself, beyond
+what the form of a right effect may leave. A measurement by hand reads the size of effects, with the
+error of the tool.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from ecm.diagnosis.confusion import FORM, REFUTED, REFUTED_BY, squares_left_after
+from ecm.diagnosis.confusion import squares_left_after
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.score_columns import score_columns
-from ecm.diagnosis.search import LEAST_BIC, delta_chi2, estimate, normal_equations
+from ecm.diagnosis.search import delta_chi2, estimate
+from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Rows
 from ecm.effects.experiments import Experiment
 from ecm.effects.registry import with_shape
@@ -30,17 +31,12 @@ from ecm.regression.noise import whiteners
 from ecm.regression.normal_equations import solve
 
 Discrimination = dict[tuple[str, str], float]
-"""(truth, rival) -> chance that the rival is out."""
-
-_SHAPES = 3
-"""Of each member so many shapes, the best."""
-_SEEN = 3.0
-"""A reading of so many deviations is taken for more than nothing."""
+"""(truth, rival) -> chance that the rival is refuted."""
 
 
 @dataclass(frozen=True)
 class ConfusionClass:
-    """One answer that has rivals: the shapes of each member that fit best beside the others."""
+    """One answer with rivals: the shapes of each member that fit best beside the others."""
 
     problem: Problem
     others: tuple[Candidate, ...]
@@ -49,68 +45,95 @@ class ConfusionClass:
 
     @staticmethod
     def of(problem: Problem, others: Sequence[Candidate], members: Sequence[str]) -> ConfusionClass:
-        equations = normal_equations(problem)
+        """Return the class with the best shapes of each member.
+
+        Parameters
+        ----------
+        others
+            Effects accepted beside the one with rivals.
+        members
+            Ids that cannot be told apart.
+        """
+        best = problem.settings.shapes_compared
         shapes: dict[str, list[Candidate]] = {}
         for id in members:
-            own = [c for c in (*problem.candidates, *problem.shadows) if c.id == id]
-            own.sort(key=lambda c: -delta_chi2(equations, problem, (*others, c)))
+            own = [c for c in (*problem.candidates, *problem.imitators) if c.id == id]
+            own.sort(key=lambda c: -delta_chi2(problem, (*others, c)))
             if own:
-                shapes[id] = [form for one in own[:_SHAPES] for form in _joined_forms(one)]
+                shapes[id] = [form for one in own[:best] for form in _joined_forms(one)]
         one = ConfusionClass(problem, tuple(others), shapes, {})
         return replace(one, now={pair: one._now(*pair) for pair in one.pairs})
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
+        """Every (truth, rival)."""
         return [(a, b) for a in self.shapes for b in self.shapes if a != b]
 
     def _now(self, truth: str, rival: str) -> float:
-        """Chance that the truth fits better than its rival, whose form may be the better one."""
-        item = self.shapes[truth][0]
-        own = _values(self.problem, self.others, item)
-        equations = normal_equations(self.problem)[0]
+        """Return the chance that the truth fits better than its rival with the data so far."""
+        item, settings = self.shapes[truth][0], self.problem.settings
+        own = self._values(item)
+        equations = self.problem.equations[0]
         fixed = (*self.problem.base_index, *(c for o in self.others for c in o.columns))
-        whole = squares_left_after(equations, item.columns, own, fixed)
-        apart = min(
+        total = squares_left_after(equations, item.columns, own, fixed)
+        between = min(
             squares_left_after(equations, item.columns, own, (*fixed, *shape.columns))
             for shape in self.shapes[rival]
         )
-        # Whatever was to be expected: the data so far have not told the two apart.
-        apart = min(apart, max(LEAST_BIC, FORM * whole))
-        return float(special.ndtr(0.5 * np.sqrt(apart / (1.0 + FORM * whole))))
+        # Whatever was to be expected: the data so far have not separated the two.
+        between = min(between, max(settings.least_bic, settings.form_share * total))
+        return float(special.ndtr(0.5 * np.sqrt(between / (1.0 + settings.form_share * total))))
 
-    def odds(self, experiment: Experiment, rows: Rows | None) -> Discrimination:
-        """What a measurement by hand or the rows of a campaign tell; nothing: empty."""
-        found: Discrimination = {}
+    def _values(self, item: Candidate) -> F:
+        """Return the fitted coefficients of a member beside the other effects."""
+        return estimate(self.problem, (*self.others, item)).of(item)
+
+    def discrimination(self, experiment: Experiment, rows: Rows | None) -> Discrimination:
+        """Return what an experiment tells about each pair; empty where that is nothing.
+
+        Parameters
+        ----------
+        rows
+            The data with the predicted rows of its campaign; None where it is done by hand.
+        """
+        power: Discrimination = {}
         read = experiment.readings
         for truth, rival in self.pairs if set(read) & set(self.shapes) else ():
             seen = [self._seen(id, read[id]) for id in (truth, rival) if id in read]
-            found[truth, rival] = max(seen, default=0.0)
+            power[truth, rival] = max(seen, default=0.0)
         if rows is None or not self.shapes:
-            return found
+            return power
         added = _Added.of(self.problem, self.others, self.shapes, rows)
         for pair in self.pairs:
-            found[pair] = max(found.get(pair, 0.0), self._out(added, *pair))
-        return found
+            power[pair] = max(power.get(pair, 0.0), self._refuted(added, *pair))
+        return power
 
     def _seen(self, id: str, tool: Mapping[str, float]) -> float:
-        """Chance that a reading tells an effect of this size from nothing."""
+        """Return the chance that a reading tells an effect of this size from nothing."""
         item = self.shapes[id][0]
-        own = _values(self.problem, self.others, item) / self.problem.norms[list(item.columns)]
+        own = self._values(item) / self.problem.norms[list(item.columns)]
+        deviations = self.problem.settings.reading_deviations
         sd = [tool.get(parameter.unit, np.inf) for parameter in item.effect.parameters]
-        return float(special.ndtr(np.max(np.abs(own) / sd) - _SEEN))
+        return float(special.ndtr(np.max(np.abs(own) / sd) - deviations))
 
-    def _out(self, added: _Added, truth: str, rival: str) -> float:
-        """Chance that the rival is refuted after the campaign, by all rows or by one run."""
-        best = self.shapes[truth][0]
-        own = _values(self.problem, self.others, best)
+    def _refuted(self, added: _Added, truth: str, rival: str) -> float:
+        """Return the chance that a campaign refutes the rival, by all rows or by one run."""
+        best, settings = self.shapes[truth][0], self.problem.settings
+        own = self._values(best)
         least = 1.0
         for item in (form for form in self.shapes[truth] if form.columns == best.columns):
             for shape in self.shapes[rival]:
                 gained, excess, whole, explained = added.excess(item, own, self.others, shape)
-                # The data so far have not told the two apart, whatever was to be expected of them.
-                chances = [_exceeds(gained, max(LEAST_BIC, FORM * whole), whole)]
+                # Whatever was to be expected: the data so far have not separated the two.
+                least_all = max(settings.least_bic, settings.form_share * whole)
+                chances = [_exceeds(gained, least_all, whole, settings)]
                 chances += [
-                    _exceeds(float(e), max(REFUTED_BY, REFUTED * float(x)), float(x))
+                    _exceeds(
+                        float(e),
+                        max(settings.refuted_by, settings.refuted_share * float(x)),
+                        float(x),
+                        settings,
+                    )
                     for e, x in zip(excess, explained, strict=True)
                 ]
                 least = min(least, max(chances))
@@ -118,13 +141,13 @@ class ConfusionClass:
 
 
 def _joined_forms(one: Candidate) -> list[Candidate]:
-    """Forms alike in the data so far that may part in a second campaign.
+    """Return the forms that are alike in the data so far but may differ in a second campaign.
 
-    A campaign of ours begins with a zero of the sensor; what else begins anew nobody knows.
+    A planned campaign begins with a zero of the sensor; what else is reset is not known.
     """
-    anew = _with_entry(one, "zeroed", "each")
-    if anew is not None:
-        return [anew]
+    zeroed = _with_entry(one, "zeroed", "each")
+    if zeroed is not None:
+        return [zeroed]
     others = (_with_entry(one, "history", "kept"), _with_entry(one, "counted", "each"))
     return [one, *(form for form in others if form is not None)]
 
@@ -132,7 +155,7 @@ def _joined_forms(one: Candidate) -> list[Candidate]:
 def _with_entry(one: Candidate, name: str, value: str) -> Candidate | None:
     shape = {**one.effect.shape, name: value}
     if name == "zeroed":
-        # A sensor that is zeroed anew has no one temperature of its zero.
+        # A sensor that is zeroed in each campaign has no single temperature of its zero.
         shape.pop("reference_degC", None)
     try:
         return Candidate(with_shape(one.id, shape), one.columns)
@@ -180,7 +203,7 @@ class _Added:
         return _Added(
             list(problem.base_index),
             place,
-            normal_equations(problem)[0][np.ix_(use, use)],
+            problem.equations[0][np.ix_(use, use)],
             design.reshape(n * m, k),
             np.repeat(run, m),
         )
@@ -215,34 +238,28 @@ class _Added:
         return np.asarray(self.design[:, at] @ own - self.design[:, fixed] @ theta)
 
 
-def _exceeds(expected: float, limit: float, explained: float) -> float:
-    """Chance that squares of this mean exceed a limit, by noise and by the form of the effect."""
-    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + FORM / 3.0 * explained))
+def _exceeds(expected: float, limit: float, explained: float, settings: DiagnosisSettings) -> float:
+    """Return the chance that squares of this mean exceed a limit, by noise and by the form."""
+    sd = 2.0 * np.sqrt(max(expected, 1.0) * (1.0 + settings.form_share / 3.0 * explained))
     return float(special.ndtr((expected - limit) / sd))
 
 
-def _values(problem: Problem, others: Sequence[Candidate], item: Candidate) -> F:
-    theta, _, columns = estimate(problem, normal_equations(problem), (*others, item))
-    value = dict(zip(columns, theta, strict=True))
-    return np.array([value[c] for c in item.columns])
-
-
 def combined_power(*parts: Sequence[Discrimination]) -> list[Discrimination]:
-    """Chance that one of several measurements tells, pair by pair, class by class."""
-    found = []
-    for odds in zip(*parts, strict=True):
-        pairs = dict.fromkeys(pair for one in odds for pair in one)
-        found.append(
-            {p: 1.0 - float(np.prod([1.0 - one.get(p, 0.0) for one in odds])) for p in pairs}
+    """Return the chance that one of several measurements refutes, by class and pair."""
+    combined = []
+    for powers in zip(*parts, strict=True):
+        pairs = dict.fromkeys(pair for one in powers for pair in one)
+        combined.append(
+            {p: 1.0 - float(np.prod([1.0 - one.get(p, 0.0) for one in powers])) for p in pairs}
         )
-    return found
+    return combined
 
 
 def chance_of_right_name(classes: Sequence[Discrimination]) -> float:
-    """Chance of the right single name in every class, each member as likely as the others."""
+    """Return the chance of the right single name in every class, members equally likely."""
     chance = 1.0
-    for odds in classes:
-        truths = dict.fromkeys(truth for truth, _ in odds)
-        each = [np.prod([p for (a, _), p in odds.items() if a == truth]) for truth in truths]
+    for power in classes:
+        truths = dict.fromkeys(truth for truth, _ in power)
+        each = [np.prod([p for (a, _), p in power.items() if a == truth]) for truth in truths]
         chance *= float(np.mean(each)) if each else 1.0
     return chance

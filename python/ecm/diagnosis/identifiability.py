@@ -25,7 +25,8 @@ from ecm.regression.noise import Noise
 from ecm.rig.climate import Climate
 from ecm.rig.plan import requests
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import OFFSET, UNLOADED, timeline_of
+from ecm.rig.timeline import timeline_of
+from ecm.rig.visits import OFFSET, UNLOADED
 
 
 @dataclass(frozen=True)
@@ -137,9 +138,9 @@ def identifiability(
             found.append(
                 Identifiability(
                     effect.id,
-                    limit["parameter"],
-                    limit["size"],
-                    limit["unit"],
+                    limit.parameter,
+                    limit.size,
+                    limit.unit,
                     tuple(rivals.get(effect.id, ())),
                 )
             )

@@ -2,14 +2,13 @@
 
 With e the residual that no column explains and A = W V W' an effect's variance V in whitened axes,
 U = sum e' A e - sum tr(A M) has mean 0 and variance 2 sum tr((A M)^2) where the noise is right, M
-what the fit leaves of a row's unit covariance. Such effects change weights, they are no answer.
+what the fit leaves of a row's unit covariance. Such effects change weights; they are no answer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -20,45 +19,36 @@ from ecm.io.arrays import B, F
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise
 
-_SEEN = 4.0
-"""Standard deviations of U beyond which the noise is not as it was taken."""
-
 
 @dataclass(frozen=True)
 class NoiseFinding:
-    """One effect of the noise that the rows show."""
+    """One effect of the noise that the rows show, by its clearest parameter."""
 
     id: str
     parameter: str
     value: float
     unit: str
     z: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """For the report."""
-        return {
-            "id": self.id,
-            "parameter": self.parameter,
-            "value": self.value,
-            "unit": self.unit,
-            "z": self.z,
-        }
+    """Standard deviations of the score."""
 
 
 def tested_noise(problem: Problem, effects: Sequence[Effect]) -> list[NoiseEffect]:
-    """Noise effects whose data are there; robust weights stand for those without parameters."""
+    """Return the noise effects that these data can test."""
     noise = [effect for effect in effects if isinstance(effect, NoiseEffect)]
     return [effect for effect in noise if effect.id not in problem.untestable]
 
 
 def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFinding]:
-    """Noise effects that stand out, the clearest parameter of each."""
+    """Return the noise effects that are seen, the clearest first.
+
+    Robust weights take the place of those without parameters.
+    """
     rows = problem.rows
     tested = [effect for effect in tested_noise(problem, effects) if effect.parameters]
     if not tested:
         return []
     use = problem.scored & (problem.weights > 0.9)
-    residual, kept = _rest(problem, use)
+    residual, kept = _residual(problem, use)
     found = []
     for effect in tested:
         best: NoiseFinding | None = None
@@ -69,7 +59,7 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
             whitener = problem.whitener[use]
             acting = whitener @ variance @ np.swapaxes(whitener, 1, 2)
             z, square = _score(residual, kept, acting)
-            if z > _SEEN and (best is None or z > best.z):
+            if z > problem.settings.noise_effect_deviations and (best is None or z > best.z):
                 value = parameter.scale * float(np.sqrt(square))
                 best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
         if best is not None:
@@ -78,7 +68,7 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
 
 
 def with_load_growth(noise: Noise, found: Sequence[NoiseFinding]) -> Noise:
-    """The noise with scatter that grows with the load, where that stands out most."""
+    """Return the noise with scatter that grows with the load, where that is seen most clearly."""
     if noise.components is not None or not found or found[0].id != "heteroscedastic_noise":
         return noise
     first = found[0]
@@ -87,8 +77,8 @@ def with_load_growth(noise: Noise, found: Sequence[NoiseFinding]) -> Noise:
     return replace(noise, growth_per_Nm=first.value)
 
 
-def _rest(problem: Problem, use: B) -> tuple[F, F]:
-    """(n, m) residual that nothing explains, and (n, m, m) what the fit leaves of a row."""
+def _residual(problem: Problem, use: B) -> tuple[F, F]:
+    """Return (n, m) the residual that nothing explains, and (n, m, m) what the fit leaves of it."""
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
     known = [problem.base_block, problem.design[:, :, problem.leading]]
@@ -102,7 +92,7 @@ def _rest(problem: Problem, use: B) -> tuple[F, F]:
 
 
 def _score(residual: F, kept: F, acting: F) -> tuple[float, float]:
-    """z of U with the common scale estimated, and the square of the parameter over its unit."""
+    """Return z of U with the common scale estimated, and the parameter's square over its unit."""
     scale = float((residual**2).sum() / np.einsum("nii->", kept))
     products = acting @ kept
     traces = np.einsum("nii->n", products)

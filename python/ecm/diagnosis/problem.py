@@ -1,4 +1,4 @@
-"""The linearised problem: whitened residual, base columns and the tangents of every effect."""
+"""The linearised problem: whitened residual, base columns and score columns of every effect."""
 
 from __future__ import annotations
 
@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.comparison.residuals import features
-from ecm.diagnosis.score_columns import (
-    all_score_columns,
-    basis_of,
-    leading_shapes,
-    orthogonalised,
-    projected_columns,
-    refined_shapes,
-    robust_weights,
-    score_columns,
-    without_absorbed,
-)
+from ecm.diagnosis.score_columns import effect_columns, score_columns
+from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import JointFit, base_columns, joint_fit
@@ -35,12 +26,9 @@ if TYPE_CHECKING:
     from ecm.models.maps import StiffnessMap
 
 
-_MOST_BASE_IN_GRAM = 80
-
-
 @dataclass(frozen=True)
 class Candidate:
-    """One shape of one effect and where its columns stand in the design."""
+    """One shape of one effect and the places of its columns in the design."""
 
     effect: Effect
     columns: tuple[int, ...]
@@ -52,20 +40,20 @@ class Candidate:
 
     @property
     def parameters(self) -> int:
-        """Fitted numbers; which of several shapes it is, is not counted."""
+        """Number of fitted values; the choice of the shape is not counted."""
         return len(self.columns)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything the search works on; all arrays whitened and robustly weighted."""
+    """All that the stages work on: N rows of m components, whitened and robustly weighted."""
 
     table: Table
     base: StiffnessMap
     rows: Rows
     noise: Noise
     fit: JointFit
-    """Of the base alone."""
+    """Fit of the base alone."""
     weights: F
     """(N,) robust weight of each row."""
     groups: I
@@ -77,19 +65,24 @@ class Problem:
     design: F
     """(N, m, K): base columns, then every candidate's, each of unit length."""
     norms: F
-    """(K,) lengths taken out of the columns."""
+    """(K,) lengths of the columns before they were made unit."""
     n_base: int
-    apart: F
-    """(N, m, b) orthogonal columns of a base too large for the design; b = 0 where it is there."""
+    """Number of base columns in the design."""
+    projected_base: F
+    """(N, m, b) orthogonal columns of a base that is too large for the design; else b = 0."""
     candidates: tuple[Candidate, ...]
-    shadows: tuple[Candidate, ...]
-    """Effects that cannot be tested here, and yet may stand behind the name of another."""
+    imitators: tuple[Candidate, ...]
+    """Effects that cannot be tested with these rows, but can look like another effect."""
     untestable: dict[str, Missing]
-    gram: NormalEquations
+    normal: NormalEquations
+    """Normal equations of the design by group of rows."""
     scale: float
     """Variance that no column explains; 1 where the noise is right."""
     base_error: float
     """Whitened rms of the base's own error."""
+    settings: DiagnosisSettings
+    reduced: tuple[F, F] | None = None
+    """Normal equations without some rows, in place of those of all rows."""
 
     @property
     def size(self) -> int:
@@ -104,25 +97,38 @@ class Problem:
     @property
     def base_block(self) -> F:
         """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
-        return self.design[:, :, : self.n_base] if self.n_base else self.apart
+        return self.design[:, :, : self.n_base] if self.n_base else self.projected_base
 
     @cached_property
     def equations(self) -> tuple[F, F]:
-        """G and c over all groups, divided by the noise scale; not to be written into."""
-        matrix, vector, _ = self.gram.total()
+        """Matrix (K, K) and vector (K,) of all rows over the noise scale; do not change them."""
+        if self.reduced is not None:
+            return self.reduced
+        matrix, vector, _ = self.normal.total()
         return matrix / self.scale, vector / self.scale
+
+    def without_rows(self, rows: I) -> Problem:
+        """Return the problem with the normal equations of all rows but these."""
+        root = np.sqrt(self.weights[rows])[:, None]
+        flat = (self.design[rows] * root[:, :, None]).reshape(-1, self.design.shape[2])
+        matrix, vector = self.equations
+        response = (self.response[rows] * root).ravel()
+        return replace(
+            self,
+            reduced=(matrix - flat.T @ flat / self.scale, vector - flat.T @ response / self.scale),
+        )
 
     @cached_property
     def leading(self) -> I:
-        """Columns of each effect's best shape: what stays is noise, and enough of it is left."""
-        matrix, vector, _ = self.gram.total()
+        """Columns of each effect's best shape: what they do not explain is noise."""
+        matrix, vector, _ = self.normal.total()
         left = projected_out(matrix, vector, self.base_index)
-        offered = (*self.candidates, *self.shadows)
-        found = explained_by_blocks(
+        offered = (*self.candidates, *self.imitators)
+        gains = explained_by_blocks(
             (matrix, vector), left, [candidate.columns for candidate in offered]
         )
         best: dict[str, tuple[float, Candidate]] = {}
-        for candidate, gain in zip(offered, found.tolist(), strict=True):
+        for candidate, gain in zip(offered, gains.tolist(), strict=True):
             if candidate.id not in best or gain > best[candidate.id][0]:
                 best[candidate.id] = (gain, candidate)
         return np.array([c for _, item in best.values() for c in item.columns], dtype=np.int64)
@@ -130,11 +136,16 @@ class Problem:
     @cached_property
     def signs(self) -> F:
         """(K,) 1 where a coefficient may not be negative, -1 where not positive, else 0."""
-        found = np.zeros(self.gram.rows.shape[1])
-        for item in (*self.candidates, *self.shadows):
+        signs = np.zeros(self.normal.rows.shape[1])
+        for item in (*self.candidates, *self.imitators):
             for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
-                found[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
-        return found
+                signs[column] = float(parameter.lower >= 0.0) - float(parameter.upper <= 0.0)
+        return signs
+
+    @cached_property
+    def smooth_columns(self) -> F:
+        """(N, m, q) smooth functions that stand for any structure; see `omnibus_columns`."""
+        return omnibus_columns(self)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -143,9 +154,27 @@ class Problem:
 
 
 def assemble(
-    base: StiffnessMap, table: Table, effects: Sequence[Effect], noise: Noise | None
+    base: StiffnessMap,
+    table: Table,
+    effects: Sequence[Effect],
+    noise: Noise | None = None,
+    settings: DiagnosisSettings = DEFAULTS,
 ) -> Problem:
-    """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested."""
+    """Fit the base, estimate the noise, whiten, weight, and drop what cannot be tested.
+
+    Parameters
+    ----------
+    base
+        Map against which effects are named.
+    table
+        Measured rows, N of them.
+    effects
+        Effects to test.
+    noise
+        Noise of the rows; default: estimated from repeats, else declared or assumed.
+    settings
+        Limits of the procedure.
+    """
     rows = Rows(table, base)
     if noise is None:
         base = joint_fit(base, (), table, declared_or_fitted(base, table)).base
@@ -154,38 +183,33 @@ def assemble(
     fit = joint_fit(base, (), table, noise)
     base, rows = fit.base, fit.rows
     whitener = whiteners(noise.covariance(rows, base.error))
-    response = fit.whitened
     base_block = np.einsum("nij,njk->nik", whitener, base_columns(rows, base))
-    found, untestable = all_score_columns(rows, whitener, effects)
-    plain = np.ones(len(table))
-    basis = basis_of(base_block, plain)
-    left = projected_columns(response[:, :, None], basis, plain)[:, :, 0]
-    first = leading_shapes(found, left, basis, plain)
-    weights = robust_weights(response, [base_block, *(item.columns for item in first)])
-    root = np.sqrt(weights)
-    basis = basis_of(base_block, root)
-    left = projected_columns(response[:, :, None], basis, root)[:, :, 0]
-    found += refined_shapes(rows, whitener, left, found, basis=basis, root=root)
-    kept, absorbed = without_absorbed(found, basis, root, base.kind)
-    untestable |= absorbed
-    apart = base_block[:, :, :0]
-    if base_block.shape[2] > _MOST_BASE_IN_GRAM:
+    columns = effect_columns(
+        rows,
+        effects,
+        whitener=whitener,
+        response=fit.whitened,
+        base_block=base_block,
+        base_kind=base.kind,
+        settings=settings,
+    )
+    response, kept, projection = fit.whitened, columns.kept, columns.projection
+    projected = base_block[:, :, :0]
+    if base_block.shape[2] > settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
-        response = left
-        kept = [replace(t, columns=orthogonalised(t.columns, basis, root)) for t in kept]
-        apart = basis.reshape(*response.shape, -1) / root[:, None, None]
+        response = projection.rest(response[:, :, None])[:, :, 0]
+        kept = [replace(one, columns=projection.orthogonalised(one.columns)) for one in kept]
+        projected = projection.basis.reshape(*response.shape, -1) / projection.root[:, None, None]
         base_block = base_block[:, :, :0]
-    design = np.concatenate([base_block, *(item.columns for item in kept)], axis=2)
+    design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
     norms = np.sqrt((design**2).sum(axis=(0, 1)))
     norms = np.where(norms > 0.0, norms, 1.0)
     design = design / norms
-    candidates: list[Candidate] = []
-    shadows: list[Candidate] = []
-    at = base_block.shape[2]
-    for item in kept:
-        columns = tuple(range(at, at + item.columns.shape[2]))
-        (shadows if item.shadow else candidates).append(Candidate(item.effect, columns))
-        at = columns[-1] + 1
+    ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)
+    placed = [
+        (one.imitates, Candidate(one.effect, tuple(range(end - one.columns.shape[2], end))))
+        for one, end in zip(kept, ends.tolist(), strict=True)
+    ]
     groups = row_groups(table)
     problem = Problem(
         table=table,
@@ -193,7 +217,7 @@ def assemble(
         rows=rows,
         noise=noise,
         fit=fit,
-        weights=weights,
+        weights=columns.weights,
         groups=groups,
         scored=is_pose_row(table),
         whitener=whitener,
@@ -201,19 +225,20 @@ def assemble(
         design=design,
         norms=norms,
         n_base=base_block.shape[2],
-        apart=apart,
-        candidates=tuple(candidates),
-        shadows=tuple(shadows),
-        untestable=untestable,
-        gram=NormalEquations.of(design, response, groups, weights),
+        projected_base=projected,
+        candidates=tuple(candidate for imitates, candidate in placed if not imitates),
+        imitators=tuple(candidate for imitates, candidate in placed if imitates),
+        untestable=columns.untestable,
+        normal=NormalEquations.of(design, response, groups, columns.weights),
         scale=1.0,
         base_error=_base_error(base, rows, whitener),
+        settings=settings,
     )
     return _scaled(problem)
 
 
 def _scaled(problem: Problem) -> Problem:
-    """With the variance that neither candidates nor smooth features explain."""
+    """Return the problem with the variance that neither effects nor smooth functions explain."""
     most = max(1, problem.size // (3 * problem.response.shape[1]))
     everything = np.concatenate(
         [problem.design[:, :, problem.leading], omnibus_columns(problem, most)], axis=2
@@ -221,13 +246,13 @@ def _scaled(problem: Problem) -> Problem:
     test = omnibus_test(problem.response, everything, problem.base_block, problem.weights)
     if test.dof_error <= 0:
         return problem
-    # Where nothing is known of the noise the spread of the base's residual stands for it.
+    # Where nothing is known of the noise, it is taken from the residual: then it may be tiny.
     least = 1e-6 if problem.noise.components and problem.noise.source == "assumed" else 0.25
     return replace(problem, scale=float(np.clip(test.rest / test.dof_error, least, np.inf)))
 
 
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:
-    """The problem with the columns of more effects appended, and where they stand."""
+    """Return the problem with the columns of more effects appended, and their candidates."""
     blocks = [score_columns(problem.rows, problem.whitener, effect) for effect in effects]
     norms = [np.sqrt((block**2).sum(axis=(0, 1))) for block in blocks]
     at = problem.design.shape[2]
@@ -241,13 +266,13 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
         problem,
         design=design,
         norms=np.concatenate([problem.norms, *norms]),
-        gram=NormalEquations.of(design, problem.response, problem.groups, problem.weights),
+        normal=NormalEquations.of(design, problem.response, problem.groups, problem.weights),
     )
     return wider, candidates
 
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:
-    """(N, m, q) whitened smooth functions, each in each component."""
+    """Return (N, m, q) whitened smooth functions of pose and covariates, in each component."""
     n, m = problem.response.shape
     values, _ = features(problem.rows, max(1, min(most, 90, n // 3)))
     blocks = [problem.whitener[:, :, j : j + 1] * values[:, None, :] for j in range(m)]

@@ -1,42 +1,69 @@
-"""diagnose: gate, rank, search, accept, classes, verdict (the steps of the procedure)."""
+"""The procedure, top to bottom: gate, rank, search, accept, classify, verdict.
+
+Each stage is a function that can be called by itself; what it returns is the input of the next.
+
+    prepared = prepare(model, table)                    rows and effects
+    base = choose_base(model, prepared.table)           a base that cannot absorb the effects
+    problem = assemble(base, table, effects)            whitened residual and score columns
+    first = gate(problem)                               is anything missing?
+    ranking = rank(problem)                             score test of each effect
+    chosen = search(problem, ranking)                   the smallest set that explains it
+    accepted = accept(problem, chosen)                  what passes every check, with its class
+    left = leftover(problem, first, accepted.effects)   is anything still missing?
+    accepted = classify(problem, accepted, left)        which names stand alone
+    final = verdict(problem, first, accepted, left)     none, named, ambiguous or unknown
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy import special
-
-from ecm.comparison.covariates import confounded_with_order, derived_columns
-from ecm.comparison.run_outliers import run_outliers
-from ecm.comparison.signature import signature_shares
-from ecm.diagnosis.accept import held_out_rms, kind_of
+from ecm.diagnosis.accept import Accepted, accept, fullest_forms
 from ecm.diagnosis.base import choose_base
-from ecm.diagnosis.check import never_excited
-from ecm.diagnosis.confusion import confusable_pairs
-from ecm.diagnosis.decide import decide, decide_against_energy, modulus_warning
-from ecm.diagnosis.detection_limits import detection_limits
-from ecm.diagnosis.next_experiment import next_experiments
-from ecm.diagnosis.noise_effects import tested_noise
-from ecm.diagnosis.problem import Candidate, Problem
-from ecm.diagnosis.refinement import held_out_by_fold, refinements
-from ecm.diagnosis.search import Ranked
-from ecm.diagnosis.verdict import Diagnosis
-from ecm.effects import Effect, Missing, all_effects, get_effect
-from ecm.errors import InputError
-from ecm.models.history import Ceiling, ceiling_rms
-from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
+from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.gate import Gate, Leftover, gate, leftover
+from ecm.diagnosis.noise_effects import NoiseFinding, noise_findings, with_load_growth
+from ecm.diagnosis.preparation import Prepared, prepare
+from ecm.diagnosis.problem import Candidate, Problem, assemble
+from ecm.diagnosis.report import report
+from ecm.diagnosis.result import Diagnosis
+from ecm.diagnosis.search import Ranked, rank, search
+from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.effects import Effect
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.by_degree import symmetric_energy
+from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.f_test import FTest
-from ecm.regression.folds import distinct_rows, held_out_by, rows_without_zero_readings
 from ecm.regression.noise import Noise
-from ecm.regression.sensor_zero import zero_times
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
+    from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The functions that `diagnose` calls in turn; replace one to study what it does."""
+
+    assemble: Callable[..., Problem] = assemble
+    noise: Callable[[Problem, Sequence[Effect]], list[NoiseFinding]] = noise_findings
+    gate: Callable[[Problem], Gate] = gate
+    rank: Callable[[Problem], list[Ranked]] = rank
+    search: Callable[[Problem, Sequence[Ranked]], tuple[Candidate, ...]] = search
+    accept: Callable[[Problem, Sequence[Candidate], int], Accepted] = accept
+    leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
+    classify: Callable[[Problem, Accepted, Leftover], Accepted] = classify
+    verdict: Callable[..., Verdict] = verdict
+    describe: Callable[..., Unknown] = describe_residual
+
+
+STAGES = Stages()
+"""The procedure as it stands."""
 
 
 @one_blas_thread()
@@ -47,215 +74,168 @@ def diagnose(
     seed: int = 0,
     effects: Sequence[str | Effect] | None = None,
     noise: Noise | None = None,
+    settings: DiagnosisSettings = DEFAULTS,
+    stages: Stages = STAGES,
 ) -> Diagnosis:
-    """Which physical effect the measurements hold and the model does not.
+    """Find the physical effects that the measurements hold and the model does not.
 
     Parameters
     ----------
+    model
+        The model as it stands; a physics model is also the base that effects are named against.
+    table
+        Measurements; at least 8 rows.
     seed
-        Of the bootstraps.
+        Seed of the random generator of the bootstraps.
     effects
-        Ids or effects to test; default all that are registered.
+        Ids or effects to test; default: all that are registered.
     noise
         Noise of the rows, where it is known better than the table tells.
+    settings
+        Limits of the procedure.
+    stages
+        Functions of the procedure, to replace one of them.
+
+    Returns
+    -------
+    Diagnosis
+        Verdict, ranking, classes, what cannot be tested, the next experiment.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows, or an effect is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> noise = 0.01 * np.random.default_rng(0).standard_normal(12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + noise})
+    >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
+    'none'
     """
-    if len(table.measured()) < 8:
-        raise InputError(
-            f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least 8"
-        )
-    table = table.with_length(model.base.length_m or model.length_m)
-    kept = rows_without_zero_readings(table)
-    distinct = distinct_rows(table.select(kept))
-    copies, kept = len(kept) - len(distinct), kept[distinct]
-    table = replace(table.select(kept), zeros_s=zero_times(table))
-    tested = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
-    carried = {item.id for item in model.effects}
-    held = {
-        effect.id: Missing("the model holds it already", "refit without it first")
-        for effect in tested
-        if effect.id in carried
-    }
-    tested = [effect for effect in tested if effect.id not in held]
-    own = _without(model, table)
-    found = decide(choose_base(model, table), own, tested, noise, seed)
-    found = decide_against_energy(found, own, tested, noise, seed)
-    problem, accepted, classes = found.problem, found.accepted, found.classes
-    verdict, unknown = found.verdict, found.unknown
-    final = joint_fit(
-        problem.base,
-        [item.effect for item in accepted],
-        problem.table,
-        problem.noise,
-        row_weights=problem.weights,
-    )
-    ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
-    return Diagnosis(
-        verdict=verdict,
-        answer=tuple(tuple(m) for m in classes) if verdict in ("named", "ambiguous") else (),
-        effects=final.effects,
-        base={"kind": problem.base.kind, "error_over_noise": problem.base_error},
-        noise=problem.noise.to_dict()
-        | {
-            "effects": [item.to_dict() for item in found.scatter],
-            "tested": [effect.id for effect in tested_noise(problem, tested)],
-        },
-        gate=found.gate,
-        ranking=tuple(_row(problem, item) for item in found.ranked),
-        checks=tuple(found.checks),
-        confusable=tuple(tuple(pair) for pair in confusable_pairs(problem)),
-        not_testable=tuple(
-            {"id": id, "reason": lacking.reason, "record": lacking.record}
-            for id, lacking in (problem.untestable | held).items()
-        ),
-        detection_limits=detection_limits(problem),
-        unknown=unknown,
-        rmse=_rmse(model, table, problem, final, ceiling),
-        held_out=_held_out(problem, accepted, ceiling),
-        further=tuple(item.to_dict() for item in refinements(problem, accepted)),
-        signature=signature_shares(
-            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
-        ),
-        next_experiment=tuple(next_experiments(problem, accepted, classes)),
-        outliers=tuple(int(kept[i]) for i in np.flatnonzero(problem.weights < 0.5)),
+    decision = find_missing(
+        model,
+        table,
         seed=seed,
-        upper_bound=_upper_bound(problem, found.smooth),
-        warnings=(*_warnings(problem, copies), *found.warnings),
-        left=found.left,
+        effects=effects,
+        noise=noise,
+        settings=settings,
+        stages=stages,
+    )
+    return report(decision, model, seed)
+
+
+@one_blas_thread()
+def find_missing(
+    model: Model,
+    table: Table,
+    *,
+    seed: int = 0,
+    effects: Sequence[str | Effect] | None = None,
+    noise: Noise | None = None,
+    settings: DiagnosisSettings = DEFAULTS,
+    stages: Stages = STAGES,
+) -> Decision:
+    """Go through the stages up to the verdict, without the parts of the report.
+
+    Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
+    effects are named against the symmetric energy model instead.
+    """
+    prepared = prepare(model, table, effects)
+
+    def against(base: StiffnessMap) -> Decision:
+        return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
+
+    decision = against(choose_base(model, prepared.table))
+    if not may_be_another_body(decision):
+        return decision
+    return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)
+
+
+def decide(
+    base: StiffnessMap,
+    prepared: Prepared,
+    *,
+    seed: int = 0,
+    noise: Noise | None = None,
+    settings: DiagnosisSettings = DEFAULTS,
+    stages: Stages = STAGES,
+) -> Decision:
+    """Go through the stages against one base."""
+    table, effects = prepared.unexplained, prepared.effects
+    problem = stages.assemble(base, table, effects, noise, settings)
+    noise_effects = stages.noise(problem, effects)
+    grown = with_load_growth(problem.noise, noise_effects)
+    if grown is not problem.noise:
+        problem = stages.assemble(problem.base, problem.table, effects, grown, settings)
+
+    first = stages.gate(problem)
+    ranking = stages.rank(problem)
+    chosen = stages.search(problem, ranking)
+    accepted = stages.accept(problem, chosen, seed)
+    left = stages.leftover(problem, first, accepted.effects)
+    if accepted.effects and left.remains:
+        # Fuller forms of the same effects may explain what is left.
+        fullest = fullest_forms(problem, accepted.effects)
+        if not stages.leftover(problem, first, fullest).remains:
+            again = stages.accept(problem, fullest, seed)
+            if len(again.effects) == len(accepted.effects) and all(
+                len(members) <= settings.most_in_class for members in again.classes
+            ):
+                accepted = again
+                left = stages.leftover(problem, first, accepted.effects)
+    accepted = stages.classify(problem, accepted, left)
+    final = stages.verdict(problem, first, accepted, left, describe=stages.describe)
+    return Decision(
+        prepared=prepared,
+        problem=problem,
+        noise_effects=tuple(noise_effects),
+        gate=first,
+        ranking=tuple(ranking),
+        accepted=final.accepted,
+        left=left,
+        verdict=final.headline,
+        unknown=final.unknown,
     )
 
 
-def _without(model: Model, table: Table) -> Table:
-    """The table without what the model's effects explain already."""
-    if not model.effects:
-        return table
-    from ecm.effects import Rows
+def may_be_another_body(decision: Decision) -> bool:
+    """Whether the physics of the stated body leaves so much that it may be another body.
 
-    rows = Rows(table, model.base)
-    correction = sum(item.effect.correction(rows, item.values) for item in model.effects)
-    left = {
-        name: table.column(name) - np.asarray(correction)[:, j]
-        for j, name in enumerate(model.outputs)
-    }
-    return table.with_columns(left)
-
-
-def _upper_bound(problem: Problem, test: FTest) -> float:
-    """95 % bound on the rms strength that the omnibus leaves possible.
-
-    At least the bound of an F as noise alone gives on the average: by a small one, which is chance,
-    a strength would be ruled out that the test cannot see.
+    As long as such structure stands above the noise it hides everything else, and effects that can
+    imitate a little of it are named for the rest of it.
     """
-    if not np.isfinite(test.F) or test.dof_error <= 2.0:
-        return float("inf")
-    found = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
-    low, high = 0.0, 4.0 * found + 200.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if float(special.chndtr(found, test.dof, middle)) > 0.05:
-            low = middle
-        else:
-            high = middle
-    return float(np.sqrt(high / problem.size))
+    problem, table = decision.problem, decision.prepared.unexplained
+    settings = problem.settings
+    known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
+    if not isinstance(problem.base, PhysicsMap) or not known or modulus_warning(problem):
+        return False
+    single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
+    least = settings.other_body_single if single else settings.other_body_several
+    return decision.strength_left >= least
 
 
-def _row(problem: Problem, item: Ranked) -> dict[str, Any]:
-    """One line of the ranking: the best determined parameter stands for the size."""
-    from ecm.diagnosis.search import estimate, normal_equations
+def against_energy(physics: Decision, energy: Decision, stages: Stages = STAGES) -> Decision:
+    """Choose between the verdicts against the stated body and the symmetric energy model.
 
-    theta, covariance, columns = estimate(problem, normal_equations(problem), [item.candidate])
-    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    place = {column: i for i, column in enumerate(columns)}
-    parameters = item.candidate.effect.parameters
-    ratios = [abs(theta[place[c]]) / sd[place[c]] for c in item.candidate.columns]
-    best = int(np.argmax(ratios))
-    column = item.candidate.columns[best]
-    n = problem.size
-    _, _, total = problem.gram.total()
-    now = total / problem.scale
-    return {
-        "id": item.candidate.id,
-        "p": item.p,
-        "delta_bic": item.delta_bic,
-        "parameter": parameters[best].name,
-        "size": float(theta[place[column]] / problem.norms[column]),
-        "sd": float(sd[place[column]] / problem.norms[column]),
-        "unit": parameters[best].unit,
-        "expected_fall": float(np.sqrt(now / n) - np.sqrt(max(now - item.drop, 0.0) / n)),
-    }
-
-
-def _held_out(
-    problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None
-) -> dict[str, Any]:
-    """Whitened rms on held-out rows, and of the ceiling; of a continuous test also run by run."""
-    found: dict[str, Any] = {
-        "before": held_out_rms(problem, (), kind_of(accepted)),
-        "after": held_out_rms(problem, accepted),
-    }
-    if ceiling is not None:
-        found["ceiling"] = ceiling.whitened
-    if held_out_by(problem.table, "time") == "run":
-        before = held_out_by_fold(problem, ())
-        after = held_out_by_fold(problem, accepted)
-        runs = np.unique(problem.table.column("run")).astype(int).tolist()
-        found["by_run"] = [
-            {"run": run, "before": float(b), "after": float(a)}
-            for run, b, a in zip(runs, before, after, strict=True)
-        ]
-    return found
-
-
-def _rmse(
-    model: Model, table: Table, problem: Problem, final: JointFit, ceiling: Ceiling | None
-) -> dict[str, dict[str, float]]:
-    """Per component: the model as given, after the accepted effects, the noise floor, the ceiling.
-
-    The ceiling is that of the base, on held-out rows; empty where the poses are not all there.
+    What the physics leaves and the energy explains is elasticity or geometry that keeps the
+    symmetry (`ecm.comparison.reference_models`): then the stated body is not the measured one.
     """
-    scored = problem.scored
-    names = problem.base.outputs
-    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
-    before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
-    after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
-    covariance = problem.noise.covariance(problem.rows, problem.base.error)
-    floor = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
-    reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
-    return {
-        "before": dict(zip(model.outputs, before.tolist(), strict=True)),
-        "after": dict(zip(names, after.tolist(), strict=True)),
-        "floor": dict(zip(names, floor.tolist(), strict=True)),
-        "ceiling": reached,
-    }
-
-
-def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
-    found = [
-        run.sentence()
-        for run in run_outliers(problem.table, problem.base.inputs, problem.base.outputs)
-    ]
-    own = (problem.table, problem.base.inputs, problem.base.outputs)
-    if out := derived_columns(*own):
-        found.append(f"not offered as causes, computed from pose and reading: {', '.join(out)}")
-    if together := confounded_with_order(*own):
-        found.append(
-            f"{' and '.join(together)} and time cannot be separated: rows come in that order"
-        )
-    if silent := never_excited(problem.table):
-        found.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
-    if copies:
-        found.append(f"{copies} rows repeat an earlier row to the last digit: left out")
-    if modulus_warning(problem):
-        found.append(modulus_warning(problem))
-    if problem.noise.source == "assumed":
-        found.append("the noise is assumed: record repeats, or give [instrument] figures")
-    if problem.scale > 1.5:
-        found.append(
-            f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
-            f"{problem.noise.source}: every p allows for it"
-        )
-    if problem.base_error > 0.15:
-        found.append(
-            f"the base's own error is {problem.base_error:.2f} of the noise, above 0.15: "
-            "names are less sure"
-        )
-    return tuple(found)
+    problem = physics.problem
+    taken = 1.0 - energy.left.beyond_chance / physics.left.beyond_chance
+    if taken < problem.settings.taken_by_energy:
+        return physics
+    words = (
+        f"the stated body is not the one that was measured: with E and nu free it leaves "
+        f"{physics.strength_left:.2g} times the noise, of which a symmetric energy model takes "
+        f"{taken:.0%}: elasticity or geometry that keeps the symmetry"
+    )
+    advice = "names are against the energy model; fit energy6, or mend [mechanism]"
+    energy = replace(energy, warnings=(f"{words}; {advice}",))
+    if energy.verdict != "none":
+        return energy
+    everything = stages.describe(problem, problem.response, (), physics.gate.structure)
+    return replace(energy, verdict="unknown", unknown=replace(everything, words=words))

@@ -1,4 +1,4 @@
-"""Whitened tangent columns of the effects, screened against the base."""
+"""Score columns: whitened derivatives of the effects' corrections, screened against the base."""
 
 from __future__ import annotations
 
@@ -8,18 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.regression.f_test import explained_by_span
 
-ABSORBED = 0.9
-ABSORBED_BY_PHYSICS = 0.995
-"""A physics base has one or two coefficients, no surplus that could swallow a form by chance: what
-it leaves of an effect is still the effect's own."""
-_OUTLIER_CHANCE = 1e-4
 _ROUNDING = 1e-9
-_REFINEMENTS = 4
 
 
 @dataclass(frozen=True)
@@ -29,15 +24,111 @@ class ScoreColumns:
     effect: Effect
     columns: F
     """(N, m, k) whitened derivative of the correction at zero."""
-    shadow: bool
-    """Its data are not there, but its columns are: it may stand behind another's name."""
+    imitates: bool
+    """It cannot be tested with these data, but its columns may look like another effect."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The directions of the base among weighted rows."""
+
+    basis: F
+    """(N m, b) orthonormal."""
+    root: F
+    """(N,) square roots of the rows' weights."""
+
+    @staticmethod
+    def of(block: F, root: F) -> Projection:
+        """Return the projection for whitened base columns (N, m, b)."""
+        flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
+        if flat.shape[1] == 0:
+            return Projection(flat, root)
+        norms = np.sqrt((flat**2).sum(axis=0))
+        q, r = np.linalg.qr(flat / np.where(norms > 0.0, norms, 1.0))
+        return Projection(np.asarray(q[:, np.abs(np.diag(r)) > 1e-10]), root)
+
+    def flat(self, columns: F) -> F:
+        """Return (N m, k) weighted columns."""
+        return (columns * self.root[:, None, None]).reshape(-1, columns.shape[2])
+
+    def rest(self, columns: F) -> F:
+        """Return the columns (N, m, k) without their part in the base; weights stay outside."""
+        flat = self.flat(columns)
+        left = flat - self.basis @ (self.basis.T @ flat)
+        safe = np.where(self.root > 0.0, self.root, 1.0)
+        return np.asarray(left.reshape(columns.shape) / safe[:, None, None])
+
+    def orthogonalised(self, columns: F) -> F:
+        """Return the same, with zeros where only rounding errors of a column are left."""
+        left = self.rest(columns)
+        before, after = (np.sqrt((part**2).sum(axis=(0, 1))) for part in (columns, left))
+        return np.where(after > _ROUNDING * before, left, 0.0)
+
+    def absorbed(self, columns: F) -> float:
+        """Return the share that the base takes of the effect's best visible parameter."""
+        flat = self.flat(columns)
+        total = (flat**2).sum(axis=0)
+        inside = ((self.basis.T @ flat) ** 2).sum(axis=0)
+        shares = np.where(total > 0.0, inside / np.where(total > 0.0, total, 1.0), 1.0)
+        return float(shares.min(initial=1.0))
+
+    def explained(self, columns: F, response: F) -> float:
+        """Return the squares of the weighted response (N m,) that columns add to the base."""
+        flat = self.flat(columns)
+        return explained_by_span(flat - self.basis @ (self.basis.T @ flat), response)[0]
+
+
+@dataclass(frozen=True)
+class EffectColumns:
+    """The columns that are compared, and the weights and base directions they rest on."""
+
+    kept: list[ScoreColumns]
+    untestable: dict[str, Missing]
+    weights: F
+    """(N,) robust weight of each row."""
+    projection: Projection
+
+
+def effect_columns(
+    rows: Rows,
+    effects: Sequence[Effect],
+    *,
+    whitener: F,
+    response: F,
+    base_block: F,
+    base_kind: str,
+    settings: DiagnosisSettings,
+) -> EffectColumns:
+    """Return the columns of all effects that the base does not absorb, with robust weights.
+
+    Parameters
+    ----------
+    whitener
+        (N, m, m) of the rows.
+    response
+        (N, m) whitened residual of the base.
+    base_block
+        (N, m, b) whitened columns of the base.
+    base_kind
+        "physics", "energy" or "polynomial".
+    """
+    every, untestable = all_score_columns(rows, whitener, effects)
+    first = _leading_shapes(every, response, Projection.of(base_block, np.ones(len(response))))
+    blocks = [base_block, *(one.columns for one in first)]
+    weights = robust_weights(response, blocks, settings.outlier_chance)
+    projection = Projection.of(base_block, np.sqrt(weights))
+    every += _refined_shapes(
+        rows, whitener, response, every, projection, rounds=settings.shape_refinements
+    )
+    kept, absorbed = _not_absorbed(every, projection, base_kind, settings)
+    return EffectColumns(kept, untestable | absorbed, weights, projection)
 
 
 def all_score_columns(
     rows: Rows, whitener: F, effects: Sequence[Effect]
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
-    """Every variant of every effect that has columns, and what cannot be tested."""
-    found: list[ScoreColumns] = []
+    """Return every variant of every effect that has columns, and what cannot be tested."""
+    columns: list[ScoreColumns] = []
     untestable: dict[str, Missing] = {}
     for effect in effects:
         lacking = effect.missing(rows.table)
@@ -46,54 +137,62 @@ def all_score_columns(
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             continue
         variants = effect.variants(rows.table) if lacking is None else (effect,)
-        shadow = lacking is not None
         try:
-            found += [ScoreColumns(v, score_columns(rows, whitener, v), shadow) for v in variants]
+            columns += [
+                ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
+                for v in variants
+            ]
         except InputError:
             if rows.has_length:
                 raise
             untestable[effect.id] = Missing(
                 "the mechanism's length is not known", "[mechanism] length_m"
             )
-    return found, untestable
+    return columns, untestable
 
 
 def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
-    """(N, m, k) whitened derivative of the correction at zero."""
+    """Return (N, m, k) whitened derivative of the effect's correction at zero."""
     jacobian = effect.jacobian(rows, np.zeros(len(effect.parameters)))
     return np.asarray(np.einsum("nij,njk->nik", whitener, jacobian))
 
 
-def leading_shapes(
-    found: Sequence[ScoreColumns], response: F, basis: F, root: F
+def _leading_shapes(
+    every: Sequence[ScoreColumns], response: F, projection: Projection
 ) -> list[ScoreColumns]:
-    """Of each effect the shape that explains most of the response (N, m), beyond the base."""
-    y = (response * root[:, None]).ravel()
+    """Return the shape of each effect that explains most of the response beyond the base."""
+    y = _rest_of_response(response, projection)
     best: dict[str, tuple[float, ScoreColumns]] = {}
-    for item in found:
-        gain = _gain(item.columns, y, basis, root)
+    for item in every:
+        gain = projection.explained(item.columns, y)
         if item.effect.id not in best or gain > best[item.effect.id][0]:
             best[item.effect.id] = (gain, item)
     return [item for _, item in best.values()]
 
 
-def refined_shapes(
-    rows: Rows, whitener: F, response: F, found: list[ScoreColumns], *, basis: F, root: F
+def _refined_shapes(
+    rows: Rows,
+    whitener: F,
+    response: F,
+    every: list[ScoreColumns],
+    projection: Projection,
+    *,
+    rounds: int,
 ) -> list[ScoreColumns]:
-    """With shapes between the best of a coarse grid and its neighbours, the best appended."""
-    y = (response * root[:, None]).ravel()
+    """Return better shapes between the best of a coarse grid and its neighbours."""
+    y = _rest_of_response(response, projection)
     added: list[ScoreColumns] = []
-    for id in dict.fromkeys(item.effect.id for item in found if not item.shadow):
-        own = [item for item in found if item.effect.id == id]
+    for id in dict.fromkeys(item.effect.id for item in every if not item.imitates):
+        own = [item for item in every if item.effect.id == id]
         if not any(item.effect.refined(rows.table, 0) for item in own):
             continue
-        gains = [_gain(item.columns, y, basis, root) for item in own]
+        gains = [projection.explained(item.columns, y) for item in own]
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
-        for round_ in range(_REFINEMENTS):
+        for round_ in range(rounds):
             for shape in first.effect.refined(rows.table, round_):
                 trial = ScoreColumns(shape, score_columns(rows, whitener, shape), False)
-                gain = _gain(trial.columns, y, basis, root)
+                gain = projection.explained(trial.columns, y)
                 if gain > best:
                     best, first = gain, trial
         if first is not start:
@@ -101,52 +200,47 @@ def refined_shapes(
     return added
 
 
-def _gain(columns: F, y: F, basis: F, root: F) -> float:
-    """Sum of squares of y, which the base has left, that the columns explain beside the base."""
-    flat = (columns * root[:, None, None]).reshape(len(y), -1)
-    return explained_by_span(flat - basis @ (basis.T @ flat), y)[0]
+def _rest_of_response(response: F, projection: Projection) -> F:
+    """Return (N m,) weighted response without its part in the base."""
+    left = projection.rest(response[:, :, None])[:, :, 0]
+    return np.asarray((left * projection.root[:, None]).ravel())
 
 
-def without_absorbed(
-    found: Sequence[ScoreColumns], basis: F, root: F, base_kind: str
+def _not_absorbed(
+    every: Sequence[ScoreColumns],
+    projection: Projection,
+    base_kind: str,
+    settings: DiagnosisSettings,
 ) -> tuple[list[ScoreColumns], dict[str, Missing]]:
-    """Those that the base does not absorb; the others with the share that it takes."""
-    most = ABSORBED_BY_PHYSICS if base_kind == "physics" else ABSORBED
+    """Return the columns that the base does not absorb, and why the others are left out."""
+    physics = base_kind == "physics"
+    most = settings.absorbed_by_physics if physics else settings.absorbed_share
     kept: list[ScoreColumns] = []
     absorbed: dict[str, Missing] = {}
-    for item in found:
-        share = _absorbed(item.columns, basis, root)
-        if share <= (ABSORBED if item.shadow else most):
+    for item in every:
+        share = projection.absorbed(item.columns)
+        if share <= (settings.absorbed_share if item.imitates else most):
             kept.append(item)
-        elif not item.shadow:
+        elif not item.imitates:
             absorbed[item.effect.id] = Missing(
                 f"the base absorbs it ({100.0 * share:.0f} %)",
-                "[mechanism], so that the physics model is the base"
-                if base_kind != "physics"
-                else "pure axial and pure torsion poses, or a second specimen",
+                "pure axial and pure torsion poses, or a second specimen"
+                if physics
+                else "[mechanism], so that the physics model is the base",
             )
     seen = {item.effect.id for item in kept}
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
 
 
-def _absorbed(columns: F, basis: F, root: F) -> float:
-    """Share that the base takes of the effect's best visible parameter."""
-    flat = (columns * root[:, None, None]).reshape(basis.shape[0], -1)
-    whole = (flat**2).sum(axis=0)
-    inside = ((basis.T @ flat) ** 2).sum(axis=0)
-    shares = np.where(whole > 0.0, inside / np.where(whole > 0.0, whole, 1.0), 1.0)
-    return float(shares.min(initial=1.0))
-
-
-def robust_weights(response: F, blocks: Sequence[F]) -> F:
-    """(N,) weight of each row: rows that no column explains and no Gaussian gives count less."""
+def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F:
+    """Return (N,) weights: rows that no column explains and no Gaussian gives count less."""
     n, m = response.shape
     design = np.concatenate(blocks, axis=2)
     norms = np.sqrt((design**2).sum(axis=(0, 1)))
     flat = (design / np.where(norms > 0.0, norms, 1.0)).reshape(n * m, -1)
     if flat.shape[1] >= n * m // 2:
         flat = flat[:, : blocks[0].shape[2]]
-    limit = float(special.chdtri(m, _OUTLIER_CHANCE))
+    limit = float(special.chdtri(m, outlier_chance))
     middle = float(special.chdtri(m, 0.5))
     weights = np.ones(n)
     for _ in range(3):
@@ -161,28 +255,3 @@ def robust_weights(response: F, blocks: Sequence[F]) -> F:
         excess = np.maximum(squares, 1e-12 * limit * scale) / (limit * scale)
         weights = np.minimum(1.0, excess**-2.0)
     return weights
-
-
-def projected_columns(columns: F, basis: F, root: F) -> F:
-    """Columns without their part in the base; the weights stay outside."""
-    safe = np.where(root > 0.0, root, 1.0)
-    flat = (columns * root[:, None, None]).reshape(-1, columns.shape[2])
-    left = flat - basis @ (basis.T @ flat)
-    return np.asarray(left.reshape(columns.shape) / safe[:, None, None])
-
-
-def orthogonalised(columns: F, basis: F, root: F) -> F:
-    """The same, and zero where the base takes all of a column and leaves its rounding errors."""
-    left = projected_columns(columns, basis, root)
-    whole, rest = (np.sqrt((part**2).sum(axis=(0, 1))) for part in (columns, left))
-    return np.where(rest > _ROUNDING * whole, left, 0.0)
-
-
-def basis_of(block: F, root: F) -> F:
-    """Orthonormal basis of weighted columns."""
-    flat = (block * root[:, None, None]).reshape(-1, block.shape[2])
-    if flat.shape[1] == 0:
-        return flat
-    norms = np.sqrt((flat**2).sum(axis=0))
-    q, r = np.linalg.qr(flat / np.where(norms > 0.0, norms, 1.0))
-    return np.asarray(q[:, np.abs(np.diag(r)) > 1e-10])

@@ -1,10 +1,11 @@
-"""Score tests and the search over sets of effects, on normal equations."""
+"""Stages rank and search: score tests, and sets of effects, on normal equations."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -18,30 +19,58 @@ from ecm.regression.normal_equations import (
     solve,
 )
 
-LEAST_BIC = 6.0
-MATERIAL = 0.10
-"""A further effect must explain this share of all that is explained: the leftover of a first one
-whose form is not quite that of the truth (20 to 30 % of it, 4 to 9 % in squares) stays below."""
-_ONE_CAUSE = 0.03
-"""Two effects must explain this share more than any one does: one cause is likelier than two."""
-_MOST_EFFECTS = 4
-_BEAM = 5
-
 
 @dataclass(frozen=True)
 class Ranked:
-    """One effect's score test against a set that is already in."""
+    """Score test of one effect against the effects that are chosen already."""
 
     candidate: Candidate
     drop: float
-    """Fall of the whitened sum of squares over its scale: chi-squared under no effect."""
+    """Delta chi²: fall of the whitened sum of squares over the noise scale."""
     p: float
     delta_bic: float
 
+    @property
+    def id(self) -> str:
+        """The effect's id."""
+        return self.candidate.id
 
-def normal_equations(problem: Problem) -> tuple[F, F]:
-    """G and c over all groups, divided by the noise scale."""
-    return problem.equations
+
+@dataclass(frozen=True)
+class Estimate:
+    """Coefficients of base and chosen effects, fitted together."""
+
+    theta: F
+    """(k,) of the scaled columns: base, then chosen."""
+    columns: tuple[int, ...]
+    """(k,) their places in the design."""
+    matrix: F
+    """(k, k) information."""
+
+    @cached_property
+    def covariance(self) -> F:
+        """(k, k)."""
+        return np.asarray(np.linalg.pinv(self.matrix, hermitian=True))
+
+    def of(self, item: Candidate) -> F:
+        """Return the coefficients of one effect."""
+        return self.theta[[self.columns.index(c) for c in item.columns]]
+
+
+def estimate(problem: Problem, chosen: Sequence[Candidate]) -> Estimate:
+    """Fit base and chosen effects."""
+    columns = _columns(problem, chosen)
+    take = np.asarray(columns, dtype=np.int64)
+    matrix, vector = problem.equations
+    matrix = matrix[np.ix_(take, take)]
+    return Estimate(solve(matrix, vector[take]), columns, matrix)
+
+
+def squares_by_row(problem: Problem, chosen: Sequence[Candidate]) -> F:
+    """Return (N,) weighted squares that base and chosen effects leave of each row."""
+    fit = estimate(problem, chosen)
+    left = problem.response - problem.design[:, :, list(fit.columns)] @ fit.theta
+    return np.asarray(problem.weights * (left**2).sum(axis=1))
 
 
 def _columns(problem: Problem, chosen: Sequence[Candidate]) -> tuple[int, ...]:
@@ -49,28 +78,27 @@ def _columns(problem: Problem, chosen: Sequence[Candidate]) -> tuple[int, ...]:
 
 
 def delta_chi2_of_each(
-    equations: tuple[F, F],
     problem: Problem,
     chosen: Sequence[Candidate],
     candidates: Sequence[Candidate],
 ) -> F:
-    """(c,) what each candidate explains beyond base and chosen, with the signs that it may have."""
-    left = projected_out(*equations, _columns(problem, chosen))
+    """Return (c,) delta chi² of each candidate beside base and chosen, with its allowed signs."""
+    left = projected_out(*problem.equations, _columns(problem, chosen))
     return explained_by_blocks(
-        equations, left, [candidate.columns for candidate in candidates], problem.signs
+        problem.equations, left, [candidate.columns for candidate in candidates], problem.signs
     )
 
 
-def delta_chi2(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
-    """Explained sum of squares of base and chosen effects beyond the base."""
-    return explained_squares(*equations, _columns(problem, chosen)) - explained_squares(
-        *equations, problem.base_index
+def delta_chi2(problem: Problem, chosen: Sequence[Candidate]) -> float:
+    """Return what the chosen effects explain beyond the base."""
+    return explained_squares(*problem.equations, _columns(problem, chosen)) - explained_squares(
+        *problem.equations, problem.base_index
     )
 
 
 def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
-    """Each testable effect's best shape, by the fall of BIC when it joins the chosen."""
-    best = best_shapes(problem, normal_equations(problem), chosen)
+    """Rank the testable effects, each in its best shape, by the fall of BIC beside the chosen."""
+    best = best_shapes(problem, chosen)
     if not best:
         return []
     shapes = Counter(c.id for c in problem.candidates)
@@ -78,20 +106,20 @@ def rank(problem: Problem, chosen: Sequence[Candidate] = ()) -> list[Ranked]:
     chances = _p_values(problem, np.array([drop for _, drop, _ in best]), own)
     # The best of so many shapes: Bonferroni, on the safe side since shapes look alike.
     chances = np.minimum(1.0, chances * np.array([shapes[c.id] for c, _, _ in best]))
-    found = [
+    ranking = [
         Ranked(candidate, drop, float(p), gain)
         for (candidate, drop, gain), p in zip(best, chances, strict=True)
     ]
-    return sorted(found, key=lambda item: -item.delta_bic)
+    return sorted(ranking, key=lambda item: -item.delta_bic)
 
 
 def best_shapes(
-    problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]
+    problem: Problem, chosen: Sequence[Candidate]
 ) -> list[tuple[Candidate, float, float]]:
-    """(candidate, fall, fall of BIC) of each effect's best shape beside the chosen."""
+    """Return (candidate, delta chi², fall of BIC) of each effect's best shape beside the chosen."""
     present = {item.id for item in chosen}
     tried = [c for c in problem.candidates if c.id not in present]
-    drops = delta_chi2_of_each(equations, problem, chosen, tried)
+    drops = delta_chi2_of_each(problem, chosen, tried)
     penalty = float(np.log(problem.size))
     best: dict[str, tuple[Candidate, float, float]] = {}
     for candidate, drop in zip(tried, drops.tolist(), strict=True):
@@ -103,139 +131,138 @@ def best_shapes(
 
 
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
-    """Chance of such falls where nothing is missing but the base's own error.
+    """Return the chance of such falls where nothing is missing but the base's own error.
 
     The base errs by base_error of the noise; an effect may catch a third of that in squares.
     """
     caught = problem.size * problem.base_error**2 / 3.0
     if caught > 1e-6:
-        # Late: scipy.stats takes a second to import, and only its tail is exact far out.
+        # Imported here: scipy.stats takes a second to load, and only its tail is exact far out.
         from scipy.stats import ncx2
 
         return np.asarray(np.clip(ncx2.sf(drops, parameters, caught), 0.0, 1.0))
     return np.asarray(special.chdtrc(parameters, drops))
 
 
-def delta_bic(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> float:
-    """Fall of BIC of a set against the base alone; larger is better."""
+def delta_bic(problem: Problem, chosen: Sequence[Candidate]) -> float:
+    """Return the fall of BIC of a set against the base alone; larger is better."""
     k = sum(item.parameters for item in chosen)
-    return delta_chi2(equations, problem, chosen) - k * float(np.log(problem.size))
+    return delta_chi2(problem, chosen) - k * float(np.log(problem.size))
 
 
 def delta_bic_of_each(
-    equations: tuple[F, F],
     problem: Problem,
     chosen: Sequence[Candidate],
     candidates: Sequence[Candidate],
 ) -> F:
-    """(c,) `delta_bic` of the chosen with each of the candidates beside them."""
+    """Return (c,) `delta_bic` of the chosen with each of the candidates beside them."""
     k = np.array([candidate.parameters for candidate in candidates])
-    found = delta_chi2_of_each(equations, problem, chosen, candidates) - k * np.log(problem.size)
-    return np.asarray(found + delta_bic(equations, problem, chosen))
+    falls = delta_chi2_of_each(problem, chosen, candidates) - k * np.log(problem.size)
+    return np.asarray(falls + delta_bic(problem, chosen))
 
 
-def all_needed(equations: tuple[F, F], problem: Problem, chosen: Sequence[Candidate]) -> bool:
+def all_needed(problem: Problem, chosen: Sequence[Candidate]) -> bool:
     """Whether each effect of a set is needed, by BIC and by its share of what is explained."""
-    whole = delta_chi2(equations, problem, chosen)
+    settings = problem.settings
+    total = delta_chi2(problem, chosen)
     for item in chosen:
         others = [other for other in chosen if other is not item]
-        alone = whole - delta_chi2(equations, problem, others)
-        if alone - item.parameters * np.log(problem.size) < LEAST_BIC:
+        alone = total - delta_chi2(problem, others)
+        if alone - item.parameters * np.log(problem.size) < settings.least_bic:
             return False
-        if others and alone < MATERIAL * whole:
+        if others and alone < settings.material_share * total:
             return False
     return True
 
 
-def search(problem: Problem) -> tuple[Candidate, ...]:
-    """The smallest set that explains the residual: forward beam, all pairs, swaps, pruning."""
-    equations = normal_equations(problem)
-    first = rank(problem)
-    if not first or first[0].delta_bic < LEAST_BIC:
+def search(problem: Problem, ranking: Sequence[Ranked]) -> tuple[Candidate, ...]:
+    """Search the smallest set that explains the residual: all pairs, beam, swaps, pruning.
+
+    Parameters
+    ----------
+    ranking
+        Of `rank(problem)`, best first.
+    """
+    settings = problem.settings
+    if not ranking or ranking[0].delta_bic < settings.least_bic:
         return ()
-    best: tuple[Candidate, ...] = (first[0].candidate,)
-    # Of two strong effects neither need stand out alone: every effect is tried with every other.
+    best: tuple[Candidate, ...] = (ranking[0].candidate,)
+    # Two strong effects may hide each other: every effect is tried with every other.
     sets: list[tuple[Candidate, ...]] = [
         (item.candidate, second)
-        for item in first
-        for second, _, _ in _best_beside(problem, equations, (item.candidate,))
+        for item in ranking
+        for second, _, _ in _best_beside(problem, (item.candidate,))
     ]
-    for size in range(2, _MOST_EFFECTS + 1):
+    for size in range(2, settings.most_effects + 1):
         different = {frozenset(c.columns for c in chosen): chosen for chosen in sets}
-        valued = sorted(
-            different.values(), key=lambda chosen: -delta_bic(equations, problem, chosen)
-        )
+        valued = sorted(different.values(), key=lambda chosen: -delta_bic(problem, chosen))
         good = [
             chosen
-            for chosen in valued[: 4 * _BEAM]
-            if all_needed(equations, problem, chosen) and _allowed(equations, problem, chosen)
+            for chosen in valued[: 4 * settings.beam]
+            if all_needed(problem, chosen) and _allowed(problem, chosen)
         ]
         if not good:
             break
-        gain = delta_bic(equations, problem, good[0]) - delta_bic(equations, problem, best)
-        if gain < LEAST_BIC or (size == 2 and not _beyond_one(problem, equations, good[0])):
+        gain = delta_bic(problem, good[0]) - delta_bic(problem, best)
+        if gain < settings.least_bic or (size == 2 and not _beyond_one(problem, good[0])):
             break
         best = good[0]
-        if size == _MOST_EFFECTS:
+        if size == settings.most_effects:
             break
         sets = [
             (*chosen, candidate)
-            for chosen in good[:_BEAM]
-            for candidate, _, _ in _best_beside(problem, equations, chosen)
+            for chosen in good[: settings.beam]
+            for candidate, _, _ in _best_beside(problem, chosen)
         ]
-    best = _swapped(problem, equations, best)
-    while len(best) > 1 and not _stands(problem, equations, best):
-        # What was exchanged may have left a member that is not needed, or may not be there.
+    best = _swapped(problem, best)
+    while len(best) > 1 and not _is_valid(problem, best):
+        # After an exchange a member may no longer be needed, or allowed.
         fewer = [(*best[:i], *best[i + 1 :]) for i in range(len(best))]
-        best = _swapped(
-            problem, equations, max(fewer, key=lambda chosen: delta_bic(equations, problem, chosen))
-        )
+        best = _swapped(problem, max(fewer, key=lambda chosen: delta_bic(problem, chosen)))
     return best
 
 
-def _stands(problem: Problem, equations: tuple[F, F], chosen: tuple[Candidate, ...]) -> bool:
-    """Whether a set meets all that the forward search asks of one of its size."""
+def _is_valid(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
+    """Whether a set meets all conditions of the forward search."""
     return (
-        all_needed(equations, problem, chosen)
-        and _allowed(equations, problem, chosen)
-        and (len(chosen) != 2 or _beyond_one(problem, equations, chosen))
+        all_needed(problem, chosen)
+        and _allowed(problem, chosen)
+        and (len(chosen) != 2 or _beyond_one(problem, chosen))
     )
 
 
 def _best_beside(
-    problem: Problem, equations: tuple[F, F], chosen: tuple[Candidate, ...]
+    problem: Problem, chosen: tuple[Candidate, ...]
 ) -> list[tuple[Candidate, float, float]]:
-    """The effects that do most beside the chosen, by BIC."""
-    found = best_shapes(problem, equations, chosen)
-    return sorted(found, key=lambda item: -item[2])[:_BEAM]
+    """Return the effects that explain most beside the chosen, by BIC."""
+    shapes = best_shapes(problem, chosen)
+    return sorted(shapes, key=lambda item: -item[2])[: problem.settings.beam]
 
 
-def _allowed(equations: tuple[F, F], problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
-    """Whether effects of one parameter have the sign that theirs may have."""
-    theta, _, columns = estimate(problem, equations, chosen)
-    value = dict(zip(columns, theta.tolist(), strict=True))
+def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
+    """Whether the value of each effect of one parameter has an allowed sign."""
+    fit = estimate(problem, chosen)
     return all(
-        item.effect.parameters[0].allows(value[item.columns[0]])
+        item.effect.parameters[0].allows(float(fit.of(item)[0]))
         for item in chosen
         if len(item.columns) == 1
     )
 
 
-def _beyond_one(problem: Problem, equations: tuple[F, F], pair: tuple[Candidate, ...]) -> bool:
+def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
     """Whether two effects explain more, chance apart, than any one, whose form is never exact."""
-    whole = delta_chi2(equations, problem, pair)
-    own = whole - sum(item.parameters for item in pair)
-    single = delta_chi2_of_each(equations, problem, (), problem.candidates)
+    settings = problem.settings
+    total = delta_chi2(problem, pair)
+    own = total - sum(item.parameters for item in pair)
+    single = delta_chi2_of_each(problem, (), problem.candidates)
     chance = np.array([candidate.parameters for candidate in problem.candidates])
-    least = max(LEAST_BIC, _ONE_CAUSE * whole)
+    least = max(settings.least_bic, settings.one_cause_share * total)
     return bool(own > (single - chance).max(initial=0.0) + least)
 
 
-def _swapped(
-    problem: Problem, equations: tuple[F, F], chosen: tuple[Candidate, ...]
-) -> tuple[Candidate, ...]:
-    """Exchange single members while that lowers BIC."""
-    best, value = chosen, delta_bic(equations, problem, chosen)
+def _swapped(problem: Problem, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+    """Exchange single members as long as that lowers BIC."""
+    best, value = chosen, delta_bic(problem, chosen)
     improved = True
     while improved:
         improved = False
@@ -243,20 +270,9 @@ def _swapped(
             others = (*best[:i], *best[i + 1 :])
             present = {item.id for item in others}
             tried = [c for c in problem.candidates if c.id not in present]
-            found = delta_bic_of_each(equations, problem, others, tried)
-            most = int(np.argmax(found))
-            if found[most] > value + 1e-6:
+            falls = delta_bic_of_each(problem, others, tried)
+            most = int(np.argmax(falls))
+            if falls[most] > value + 1e-6:
                 best = (*best[:i], tried[most], *best[i + 1 :])
-                value, improved = float(found[most]), True
+                value, improved = float(falls[most]), True
     return best
-
-
-def estimate(
-    problem: Problem, equations: tuple[F, F], chosen: Sequence[Candidate]
-) -> tuple[F, F, tuple[int, ...]]:
-    """Coefficients and covariance of the scaled columns (base, then chosen) and their indices."""
-    columns = _columns(problem, chosen)
-    take = np.asarray(columns, dtype=np.int64)
-    matrix = equations[0][np.ix_(take, take)]
-    theta = solve(matrix, equations[1][take])
-    return theta, np.asarray(np.linalg.pinv(matrix, hermitian=True)), columns

@@ -1,9 +1,9 @@
-"""What can be said of structure that no known effect explains."""
+"""Structure that no known effect explains: variables, words, nearest effect, effect template."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,47 +13,66 @@ from ecm.diagnosis.effect_template import effect_template
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import rank
 from ecm.io.arrays import F
-from ecm.regression.f_test import FTest
 
-_MOST_TERMS = 3
-_LEAST_GAIN = 0.05
-_LEAST_RELEVANCE = 0.05
-_DIRECTIONS = 2
+
+@dataclass(frozen=True)
+class Nearest:
+    """The effect that explains most of what is left."""
+
+    id: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What can be said of structure that no effect explains."""
+
+    variables: tuple[str, ...]
+    """Variables that the residual follows."""
+    relevance: dict[str, float]
+    """Share of each variable by a Gaussian process."""
+    words: str
+    nearest: Nearest | None
+    template: str = field(metadata={"json": "skeleton"})
+    """Python text of an effect that a user may complete."""
 
 
 def describe_residual(
-    problem: Problem, left: F, chosen: Sequence[Candidate], total: float
-) -> dict[str, Any]:
-    """Variables that the remaining residual (N, m) follows, words, nearest effect, a skeleton.
+    problem: Problem, residual: F, chosen: Sequence[Candidate], total: float
+) -> Unknown:
+    """Describe a residual: variables that it follows, words, nearest effect, effect template.
 
     Parameters
     ----------
+    residual
+        (N, m) whitened.
+    chosen
+        Effects that are accepted already.
     total
         Sum of squares that smooth functions explain, over the noise scale.
     """
-    n = len(left)
+    n = len(residual)
     values, names = features(problem.rows, max(1, min(90, n // 3)))
-    terms = _terms(problem, left, values)
+    terms = _terms(problem, residual, values)
     listed = [(names[j], problem.base.outputs[c], size) for j, c, size in terms]
-    shares = _relevance(problem, left, values)
-    variables = [name for name, share in shares.items() if share >= _LEAST_RELEVANCE]
+    shares = _relevance(problem, residual, values)
+    least = problem.settings.least_relevance
+    variables = [name for name, share in shares.items() if share >= least]
     known = (*problem.rows.base.inputs, *covariates(problem.rows))
     products = [(factors(feature, known), component) for feature, component, _ in listed]
-    for parts, _ in products:
-        variables += [part for part in dict.fromkeys(parts) if part not in variables]
-    ranked = rank(problem, chosen)
-    nearest: dict[str, Any] | None = None
-    if ranked:
-        best = max(ranked, key=lambda item: item.drop)
+    variables += [part for parts, _ in products for part in parts]
+    best = max(rank(problem, chosen), key=lambda item: item.drop, default=None)
+    nearest: Nearest | None = None
+    if best is not None:
         share = best.drop / total if total > 0.0 else 0.0
-        nearest = {"id": best.candidate.id, "share": float(np.clip(share, 0.0, 1.0))}
-    return {
-        "variables": variables,
-        "relevance": shares,
-        "words": _words(listed),
-        "nearest": nearest,
-        "skeleton": effect_template(products, problem.base.outputs),
-    }
+        nearest = Nearest(best.id, float(np.clip(share, 0.0, 1.0)))
+    return Unknown(
+        variables=tuple(dict.fromkeys(variables)),
+        relevance=shares,
+        words=_words(listed),
+        nearest=nearest,
+        template=effect_template(products, problem.base.outputs),
+    )
 
 
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
@@ -63,15 +82,17 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
     y = (left * root[:, None]).ravel()
     weighted = problem.whitener * root[:, None, None]
     columns = np.einsum("nmc,nq->nmqc", weighted, values).reshape(n * m, -1)
-    whole = float(y @ y)
+    total = float(y @ y)
     sizes = np.sqrt((columns**2).sum(axis=0))
     usable = sizes > 1e-9 * sizes.max(initial=0.0)
     chosen: list[int] = []
     rest = y
-    for _ in range(_MOST_TERMS):
+    for _ in range(problem.settings.most_terms):
         gains = np.where(usable, (columns.T @ rest) ** 2 / np.maximum(sizes, 1e-300) ** 2, 0.0)
         best = int(np.argmax(gains))
-        if chosen and gains[best] < _LEAST_GAIN * max(whole - float(rest @ rest), 1e-300):
+        if chosen and gains[best] < problem.settings.least_term_gain * max(
+            total - float(rest @ rest), 1e-300
+        ):
             break
         chosen.append(best)
         usable[best] = False
@@ -96,10 +117,10 @@ def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
     basis, _ = np.linalg.qr(values[measured])
     seen = basis @ (basis.T @ left[measured])
     _, _, axes = np.linalg.svd(seen, full_matrices=False)
-    targets = left[measured] @ axes[:_DIRECTIONS].T
+    targets = left[measured] @ axes[: problem.settings.residual_directions].T
     shares = ard_relevance(variables, targets)
-    found = dict(zip(np.array(names)[varied].tolist(), shares.tolist(), strict=True))
-    ordered = sorted(found.items(), key=lambda item: -item[1])
+    named = zip(np.array(names)[varied].tolist(), shares.tolist(), strict=True)
+    ordered = sorted(named, key=lambda item: -item[1])
     return {name: round(share, 3) for name, share in ordered if share > 0.0}
 
 
@@ -110,8 +131,3 @@ def _words(listed: Sequence[tuple[str, str, float]]) -> str:
         name, unit = component.rsplit("_", 1)
         parts.append(f"{name} follows {feature} ({size:+.2g} {unit.replace('Nm', 'N m')})")
     return "; ".join(parts)
-
-
-def squares_beyond_chance(problem: Problem, test: FTest) -> float:
-    """Sum of squares beyond chance that a test explains, over the noise scale."""
-    return max(0.0, test.explained / problem.scale - test.dof)

@@ -1,23 +1,14 @@
-"""The same mechanism with another nu, L or D, where the base map is the physics and knows it."""
+"""Variation of the body: the wrench of a physics base with another nu, L or D."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from ecm.io.arrays import F
 from ecm.regression.rows import BodyChange, Rows
 
 
 def wrench_of_other_body(rows: Rows, change: BodyChange) -> F | None:
-    """(N, 6) wrench of the base whose E, nu, L, D are `change` of its own, zero where unloaded.
-
-    None where the base is not a family of bodies: the effect then needs its own formula.
-    """
+    """(N, 6) wrench of the base with changed E, nu, L, D; None where it is no family of bodies."""
     other = rows.base.other_body(change)
     if other is None:
         return None
-    wrench = np.zeros((len(rows), 6))
-    loaded = ~rows.unloaded
-    if loaded.any():
-        wrench[loaded] = other.predict(np.ascontiguousarray(rows.poses[loaded]))
-    return wrench
+    return rows.where_loaded(other.predict, rows.poses, 6)

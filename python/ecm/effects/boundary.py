@@ -1,4 +1,4 @@
-"""Effects of what holds the mechanism."""
+"""Effects of the clamp that holds the mechanism: compliance of the base."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class BaseCompliance(EffectBase):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both plates."""
+        """A round and an uneven plate."""
         return (BaseCompliance(), BaseCompliance("uneven"))
 
     def correction(self, rows: Rows, values: F) -> F:

@@ -91,7 +91,7 @@ class ContactStop(LinearEffect):
 
 
 def _tilt(rotation_vectors: F) -> tuple[F, F]:
-    """(N,) tilt of the platform's axis against the base's, and (N, 2) the way it leans, y and z."""
+    """(N,) tilt of the platform's axis against the base's, and (N, 2) its direction in y and z."""
     axis = rotation_matrices(np.ascontiguousarray(rotation_vectors))[:, :, 0]
     across = np.hypot(axis[:, 1], axis[:, 2])
     lean = axis[:, 1:] / np.where(across > 1e-12, across, 1.0)[:, None]
@@ -102,10 +102,10 @@ def _tilt(rotation_vectors: F) -> tuple[F, F]:
 class Debonding(LinearEffect):
     """Where the bond has opened the mechanism is softer: in tension only, or from t* on.
 
-    A bond that lifts off its face gives way along the normal by c L / (E A) times its pull (`gap`,
-    on the base's face or the platform's). An open joint at the base is a hinge: it turns by
-    c m q / (q + q0), m the moment at the base, q = max(0, f_x + b |m| / (r / 2)) the pull at the
-    rim, and lifts by l max(0, f_x); the mechanism's wrench turns with it.
+    A bond that lifts off yields along its normal by c L / (E A) times the pull (`gap_base`,
+    `gap_top`). An open joint at the base is a `hinge`: it turns by c m q / (q + q0), with the
+    moment m at the base and the pull q = max(0, f_x + b |m| / (r / 2)) at the rim, and lifts by
+    l max(0, f_x); the mechanism's wrench turns with it.
     """
 
     id = "debonding"
@@ -146,21 +146,21 @@ class Debonding(LinearEffect):
         return {name: value for name, value in super().shape.items() if name in names}
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """In tension, at the edge of the face, and torn at a few moments where time is known."""
-        found = [Debonding(way) for way in ("tension", "face", "gap_base", "gap_top")]
+        """All ways of opening; torn at a few times where time is known."""
+        forms = [Debonding(way) for way in ("tension", "face", "gap_base", "gap_top")]
         pull = float(np.abs(table.measured().column("fx_N")).std())
         for bending in (0.0, 0.15, 0.5):
-            found += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
+            forms += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
-            found += [Debonding("torn", t) for t in step_times(table, _TEARS)]
-        return tuple(found)
+            forms += [Debonding("torn", t) for t in step_times(table, _TEARS)]
+        return tuple(forms)
 
     def plain_form(self) -> Effect | None:
-        """A joint that gives way in push as in pull is no open bond but a base that yields."""
+        """A joint that yields in push as in pull is a compliant base, not an open bond."""
         return None if self.opens == "torn" else BaseCompliance()
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Moments between a tear and its neighbours."""
+        """Times between a tear and its neighbours."""
         if self.opens != "torn":
             return ()
         return tuple(Debonding("torn", t) for t in times_beside(table, self.at_s, _TEARS, round_))

@@ -1,4 +1,4 @@
-"""Effects of the camera and of the frames in which poses are given."""
+"""Effects of the camera and of the frames of the poses: misalignment, scale."""
 
 from __future__ import annotations
 

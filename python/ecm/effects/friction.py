@@ -25,18 +25,18 @@ from ecm.io.table import Table
 from ecm.regression.approach import approach_sides, order_of_visits
 from ecm.regression.rows import Rows
 
-_WAYS = (0.02, 0.05, 0.12)
-"""Ways to the slip that are tried, over the spread of the poses."""
+_PATHS = (0.02, 0.05, 0.12)
+"""Paths to the slip that are tried, over the spread of the poses."""
 
 
 @dataclass(eq=False)
 class Hysteresis(LinearEffect):
     """c K p^, p^ = d / sqrt(d' M d), d = p - p_from: rate-independent friction of the material.
 
-    Or with a memory, of elements that yield: each coordinate z of the way from reading to reading,
-    and over the pose that each was approached from, is followed by a spring that slips at |z| = y,
-    and c k z / y is the friction; in mid-frame coordinates, where the stiffness k at rest is
-    diagonal, or with a c for each coordinate of the pose (`each`).
+    With a memory (yield_m > 0) the friction is c k z / y of springs that slip: z follows each
+    coordinate of the path, from reading to reading over the pose before, and is limited to |z| = y.
+    Coordinates are those of the mid frame, where the stiffness k at rest is diagonal (`middle`), or
+    those of the pose with a c for each (`each`).
     """
 
     id = "hysteresis"
@@ -54,7 +54,7 @@ class Hysteresis(LinearEffect):
     stiffness: str = "local"
     """Stiffness that the friction follows: `local`, at `rest`; with a memory `middle` or `each`."""
     yield_m: float = optional(0.0)
-    """Way in m to the slip; 0: no memory."""
+    """Path in m to the slip; 0: no memory."""
 
     def __post_init__(self) -> None:
         if self.stiffness == "each":
@@ -64,11 +64,9 @@ class Hysteresis(LinearEffect):
 
     def missing(self, table: Table) -> Missing | None:
         """Needs poses approached from both sides; with a memory also time."""
-        found = needs_full(table)
-        if found is None and self.yield_m > 0.0:
-            found = needs_time(table)
-        if found is not None:
-            return found
+        lacking = needs_full(table) or (needs_time(table) if self.yield_m > 0.0 else None)
+        if lacking is not None:
+            return lacking
         if not table.has("approach"):
             return Missing("no column approach", "approach", absent=True)
         side = approach_sides(table)
@@ -80,27 +78,25 @@ class Hysteresis(LinearEffect):
         return None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Local stiffness, or that at rest; where time is known three ways to the slip."""
+        """Local stiffness, or that at rest; with time also springs that slip after three paths."""
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
-        ways = _ways(table)
-        found = [Hysteresis("middle", way) for way in ways]
-        found += [Hysteresis("each", way) for way in ways]
-        return (Hysteresis("local"), found[1], Hysteresis("rest"), found[0], *found[2:])
+        slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
+        return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Ways between this one and its neighbours."""
+        """Paths to the slip between this one and its neighbours."""
         if self.yield_m == 0.0:
             return ()
         factor = 2.4 ** (0.5 ** (round_ + 1))
-        ways = (self.yield_m / factor, self.yield_m * factor)
-        most = 1.01 * max(_ways(table))
-        return tuple(Hysteresis(self.stiffness, way) for way in ways if way < most)
+        paths = (self.yield_m / factor, self.yield_m * factor)
+        most = 1.01 * max(_paths(table))
+        return tuple(Hysteresis(self.stiffness, way) for way in paths if way < most)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""
         if self.yield_m > 0.0:
-            return self._with_memory(rows)
+            return self._of_slipping_springs(rows)
         step = rows.poses - rows.came_from
         step = np.where(np.isfinite(step), step, 0.0)
         metric = np.array([1.0, 1.0, 1.0] + [rows.length_m**2] * 3)
@@ -114,8 +110,8 @@ class Hysteresis(LinearEffect):
             stiffness = stiffness * ~rows.unloaded[:, None, None]
         return np.asarray(stiffness @ direction[:, :, None])
 
-    def _with_memory(self, rows: Rows) -> F:
-        """Of the yielding elements, by coordinate."""
+    def _of_slipping_springs(self, rows: Rows) -> F:
+        """(N, 6, k) force of springs that slip: one column, or one for each coordinate."""
         length = rows.length_m
         metric = np.array([1.0, 1.0, 1.0, length, length, length])
         before = rows.known_before
@@ -124,29 +120,29 @@ class Hysteresis(LinearEffect):
             at, came = rows.poses - rows.rest_pose, before - rows.rest_pose
         else:
             at, came = mid_frame(rows.poses, length), mid_frame(before, length)
-        held = np.zeros_like(at)
+        friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
             state, here = np.zeros(6), np.zeros(6)
             for i in order:
                 for goal in (came[i], at[i]):
                     state = np.clip(state + (goal - here) * metric, -self.yield_m, self.yield_m)
                     here = goal
-                held[i] = state
-        held *= (~rows.unloaded)[:, None] / self.yield_m
+                friction[i] = state
+        friction *= (~rows.unloaded)[:, None] / self.yield_m
         if self.stiffness == "each":
-            return np.asarray((held * np.diag(rest) / metric)[:, :, None] * np.eye(6))
+            return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))
         stiffness = rest_stiffness(rows)
         along = [stiffness.axial, stiffness.lateral, stiffness.lateral]
         k = np.array([*along, stiffness.torsion, stiffness.bending, stiffness.bending])
-        return wrench_of(rows.poses, held * k / metric)[:, :, None]
+        return wrench_of(rows.poses, friction * k / metric)[:, :, None]
 
 
-def _ways(table: Table) -> list[float]:
-    """Ways to the slip, m: a spring that never slips would be a stiffness."""
+def _paths(table: Table) -> list[float]:
+    """Paths to the slip in m: a spring that never slips would be a stiffness."""
     poses = table.measured().poses
     length = float(table.meta.mechanism.get("length_m", np.median(poses[:, 0])))
     far = poses[:, :3].std(axis=0).max() + length * poses[:, 3:].std(axis=0).max()
-    return [float(f"{share * far:.3g}") for share in _WAYS]
+    return [float(f"{share * far:.3g}") for share in _PATHS]
 
 
 EFFECTS = (Hysteresis(),)

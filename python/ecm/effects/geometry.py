@@ -17,7 +17,7 @@ from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
 _BENDING_POWER = 3.4
-"""Of the diameter in the bending stiffness of a bonded cylinder as stubby as the neck."""
+"""Power of the diameter in the bending stiffness of a bonded cylinder of the neck's proportions."""
 
 
 class LengthError(EffectBase):
@@ -45,9 +45,7 @@ class LengthError(EffectBase):
         exact = wrench_of_other_body(rows, longer)
         if exact is not None:
             return exact - rows.wrench
-        shift = np.zeros(6)
-        shift[0] = -values[0]
-        return stretched(rows, np.eye(6), shift) - rows.wrench
+        return stretched(rows, np.eye(6), -values[0] * np.eye(6)[0]) - rows.wrench
 
 
 @dataclass(eq=False)
@@ -68,7 +66,7 @@ class DiameterError(EffectBase):
     """A `stubby` bonded cylinder, or a `beam`."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Both; where the base knows its body they are one."""
+        """Both bodies; on the physics base they are the same."""
         return (DiameterError(), DiameterError("beam"))
 
     def correction(self, rows: Rows, values: F) -> F:
@@ -165,7 +163,7 @@ class FaceTilt(EffectBase):
         return (FaceTilt("loaded"), FaceTilt("free"))
 
     def correction(self, rows: Rows, values: F) -> F:
-        """h(exp(-w) p) turned by w, less the pose error that w makes at rest where it is free."""
+        """h(exp(-w) p) rotated by w; where the rest pose is free, less the pose error at rest."""
         turn = _turned_mounting(rows, values)
         felt = moved_in_base(rows.poses, np.zeros(3), -turn)
         if self.rest == "free":
@@ -176,7 +174,7 @@ class FaceTilt(EffectBase):
 
 
 def _turned_mounting(rows: Rows, values: F) -> F:
-    """(N, 3) of (0, y, z) in the mechanism's axes, turned with its mounting about x."""
+    """(N, 3) rotation (0, y, z) in axes of the mechanism, turned with its mounting about x."""
     cos, sin = np.cos(rows.mount_angle_rad), np.sin(rows.mount_angle_rad)
     y, z = cos * values[0] - sin * values[1], sin * values[0] + cos * values[1]
     return np.stack([np.zeros(len(rows)), y, z], axis=1)

@@ -1,13 +1,12 @@
-"""How the platform sits on the arm's flange, found from joints and poses of the same rows.
+"""Hand-eye calibration: the pose of the platform on the arm's flange, from joints and poses.
 
     base_from_top_i = base_from_foot foot_from_flange(q_i) flange_from_top,
 
 solved for the two constant transforms: the rotations in closed form (the leading singular pair of
 sum R_i x F_i; Shah, "Solving the Robot-World/Hand-Eye Calibration Problem Using the Kronecker
 Product", J. Mechanisms Robotics 5(3), 2013), then all twelve numbers by reweighted Gauss-Newton.
-Only the second matters for how the platform moves with the joints.
-An encoder that is off by a constant shifts pose and joint alike, so the transforms found are those
-that the arm's controller uses.
+Only flange_from_top matters for the motion of the platform with the joints. A constant error of an
+encoder shifts pose and joint alike, so the transforms are those that the arm's controller uses.
 """
 
 from __future__ import annotations
@@ -17,20 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm._native import rotation_matrices, rotation_vectors
-from ecm.effects.kuka import Chain, chain
+from ecm.effects.kuka import Chain, forward_kinematics
 from ecm.effects.protocol import Missing
 from ecm.io.arrays import F
 from ecm.io.columns import JOINTS
 from ecm.io.table import Table
 
-_LEAST_ROWS = 6
-_ROUNDS, _LAST_STEP = 20, 1e-9
-_FLOOR_M, _FLOOR_RAD = 1e-5, 1e-4
-"""Poses are never told better than this; what is known of the transforms follows from it."""
-_MISFIT = 0.05
-"""Share of the motion that the arm's kinematics may leave: as much would its Jacobian err."""
-_TOOL_SD_M, _TOOL_SD_RAD = 5e-3, 0.02
-"""A tool known no better than this would turn or shift the Jacobian by some hundredths."""
+_MIN_ROWS = 6
+_MAX_ITERATIONS, _TOLERANCE = 20, 1e-9
+_MIN_SD_M, _MIN_SD_RAD = 1e-5, 1e-4
+"""Smallest standard deviations of a pose; those of the transforms follow from them."""
+_MAX_RESIDUAL = 0.05
+"""Largest residual over the motion: the error of the Jacobian is about as large."""
+_MAX_TOOL_SD_M, _MAX_TOOL_SD_RAD = 5e-3, 0.02
+"""Largest standard deviations of the tool: the Jacobian then errs by some hundredths."""
 
 
 @dataclass(frozen=True)
@@ -48,36 +47,44 @@ class _Mounting:
 
 
 def flange_from_top(table: Table) -> F | Missing:
-    """(6,) pose of the top frame on the flange, or why joints and poses do not tell it."""
-    arm = chain(np.ascontiguousarray(table.matrix(JOINTS)))
+    """(6,) pose of the top frame on the flange, or why joints and poses do not determine it."""
+    arm = forward_kinematics(np.ascontiguousarray(table.matrix(JOINTS)))
     poses = table.poses
-    if len(poses) < _LEAST_ROWS:
-        return Missing(f"{len(poses)} rows do not tell the tool on the flange", "more poses")
+    if len(poses) < _MIN_ROWS:
+        return Missing(f"{len(poses)} rows do not determine the tool on the flange", "more poses")
     rotation = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
     position = poses[:, :3]
-    starts = (_by_turns(arm, rotation), _by_ways(arm, rotation, position))
-    solved = [_solved(_shifted(start, arm, position), arm, rotation, position) for start in starts]
-    found, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
-    motion = np.array([_rms(position - position.mean(axis=0)), _turned(rotation)])
-    if np.any(spread > np.maximum(_MISFIT * motion, 10.0 * np.array([_FLOOR_M, _FLOOR_RAD]))):
+    starts = (
+        _rotations_from_orientations(arm, rotation),
+        _rotations_from_positions(arm, rotation, position),
+    )
+    solved = [
+        _gauss_newton(_with_positions(start, arm, position), arm, rotation, position)
+        for start in starts
+    ]
+    mounting, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
+    motion = np.array([_rms(position - position.mean(axis=0)), _rms_rotation(rotation)])
+    if np.any(
+        spread > np.maximum(_MAX_RESIDUAL * motion, 10.0 * np.array([_MIN_SD_M, _MIN_SD_RAD]))
+    ):
         return Missing(
             "joints and poses do not belong to one arm of known kinematics (KUKA LWR 4+): "
-            f"{1e3 * spread[0]:.2g} mm and {1e3 * spread[1]:.2g} mrad stay",
+            f"{1e3 * spread[0]:.2g} mm and {1e3 * spread[1]:.2g} mrad remain",
             "joint angles with the maker's zeros and signs, and the poses that belong to them",
         )
     covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     sd_rad, sd_m = (_largest_sd(covariance[k : k + 3, k : k + 3]) for k in (6, 9))
-    if sd_m > _TOOL_SD_M or sd_rad > _TOOL_SD_RAD:
+    if sd_m > _MAX_TOOL_SD_M or sd_rad > _MAX_TOOL_SD_RAD:
         return Missing(
-            "the poses do not tell the tool on the flange "
+            "the poses do not determine the tool on the flange "
             f"({1e3 * sd_m:.2g} mm, {1e3 * sd_rad:.2g} mrad)",
             "poses turned about two axes by 0.1 rad and more",
         )
-    return np.concatenate([found.tool_m, rotation_vectors(found.tool[None])[0]])
+    return np.concatenate([mounting.tool_m, rotation_vectors(mounting.tool[None])[0]])
 
 
-def _by_turns(arm: Chain, rotation: F) -> tuple[F, F]:
-    """Rotations of foot and tool in closed form; poor where the poses hardly turn."""
+def _rotations_from_orientations(arm: Chain, rotation: F) -> tuple[F, F]:
+    """Rotations of foot and tool in closed form; inaccurate where the poses hardly turn."""
     pair = np.einsum("iad,ibc->abcd", rotation, arm.foot_from_flange).reshape(9, 9)
     left, _, right = np.linalg.svd(pair)
     foot, tool = left[:, 0].reshape(3, 3), right[0].reshape(3, 3)
@@ -85,16 +92,16 @@ def _by_turns(arm: Chain, rotation: F) -> tuple[F, F]:
     return _nearest_rotation(sign * foot), _nearest_rotation(sign * tool)
 
 
-def _by_ways(arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
-    """The same for poses that hardly turn: then flange and top frame go the same ways."""
+def _rotations_from_positions(arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
+    """The same for poses that hardly turn: flange and top frame then translate alike."""
     flange = arm.flange_m - arm.flange_m.mean(axis=0)
     foot = _nearest_rotation((position_m - position_m.mean(axis=0)).T @ flange)
     turns = np.swapaxes(foot @ arm.foot_from_flange, 1, 2) @ rotation
     return foot, _nearest_rotation(turns.mean(axis=0))
 
 
-def _shifted(turns: tuple[F, F], arm: Chain, position_m: F) -> _Mounting:
-    """With the shifts that belong to them: r = A t + A F t_tool + t_foot."""
+def _with_positions(turns: tuple[F, F], arm: Chain, position_m: F) -> _Mounting:
+    """Mounting with these rotations; positions by least squares: r = A t + A F t_tool + t_foot."""
     foot, tool = turns
     known = position_m - arm.flange_m @ foot.T
     moved = foot @ arm.foot_from_flange
@@ -103,61 +110,63 @@ def _shifted(turns: tuple[F, F], arm: Chain, position_m: F) -> _Mounting:
     return _Mounting(foot, shifts[3:], tool, shifts[:3])
 
 
-def _solved(start: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[_Mounting, F, F]:
-    """Reweighted Gauss-Newton: the mounting, robust rms of what stays, the normal equations."""
-    found = start
-    for _ in range(_ROUNDS):
-        left, design = _equations(found, arm, rotation, position_m)
-        spread, weights = _weighed(left)
+def _gauss_newton(
+    start: _Mounting, arm: Chain, rotation: F, position_m: F
+) -> tuple[_Mounting, F, F]:
+    """Mounting, robust rms of the residual and normal equations, by reweighted Gauss-Newton."""
+    mounting = start
+    for _ in range(_MAX_ITERATIONS):
+        residual, design = _residual(mounting, arm, rotation, position_m)
+        spread, weights = _robust_weights(residual)
         root = np.sqrt(weights)[:, None] / np.repeat(spread, 3)
         a = (design * root[:, :, None]).reshape(-1, 12)
         normal = a.T @ a + np.eye(12)  # A step of 1 m or 1 rad weighs like one row: never singular.
-        step = np.linalg.solve(normal, a.T @ (left * root).ravel())
-        found = _moved(found, step)
-        if np.abs(step).max() < _LAST_STEP:
+        step = np.linalg.solve(normal, a.T @ (residual * root).ravel())
+        mounting = _updated(mounting, step)
+        if np.abs(step).max() < _TOLERANCE:
             break
-    left, _ = _equations(found, arm, rotation, position_m)
-    return found, _weighed(left)[0], np.asarray(normal)
+    residual, _ = _residual(mounting, arm, rotation, position_m)
+    return mounting, _robust_weights(residual)[0], np.asarray(normal)
 
 
-def _equations(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
-    """(N, 6) shift and turn in base axes that poses have beyond the model; (N, 6, 12) slope.
+def _residual(mounting: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
+    """(N, 6) residual translation and rotation in base axes, and (N, 6, 12) its derivative.
 
-    The twelve: turn and shift of the foot in base axes, of the tool in the flange's.
+    The twelve: rotation and translation of the foot in base axes, of the tool in flange axes.
     """
-    seen = found.position_m(arm)
-    to_flange = found.foot @ arm.foot_from_flange
-    beyond = rotation @ np.swapaxes(to_flange @ found.tool, 1, 2)
+    seen = mounting.position_m(arm)
+    to_flange = mounting.foot @ arm.foot_from_flange
+    beyond = rotation @ np.swapaxes(to_flange @ mounting.tool, 1, 2)
     turn = rotation_vectors(np.ascontiguousarray(beyond))
-    left = np.concatenate([position_m - seen - found.foot_m, turn], axis=1)
+    residual = np.concatenate([position_m - seen - mounting.foot_m, turn], axis=1)
     design = np.zeros((len(seen), 6, 12))
     for j, axis in enumerate(np.eye(3)):
         design[:, :3, j] = np.cross(axis, seen)
     design[:, 3:, :3] = design[:, :3, 3:6] = np.eye(3)
     design[:, 3:, 6:9] = design[:, :3, 9:] = to_flange
-    return left, design
+    return residual, design
 
 
-def _moved(found: _Mounting, step: F) -> _Mounting:
+def _updated(mounting: _Mounting, step: F) -> _Mounting:
     foot, tool = rotation_matrices(np.stack([step[:3], step[6:9]]))
     return _Mounting(
-        _nearest_rotation(foot @ found.foot),
-        found.foot_m + step[3:6],
-        _nearest_rotation(tool @ found.tool),
-        found.tool_m + step[9:],
+        _nearest_rotation(foot @ mounting.foot),
+        mounting.foot_m + step[3:6],
+        _nearest_rotation(tool @ mounting.tool),
+        mounting.tool_m + step[9:],
     )
 
 
-def _weighed(left: F) -> tuple[F, F]:
-    """Robust rms of shift and turn, and (N,) weights: a bad row counts little."""
-    sizes = np.stack([np.linalg.norm(left[:, k : k + 3], axis=1) for k in (0, 3)], axis=1)
+def _robust_weights(residual: F) -> tuple[F, F]:
+    """Robust rms of translations and rotations, and (N,) weights that are small for outliers."""
+    sizes = np.stack([np.linalg.norm(residual[:, k : k + 3], axis=1) for k in (0, 3)], axis=1)
     # The median length of a vector of three normal numbers is 1.54 of their deviation.
-    spread = np.maximum(np.median(sizes, axis=0) / 1.54, [_FLOOR_M, _FLOOR_RAD])
+    spread = np.maximum(np.median(sizes, axis=0) / 1.54, [_MIN_SD_M, _MIN_SD_RAD])
     return spread, 1.0 / (1.0 + ((sizes / (3.0 * spread)) ** 2).sum(axis=1))
 
 
-def _turned(rotation: F) -> float:
-    """Rms angle, by axis, against the mean orientation."""
+def _rms_rotation(rotation: F) -> float:
+    """Rms angle per axis about the mean orientation."""
     middle = _nearest_rotation(rotation.mean(axis=0))
     return _rms(rotation_vectors(np.ascontiguousarray(middle.T @ rotation)))
 

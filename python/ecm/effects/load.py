@@ -23,11 +23,11 @@ from ecm.regression.approach import approach_sides
 from ecm.regression.rows import Rows
 
 _SIDES = 8
-"""Azimuths at which a cable is tried."""
+"""Number of azimuths at which a cable is tried."""
 
 
 def needs_gravity(table: Table) -> Missing | None:
-    """Missing where neither the scene nor a run says that there is any."""
+    """Missing where neither [scene] nor a run has gravity."""
     runs = [values.get("gravity_m_s2", (0.0,)) for values in table.meta.runs.values()]
     if any(np.linalg.norm(gravity) > 0.0 for gravity in (table.meta.scene.gravity_m_s2, *runs)):
         return None
@@ -37,9 +37,9 @@ def needs_gravity(table: Table) -> Missing | None:
 class Payload(LinearEffect):
     """-(m g, R c x m g), c the centre of mass in top axes.
 
-    A sensor zeroed with the payload on reads, in its own axes, nothing at the zeroing pose R_z:
-    then B B_z' of the same at that pose is taken away again. The mass is that of [scene]; a run
-    with another payload_mass_kg has so many times as much, zeroed anew.
+    A sensor zeroed with the payload reads zero at the zeroing pose R_z: B B_z' of the payload at
+    that pose is then subtracted. The mass is that of [scene]; a run with another payload_mass_kg
+    has the same multiple of all four, and was zeroed again.
     """
 
     id = "payload"
@@ -64,7 +64,7 @@ class Payload(LinearEffect):
     }
 
     def columns(self, rows: Rows) -> F:
-        """Per kg and per kg m of mass times lever."""
+        """Wrench per kg, and per kg m of mass times lever."""
         instrument = rows.table.meta.instrument
         columns = _weight(rows.rotation, rows.gravity_m_s2)
         zeroed = rows.of_run("zeroed_with_payload", float(bool(instrument.zeroed_with_payload)))
@@ -77,19 +77,19 @@ class Payload(LinearEffect):
             turn = rows.rotation @ rotation.T
             columns[:, :3] -= turn @ zero[:, :3]
             columns[:, 3:] -= turn @ zero[:, 3:]
-        columns *= _payload_share(rows)[:, None, None]
-        # A sensor that is free of the mechanism is free of what hangs between the two.
+        columns *= _relative_payload(rows)[:, None, None]
+        # A sensor free of the mechanism is free of the payload too.
         columns[rows.unloaded] = 0.0
         return columns
 
 
 @dataclass(eq=False)
 class OwnWeight(LinearEffect):
-    """V = -m g . (mean place of the rod), the wrench of its gradient; m its unknown share of rho V.
+    """V = -m g . (mean position of the rod), with its gradient as wrench; m a free share of rho V.
 
-    The mean place is r / 2 plus, in mid-frame axes, (b / 20, -L theta_z / 12, L theta_y / 12) with
-    b = c_y theta_z - c_z theta_y: to first order the rod hangs where its elasticity holds it. A
-    sensor that was zeroed with the mechanism on reads nothing at the rest pose.
+    The mean position is r / 2 plus, in mid-frame axes, (b / 20, -L theta_z / 12, L theta_y / 12),
+    b = c_y theta_z - c_z theta_y: to first order the rod keeps its elastic shape. A sensor that was
+    zeroed with the mechanism attached reads zero at the rest pose.
     """
 
     id = "own_weight"
@@ -116,22 +116,24 @@ class OwnWeight(LinearEffect):
         columns = np.zeros((len(rows), 6))
         for gravity in np.unique(rows.gravity_m_s2, axis=0):
             under = (rows.gravity_m_s2 == gravity).all(axis=1)
-            columns[under] = self._under(gravity, rows)[under]
+            columns[under] = self._under_gravity(gravity, rows)[under]
         columns[rows.unloaded] = 0.0
         return columns[:, :, None]
 
-    def _under(self, gravity: F, rows: Rows) -> F:
-        """(N, 6) wrench per kg where gravity (3,) is this."""
-        columns = _hanging(rows.poses, rows.length_m, gravity)
+    def _under_gravity(self, gravity: F, rows: Rows) -> F:
+        """(N, 6) wrench per kg under one gravity (3,)."""
+        columns = _weight_of_rod(rows.poses, rows.length_m, gravity)
         if self.zeroed == "attached":
-            rest = _hanging(np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity)[0]
+            rest = _weight_of_rod(
+                np.ascontiguousarray(rows.rest_pose[None]), rows.length_m, gravity
+            )[0]
             columns[:, :3] -= rows.rotation @ rest[:3]
             columns[:, 3:] -= rows.rotation @ rest[3:]
         return columns
 
 
-def _hanging(poses: F, length_m: float, gravity: F) -> F:
-    """(N, 6) wrench per kg that holds the rod's weight: the gradient of its potential."""
+def _weight_of_rod(poses: F, length_m: float, gravity: F) -> F:
+    """(N, 6) wrench per kg that carries the rod: the gradient of its potential."""
     slope = np.zeros((len(poses), 6))
     for j, step in enumerate([1e-6] * 3 + [1e-5] * 3):
         change = np.zeros(6)
@@ -144,7 +146,7 @@ def _hanging(poses: F, length_m: float, gravity: F) -> F:
 
 
 def _potential(poses: F, length_m: float, gravity: F) -> F:
-    """(N,) potential of 1 kg spread along the rod."""
+    """(N,) potential in J of 1 kg spread along the rod."""
     poses = np.ascontiguousarray(poses)
     q = mid_frame(poses, length_m)
     half = rotation_matrices(np.ascontiguousarray(0.5 * poses[:, 3:]))
@@ -178,7 +180,7 @@ class CableDrag(LinearEffect):
     azimuth_rad: float | None = optional(None)
     """Side to which a cable leaves from the rim; None: towards a point far away."""
     slack: bool = optional(False)
-    """A spring to the rest place alone, the plain form."""
+    """Only the spring to the rest position (the plain form)."""
 
     def __post_init__(self) -> None:
         if self.slack:
@@ -204,7 +206,7 @@ class CableDrag(LinearEffect):
         return tuple(CableDrag(self.azimuth_rad + turn) for turn in (-step, step))
 
     def plain_form(self) -> Effect | None:
-        """A spring to the rest place pulls to no side: any softer or stiffer body does as much."""
+        """A spring to the rest position: it pulls to no side, as any stiffer body does."""
         return CableDrag(slack=True) if self.azimuth_rad is None and not self.slack else None
 
     def columns(self, rows: Rows) -> F:
@@ -265,16 +267,15 @@ class TendonFriction(LinearEffect):
 
     def missing(self, table: Table) -> Missing | None:
         """Needs tendon tensions and the side of approach."""
-        found = needs_full(table)
-        if found is not None:
-            return found
+        if (lacking := needs_full(table)) is not None:
+            return lacking
         if not _tendons(table):
             return Missing("no tendon state", "tendon1_N, tendon2_N, ...", absent=True)
         if not table.has("approach"):
             return Missing("no column approach", "approach", absent=True)
-        if len(np.unique(approach_sides(table)[approach_sides(table) != 0.0])) < 2:
-            return Missing("one approach direction", "approach from both sides")
-        return None
+        if set(approach_sides(table)) >= {-1.0, 1.0}:
+            return None
+        return Missing("one approach direction", "approach from both sides")
 
     def columns(self, rows: Rows) -> F:
         """Sum over the tendons, per mu and per mu times the radius of the holes."""
@@ -298,18 +299,18 @@ def _tendons(table: Table) -> list[str]:
     return [name for name in table.columns if name.startswith("tendon") and name.endswith("_N")]
 
 
-def _payload_share(rows: Rows) -> F:
-    """(N,) payload of each row's run over that of [scene], else over the first that a run tells.
+def _relative_payload(rows: Rows) -> F:
+    """(N,) payload of each row's run over that of [scene], else over the first that a run declares.
 
-    A run of which nothing is told has that payload itself; none where [scene] says 0 and some other
-    run has one.
+    A run without payload_mass_kg has that payload; none where [scene] declares 0 and another run
+    declares one.
     """
     usual = rows.table.meta.scene.payload_mass_kg
-    told = rows.of_run("payload_mass_kg", np.nan)
-    hung = told[(told > 0.0) & ~rows.unloaded]
-    unit = usual or (float(hung[0]) if len(hung) else 1.0)
-    untold = 0.0 if usual == 0.0 and len(hung) else 1.0
-    return np.where(np.isnan(told), untold, told / unit)
+    declared = rows.of_run("payload_mass_kg", np.nan)
+    carried = declared[(declared > 0.0) & ~rows.unloaded]
+    unit = usual or (float(carried[0]) if len(carried) else 1.0)
+    default = 0.0 if usual == 0.0 and len(carried) else 1.0
+    return np.where(np.isnan(declared), default, declared / unit)
 
 
 def _weight(rotation: F, gravity: F) -> F:

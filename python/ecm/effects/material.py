@@ -48,7 +48,7 @@ class Anisotropy(EffectBase):
     """Lateral anisotropy over that of a beam whose bending stiffness alone is anisotropic."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A beam; bonded ends, where shear takes more of the lateral compliance; shear as well."""
+        """A beam; bonded ends, where shear has more of the lateral compliance; shear as well."""
         return (Anisotropy(1.0), Anisotropy(0.5), Anisotropy(2.0))
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:

@@ -1,4 +1,4 @@
-"""Effects that scale the whole elastic wrench: temperature, age, the largest load so far."""
+"""Effects that scale the elastic wrench: temperature, age, largest load so far (Mullins)."""
 
 from __future__ import annotations
 

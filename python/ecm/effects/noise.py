@@ -1,4 +1,4 @@
-"""Effects that change the scatter of the rows and not their mean: they act on the noise."""
+"""Noise effects: they change the scatter of the rows and not their mean."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class NoiseEffect(EffectBase):
 
 
 class Outliers(NoiseEffect):
-    """A few rows that no Gaussian gives: their weight falls, and the report lists them."""
+    """A few rows that are not Gaussian: they get small weights, and the report lists them."""
 
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
@@ -58,7 +58,7 @@ class Outliers(NoiseEffect):
     rivals = {"led_occlusion": "repeat_those_poses"}
 
     def variance(self, rows: Rows, values: F) -> F:
-        """Nothing that is the same in all rows."""
+        """Zero: outliers are no variance of all rows."""
         m = len(rows.base.outputs)
         return np.zeros((len(rows), m, m))
 
@@ -78,7 +78,7 @@ class HeteroscedasticNoise(NoiseEffect):
     rivals = {"pose_noise": "repeat_small_and_large"}
 
     def variance(self, rows: Rows, values: F) -> F:
-        """Diagonal (sigma g h)^2."""
+        """(N, 6, 6) diagonal (sigma g h)^2."""
         noise = declared_noise(rows.table)
         sd = np.repeat([noise.force_sd_N, noise.torque_sd_Nm], 3)
         growth = np.repeat(np.asarray(values, dtype=np.float64), 3)

@@ -1,4 +1,4 @@
-"""Markers of the platform that are off their places, once some of them are hidden."""
+"""Occlusion: a warped target biases the camera's pose once some of its markers are hidden."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ecm.regression.rows import Rows
 
 _FORMS = (("sight", 2), ("sight", 3), ("sight", 4), ("all", 2), ("all", 3))
 _NEEDED = 3
-"""Markers that a pose needs."""
+"""Number of markers that a pose needs."""
 _RADII, _ANGLES = 5, 24
-"""Of the points at which integrals over the target are sums."""
+"""Numbers of radii and angles of the quadrature over the target."""
 
 
 class LedOcclusion(LinearEffect):
     """-K_s B (d, w): (d, w) in top axes is a twist times the share of markers that are hidden.
 
-    Or the markers are spread over a round target that faces the camera at rest, and those at the
-    side that leans away are hidden. The target is warped: markers are off their places by e, and
-    (d, w) is the motion that fits e best where markers are left. e is a polynomial of the place,
-    without what moves all markers as one, as the pose from all of them is right.
+    Or the markers are on a round target that faces the camera at rest, and those on the side that
+    leans away are hidden. The target is warped: markers are displaced by e, and (d, w) is the rigid
+    motion that fits e best at the visible markers. e is a polynomial of the position without rigid
+    motions, because the pose from all markers is right.
     """
 
     id = "led_occlusion"
@@ -54,10 +54,10 @@ class LedOcclusion(LinearEffect):
 
     @property
     def shape(self) -> Shape:
-        """Of a warped target: degree and axes of e (`sight` alone or `all`), and the camera.
+        """Degree and axes of e (`sight` alone or `all`), number of markers, target, and camera.
 
-        The markers are as many as were ever seen at once. The target's radius is also its distance
-        from the top frame's origin; sight is the unit vector to the camera in base axes.
+        The target's radius is also its distance from the origin of the top frame; sight is the unit
+        vector to the camera in base axes.
         """
         if not self._degree:
             return {}
@@ -91,7 +91,7 @@ class LedOcclusion(LinearEffect):
         return np.asarray(-(rows.screw_stiffness @ rows.base_from_top) @ motion)
 
     def _fitted(self, rotation: F, hidden: F) -> F:
-        """(N, 6, k) motion in top axes that fits each mode of e, a share (N,) hidden."""
+        """(N, 6, k) motion in top axes that fits each mode of e where a share (N,) is hidden."""
         frame = _frame_about(self._sight)
         # The side of the target that leans towards the camera.
         x, y = np.einsum("nji,j,ik->kn", rotation, self._sight, frame[:, :2])
@@ -111,10 +111,10 @@ class LedOcclusion(LinearEffect):
 
 
 def line_of_sight(table: Table) -> F:
-    """(3,) unit vector, base axes, along which the camera looks, in one of its two ways.
+    """(3,) unit vector along the line of sight in base axes, up to its sign.
 
-    A turn of the platform about it hides no marker: the axis along which a quadratic of the
-    rotation vector that is fitted to the number of visible markers bends least.
+    A rotation about it hides no marker: it is the axis along which a quadratic of the rotation
+    vector, fitted to the number of visible markers, has the smallest curvature.
     """
     turn = table.poses[:, 3:]
     i, j = np.triu_indices(3)
@@ -139,7 +139,7 @@ def _frame_about(axis: F) -> F:
 
 
 def _points() -> tuple[F, F, F]:
-    """(p,) radius, angle and share of the area of points on the unit disc."""
+    """(p,) radius, angle and weight of quadrature points on the unit disc."""
     node, weight = np.polynomial.legendre.leggauss(_RADII)
     radius = np.repeat(np.sqrt(0.5 * (node + 1.0)), _ANGLES)
     angle = np.tile(2.0 * np.pi * np.arange(_ANGLES) / _ANGLES, _RADII)
@@ -147,14 +147,14 @@ def _points() -> tuple[F, F, F]:
 
 
 def _cut(share: F) -> F:
-    """(N,) distance from the middle of the unit disc of the chord that cuts off a share of it."""
+    """(N,) distance from the centre of the unit disc to the chord that cuts off a share of it."""
     at = np.linspace(-1.0, 1.0, 201)
     beyond = (np.arccos(at) - at * np.sqrt(1.0 - at**2)) / np.pi
     return np.asarray(np.interp(-share, -beyond, at))
 
 
 def _modes(degree: int) -> list[tuple[int, int]]:
-    """(n, m) of the Zernike polynomials from degree 2: those below are motions of the whole."""
+    """(n, m) of the Zernike polynomials from degree 2; lower ones are rigid motions."""
     return [(n, m) for n in range(2, degree + 1) for m in range(-n, n + 1, 2)]
 
 
@@ -181,9 +181,9 @@ def _warp_parameters(degree: int, along: str) -> tuple[Parameter, ...]:
 
 
 def _warps(radius: F, angle: F, degree: int, along: str) -> F:
-    """(p, 3, k) how far markers are off, in axes of which the last is the line of sight.
+    """(p, 3, k) displacement of the markers, in axes of which the last is the line of sight.
 
-    In the target's plane also what is linear and no motion of the whole: widening and two shears.
+    In the plane of the target also the linear ones that are no rigid motion: widening, two shears.
     """
     x, y, none = radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(radius)
     linear = np.array([[x, y, none], [x, -y, none], [y, x, none]]).transpose(2, 1, 0)

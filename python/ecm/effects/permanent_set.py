@@ -1,4 +1,4 @@
-"""Permanent set: the mechanism does not come back."""
+"""Permanent set: a deflection that remains after large poses."""
 
 from __future__ import annotations
 
@@ -87,9 +87,8 @@ class PermanentSet(LinearEffect):
                 past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
         else:
             energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
-            found = largest_so_far(rows.table, energy, self.history, index=True)
-            at = found.astype(np.int64)
-            past = deflection[at]
+            largest = largest_so_far(rows.table, energy, self.history, index=True)
+            past = deflection[largest.astype(np.int64)]
         return np.asarray(-(rows.stiffness @ past[:, :, None]))
 
 

@@ -1,4 +1,4 @@
-"""A mechanism that is curved when nothing loads it."""
+"""Pre-curvature: a mechanism that is curved without load."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ _POWERS = (0.0, 2.0, 6.0)
 class PreCurvature(LinearEffect):
     """V = -int kappa(s) . m(s) ds, to the first order of the natural curvature kappa.
 
-    m is the moment in each section of the straight mechanism, in the section's own axes: what the
-    curvature would have spared it. kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the whole bend
-    about the body's y and z: one arc for p = 0, gathered towards both bonds for p above it (a body
-    straight in its middle, with end faces that both stand askew).
+    m is the moment in each section of the straight mechanism, in axes of the section.
+    kappa(s) = k (p + 1) |s|^p / L, s from -1 to 1, k the total bend about the body's y and z: one
+    arc for p = 0, near both bonds for larger p (straight in the middle, with tilted end faces).
     """
 
     id = "pre_curvature"

@@ -1,9 +1,9 @@
-"""What an effect is: physics that a static, perfectly clamped, hyperelastic model does not hold.
+"""The protocol of an effect: physics that a static, clamped, hyperelastic model leaves out.
 
 An effect adds a correction to the wrench that the base map predicts for a row,
 h_i = h_base(p_i) + sum_e correction_e(row i, parameters_e). Corrections are exact in their own
-parameters where that is cheap; products of two effects, a few per cent of a few per cent, are left
-out. An effect knows its rows, never the diagnosis that uses it.
+parameters where that is cheap; products of two effects, a few per cent of a few per cent, are
+neglected. An effect knows its rows and nothing of the diagnosis that uses it.
 """
 
 from __future__ import annotations
@@ -27,12 +27,27 @@ Shape = dict[str, float | str]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect."""
+    """One number of an effect.
+
+    Parameters
+    ----------
+    name, unit
+        Name in files and reports; unit as in "N m".
+    scale
+        An ordinary size in this unit: the step of finite differences and the unit of priors.
+    lower, upper
+        Bounds in this unit.
+
+    Examples
+    --------
+    >>> mass = Parameter("mass", "kg", 0.1, lower=0.0)
+    >>> mass.allows(+1.0), mass.allows(-1.0)
+    (True, False)
+    """
 
     name: str
     unit: str
     scale: float
-    """A size that would be ordinary: the step of differences and the unit of priors."""
     lower: float = -np.inf
     upper: float = np.inf
 
@@ -43,14 +58,30 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Missing:
-    """Why an effect cannot be tested with a table, and what to record so that it can."""
+    """Why an effect cannot be tested with a table, and what to record so that it can.
+
+    Parameters
+    ----------
+    reason
+        Reason, as in "no column time_s".
+    record
+        Columns or measurements that make the effect testable.
+    absent
+        Whether the columns are not there at all, so that the effect cannot be predicted either.
+    imitates
+        Whether its columns can be computed all the same, so that another effect may be named in
+        its place.
+
+    Examples
+    --------
+    >>> Missing("no column time_s", "time_s", absent=True).record
+    'time_s'
+    """
 
     reason: str
     record: str
     absent: bool = False
-    """The columns are not there at all, so that the effect cannot be predicted either."""
     imitates: bool = False
-    """Its columns can be computed all the same: it may stand behind the name of another effect."""
 
 
 Need = Callable[[Table], Missing | None]
@@ -104,7 +135,16 @@ def needs_varying(name: str, smallest_range: float) -> Need:
 
 @runtime_checkable
 class Effect(Protocol):
-    """One physical effect; effects.md lists the ids."""
+    """One physical effect of the catalogue (listed by `ecm effects`) or of your own.
+
+    Derive your own from `EffectBase` or `LinearEffect`, which have defaults for most members.
+
+    Examples
+    --------
+    >>> from ecm.effects import get_effect
+    >>> isinstance(get_effect("fts_drift"), Effect)
+    True
+    """
 
     @property
     def id(self) -> str:
@@ -140,7 +180,7 @@ class Effect(Protocol):
 
     @property
     def shape(self) -> Shape:
-        """Fixed shape numbers of this variant, kept in model files."""
+        """Fixed numbers of this variant by name, as in model files."""
 
     def missing(self, table: Table) -> Missing | None:
         """None where the table holds what the effect needs."""
@@ -149,10 +189,10 @@ class Effect(Protocol):
         """The shapes worth trying on this table; the first is the plain one."""
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Shapes beside this one, nearer with each round from 0; none where it is exact."""
+        """Shapes on both sides of this one, nearer with each round from 0; often none."""
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
-        """Richer forms, kept once the effect is accepted and held-out rows agree; often none."""
+        """Richer forms to try on held-out rows once the effect is accepted; often none."""
 
     def plain_form(self) -> Effect | None:
         """A plainer effect without this one's own sign, which may explain as much; often none."""
@@ -165,7 +205,22 @@ class Effect(Protocol):
 
 
 class EffectBase:
-    """Defaults shared by the catalogue: central differences, one shape, physics of the pose."""
+    """Base class of effects: central differences, one shape, physics of the pose.
+
+    A subclass names itself in class attributes and gives `correction`. Where it has variants it is
+    a dataclass, whose fields are its shape.
+
+    Examples
+    --------
+    >>> class Shrinkage(EffectBase):
+    ...     id = "shrinkage"
+    ...     physics = "The wrench is a fixed share smaller."
+    ...     parameters = (Parameter("share", "1", 0.01),)
+    ...     def correction(self, rows, values):
+    ...         return -values[0] * rows.wrench
+    >>> Shrinkage().kind, Shrinkage().shape
+    ('pose', {})
+    """
 
     id: str = ""
     physics: str = ""
@@ -226,7 +281,19 @@ class EffectBase:
 
 
 class LinearEffect(EffectBase):
-    """An effect whose correction is columns @ values."""
+    """Base class of effects that are linear in their parameters: correction = columns @ values.
+
+    Examples
+    --------
+    >>> class Scale(LinearEffect):
+    ...     id = "scale"
+    ...     physics = "The wrench is scaled."
+    ...     parameters = (Parameter("share", "1", 0.01),)
+    ...     def columns(self, rows):
+    ...         return rows.wrench[:, :, None]
+    >>> Scale().id
+    'scale'
+    """
 
     def columns(self, rows: Rows) -> F:
         """(N, m, k) correction per unit of each parameter."""

@@ -3,31 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib import metadata
+from importlib import import_module, metadata
 from types import ModuleType
 
 import numpy as np
 
-from ecm.effects import (
-    boundary,
-    contact,
-    frames,
-    friction,
-    geometry,
-    load,
-    material,
-    modulus,
-    motion,
-    occlusion,
-    permanent_set,
-    pre_curvature,
-    relaxation,
-    robot,
-    sensor,
-    sensor_axes,
-    slip,
-)
-from ecm.effects import noise as scatter
 from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
@@ -36,36 +16,72 @@ from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
 
-_CATALOGUE: tuple[Effect, ...] = (
-    *relaxation.EFFECTS,
-    *friction.EFFECTS,
-    *modulus.EFFECTS,
-    *permanent_set.EFFECTS,
-    *material.EFFECTS,
-    *geometry.EFFECTS,
-    *pre_curvature.EFFECTS,
-    *boundary.EFFECTS,
-    *contact.EFFECTS,
-    *slip.EFFECTS,
-    *load.EFFECTS,
-    *motion.EFFECTS,
-    *sensor.EFFECTS,
-    *sensor_axes.EFFECTS,
-    *frames.EFFECTS,
-    *occlusion.EFFECTS,
-    *robot.EFFECTS,
-    *scatter.EFFECTS,
+_GROUPS = (
+    "relaxation",
+    "friction",
+    "modulus",
+    "permanent_set",
+    "material",
+    "geometry",
+    "pre_curvature",
+    "boundary",
+    "contact",
+    "slip",
+    "load",
+    "motion",
+    "sensor",
+    "sensor_axes",
+    "frames",
+    "occlusion",
+    "robot",
+    "noise",
+)
+"""Files of the catalogue, in the order of reports; each lists its effects in `EFFECTS`."""
+_CATALOGUE: tuple[Effect, ...] = tuple(
+    effect for group in _GROUPS for effect in import_module(f"ecm.effects.{group}").EFFECTS
 )
 _own: dict[str, Effect] = {}
 
 
 def all_effects() -> tuple[Effect, ...]:
-    """The catalogue, then effects registered by the user or by installed packages."""
+    """The catalogue, then the effects registered by the user or by installed packages.
+
+    Returns
+    -------
+    tuple of Effect
+        In the order of reports.
+
+    Examples
+    --------
+    >>> [effect.id for effect in all_effects()[:3]]
+    ['stress_relaxation', 'hysteresis', 'mullins_softening']
+    """
     return (*_CATALOGUE, *_own.values())
 
 
 def get_effect(id: str) -> Effect:
-    """The effect of that id; InputError names the nearest one."""
+    """The effect with this id.
+
+    Parameters
+    ----------
+    id
+        Name of the effect, as on the command line.
+
+    Returns
+    -------
+    Effect
+        Its plain form.
+
+    Raises
+    ------
+    InputError
+        No effect has the id; the message names the nearest one.
+
+    Examples
+    --------
+    >>> get_effect("payload").parameters[0].unit
+    'kg'
+    """
     known = {effect.id: effect for effect in all_effects()}
     if id in known:
         return known[id]
@@ -73,22 +89,75 @@ def get_effect(id: str) -> Effect:
 
 
 def with_shape(id: str, shape: Shape) -> Effect:
-    """The variant of an effect that a model file names."""
+    """The variant of an effect that a model file names.
+
+    Parameters
+    ----------
+    id
+        Name of the effect.
+    shape
+        Its shape numbers by name; empty for the plain form.
+
+    Returns
+    -------
+    Effect
+        The effect with this shape.
+
+    Raises
+    ------
+    InputError
+        The id or a name of the shape is not known.
+
+    Examples
+    --------
+    >>> with_shape("contact_stop", {"tilt_rad": 0.2}).shape
+    {'tilt_rad': 0.2}
+    """
     effect = get_effect(id)
     if not shape:
         return effect
     try:
-        found = type(effect)(**shape)
+        variant = type(effect)(**shape)
     except TypeError:
         raise InputError(
             f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
             "another version, refit it"
         ) from None
-    return found
+    return variant
 
 
 def register(effect: Effect) -> Effect:
-    """Make an effect of one's own known; it is ranked like the built-in ones."""
+    """Register an effect of your own; it is ranked like the built-in ones.
+
+    Parameters
+    ----------
+    effect
+        An object derived from `EffectBase` or `LinearEffect`.
+
+    Returns
+    -------
+    Effect
+        The same object.
+
+    Raises
+    ------
+    InputError
+        It is not an effect, or the catalogue has its id.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm.effects import LinearEffect, Parameter
+    >>> class Wind(LinearEffect):
+    ...     id = "wind"
+    ...     physics = "A steady wind pushes along y."
+    ...     parameters = (Parameter("force", "N", 0.1),)
+    ...     def columns(self, rows):
+    ...         return np.tile(np.eye(6)[1][None, :, None], (len(rows), 1, 1))
+    >>> register(Wind()).id
+    'wind'
+    >>> unregister("wind")
+    """
     if not isinstance(effect, Effect):
         raise InputError(f"{effect!r} is not an effect: derive it from ecm.effects.EffectBase")
     if any(effect.id == known.id for known in _CATALOGUE):
@@ -98,7 +167,17 @@ def register(effect: Effect) -> Effect:
 
 
 def unregister(id: str) -> None:
-    """Forget an effect of one's own."""
+    """Remove an effect of your own from the registry; an unknown id is no error.
+
+    Parameters
+    ----------
+    id
+        Name of the effect.
+
+    Examples
+    --------
+    >>> unregister("wind")
+    """
     _own.pop(id, None)
 
 
@@ -124,7 +203,7 @@ class _FunctionEffect(LinearEffect):
         self.side, self.kind = side, kind or ("time" if beyond else "pose")
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs the columns that the user named; without any, the whole pose and wrench."""
+        """Needs the columns that the user named; without any, all of pose and wrench."""
         if self._columns_needed is None:
             return super().missing(table)
         for name in self._columns_needed:
@@ -133,7 +212,7 @@ class _FunctionEffect(LinearEffect):
         return None
 
     def columns(self, rows: Rows) -> F:
-        """What the user's function gives, as (N, m, k); of six components those that are there."""
+        """Columns of the user's function as (N, m, k), m the wrench columns of the base map."""
         try:
             columns = np.asarray(self.function(rows), dtype=np.float64)
         except EcmError:
@@ -164,21 +243,51 @@ def effect(
     kind: Kind | None = None,
     scale: float = 1.0,
 ) -> Callable[[Callable[[Rows], F]], Callable[[Rows], F]]:
-    """Register a function rows -> (N, 6) or (N, 6, k) columns as an effect.
+    """Register a function of the rows as an effect (a decorator).
+
+    The function takes `Rows` and returns (N, 6), or (N, 6, k) for k parameters: what one unit of
+    each parameter adds to the measured wrench, in N and N m.
 
     Parameters
     ----------
+    id
+        Name of the effect.
+    physics
+        One sentence.
     parameters
-        Name -> unit, one for each of the k columns: what one unit adds to the wrench.
+        Name -> unit, one for each of the k columns.
     needs
-        Columns without which it cannot be tested; left out: all six of pose and wrench.
+        Columns without which it cannot be tested; left out: all of pose and wrench.
     side
         "measurement" stays behind when a model is exported to a controller.
     kind
         "pose" where it is the same on every visit to a pose, "time" where it is not, and so no
         noise between visits; left out: by whether it needs more than pose and wrench.
     scale
-        A size that would be usual.
+        An ordinary size of the parameters, in their units.
+
+    Returns
+    -------
+    callable
+        The decorator; it returns the function unchanged.
+
+    Raises
+    ------
+    InputError
+        The catalogue has the id.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> @effect("hose", physics="A hose under pressure pushes.", parameters={"area": "m^2"},
+    ...         needs=("hose_pressure_Pa",), scale=1e-5)
+    ... def hose(rows):
+    ...     columns = np.zeros((len(rows), 6))
+    ...     columns[:, 2] = rows.table.column("hose_pressure_Pa")
+    ...     return columns
+    >>> get_effect("hose").kind
+    'time'
+    >>> unregister("hose")
     """
 
     def decorate(function: Callable[[Rows], F]) -> Callable[[Rows], F]:
@@ -207,7 +316,11 @@ def load_installed() -> None:
     Raises
     ------
     InputError
-        An entry point cannot be loaded.
+        An entry point cannot be loaded, is no effect, or its id is in the catalogue.
+
+    Examples
+    --------
+    >>> load_installed()
     """
     for point in metadata.entry_points(group="ecm.effects"):
         try:

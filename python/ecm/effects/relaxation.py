@@ -31,10 +31,10 @@ _TAUS = 12
 class StressRelaxation(LinearEffect):
     """h (1 + g exp(-d / tau)), d the time at rest; in a continuous test its hereditary form.
 
-    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness and p the way from
-    rest (`linear`), or d h_e in its place (`elastic`); of both the dwell form is the limit for a
-    fast approach. A second branch has a time constant of its own. With the way between readings
-    known (`visits`) it is the same integral over that way: what earlier poses have left counts too.
+    There h(t) = h_e + g int exp(-(t - s) / tau) d(K_m p), K_m the mean stiffness and p the pose
+    against rest (`linear`), or with d h_e in place of d(K_m p) (`elastic`). The dwell form is the
+    limit of both for a fast approach. A second branch has a time constant of its own. `visits` is
+    the same integral over the path between readings, which includes the rest of earlier poses.
     """
 
     id = "stress_relaxation"
@@ -53,16 +53,16 @@ class StressRelaxation(LinearEffect):
     tau_s: float = 10.0
     """Time constant."""
     overstress: str = optional("")
-    """What relaxes in a continuous test: `linear` or `elastic` (see above)."""
+    """Part that relaxes in a continuous test: `linear` or `elastic`."""
     second_tau_s: float = optional(0.0)
     """Time constant of a second branch; 0: none."""
     path: str = optional("")
-    """`visits`: integrated over the way between readings."""
+    """`visits`: integrated over the path between readings."""
 
     def __post_init__(self) -> None:
         if self.overstress:
             names = ("g", "g_second")[: self.branches]
-            # A soft adhesive holds several times its static load while it is moved.
+            # A soft adhesive carries several times its static load while it is moved.
             self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
 
     @property
@@ -74,15 +74,15 @@ class StressRelaxation(LinearEffect):
         """Needs dwell times that differ at least by half, or a continuous test."""
         if is_continuous(table):
             return needs_varying("time_s", 1e-6)(table)
-        found = needs_varying("dwell_s", 1e-3)(table)
-        if found is None:
+        lacking = needs_varying("dwell_s", 1e-3)(table)
+        if lacking is None:
             dwell = table.measured().column("dwell_s")
             if dwell.max() < 1.5 * max(float(dwell.min()), 1e-9):
                 return Missing("dwell_s does not vary", "dwell_s of 2, 8 and 60 s")
-        return found
+        return lacking
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Time constants that the dwell times, or the samples, can tell apart."""
+        """Time constants that the dwell times or the samples can distinguish."""
         if is_continuous(table):
             return tuple(
                 StressRelaxation(float(t), overstress)
@@ -94,7 +94,7 @@ class StressRelaxation(LinearEffect):
         plain = [StressRelaxation(float(t)) for t in np.geomspace(low, high, 4)]
         if not (table.has("time_s") and table.has("approach")):
             return tuple(plain)
-        # A slow part outlives a dwell by far where what was before counts.
+        # Over the path between readings, branches slower than the dwell times count too.
         taus = np.geomspace(low, 4.0 * high, 5)
         visits = [StressRelaxation(float(t), path="visits") for t in taus]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
@@ -135,43 +135,39 @@ class StressRelaxation(LinearEffect):
 
 
 def hereditary(table: Table, driven: F, tau_s: float) -> F:
-    """(N, m) int exp(-(t - s) / tau) d(driven), linear between samples, anew in each run.
+    """(N, m) int exp(-(t - s) / tau) d(driven) in each run, linear between samples.
 
-    A run starts from rest at the first sample; of the way there, as long as the second step is
-    assumed for it.
+    The way from rest to the first sample of a run is taken to last as long as the second step.
     """
     time = table.column("time_s")
-    found = np.zeros_like(driven)
+    integral = np.zeros_like(driven)
     for order in order_of_visits(table):
         if len(order) < 2:
             continue
         steps = np.diff(time[order])
-        first = driven[order[0]] * _kept(float(steps[0]), tau_s)
-        found[order[0]] = first
+        first = driven[order[0]] * _remaining_share(float(steps[0]), tau_s)
+        integral[order[0]] = first
         for (before, now), step in zip(pairwise(order), steps, strict=True):
-            grown = (driven[now] - driven[before]) * _kept(float(step), tau_s)
-            found[now] = found[before] * np.exp(-step / tau_s) + grown
-    return found
+            grown = (driven[now] - driven[before]) * _remaining_share(float(step), tau_s)
+            integral[now] = integral[before] * np.exp(-step / tau_s) + grown
+    return integral
 
 
 def _from_rest(rows: Rows) -> F:
-    """(N, n) way from the rest pose; where that is not known, from the first sample of the run.
-
-    A pose itself is no strain: where it counts from is a choice of axes.
-    """
+    """(N, n) pose against the rest pose; where that is unknown, against the run's first sample."""
     if rows.base.inputs == POSE and rows.has_length:
         return np.asarray(rows.poses - rows.rest_pose)
-    found = np.zeros_like(rows.poses)
+    deflection = np.zeros_like(rows.poses)
     for order in order_of_visits(rows.table):
-        found[order] = rows.poses[order] - rows.poses[order[0]]
-    return found
+        deflection[order] = rows.poses[order] - rows.poses[order[0]]
+    return deflection
 
 
 def over_visits(rows: Rows, tau_s: float) -> F:
-    """(N, 6) of the base's wrench, over the way from reading to reading.
+    """(N, 6) the same integral of the base's wrench over the path from reading to reading.
 
-    Between two readings the mechanism goes to the pose that the next one is approached from, then
-    to that one, each in half of the time that is left before the dwell.
+    Between two readings the mechanism moves to the pose before the next one and then to that one,
+    each in half of the time before the dwell.
     """
     table = rows.table
     time = table.column("time_s")
@@ -180,25 +176,25 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     came = rows.predict(rows.known_before)
     came[rows.unloaded] = 0.0
     goals = np.stack([came, rows.wrench], axis=1)
-    found = np.zeros_like(rows.wrench)
+    integral = np.zeros_like(rows.wrench)
     for order in order_of_visits(table):
         state, here, last = np.zeros(6), np.zeros(6), -np.inf
         for i in order:
             leg = 0.5 * max(float(time[i] - known[i] - last), 0.0)
-            fade, kept = np.exp(-leg / tau_s), _kept(min(leg, 1e6), tau_s)
+            fade, remaining = np.exp(-leg / tau_s), _remaining_share(min(leg, 1e6), tau_s)
             for goal in goals[i]:
-                state = state * fade + (goal - here) * (kept if np.isfinite(last) else 1.0)
+                state = state * fade + (goal - here) * (remaining if np.isfinite(last) else 1.0)
                 here = goal
-            # Nothing is left of what rested for an unknown time, as in the dwell form.
+            # After an unknown dwell nothing remains, as in the dwell form.
             state = state * (np.exp(-dwell[i] / tau_s) if np.isfinite(dwell[i]) else 0.0)
             last = float(time[i])
-            found[i] = state
-    found[rows.unloaded] = 0.0
-    return found
+            integral[i] = state
+    integral[rows.unloaded] = 0.0
+    return integral
 
 
-def _kept(step_s: float, tau_s: float) -> float:
-    """Share of a ramp of this duration that has not relaxed at its end."""
+def _remaining_share(step_s: float, tau_s: float) -> float:
+    """Share of a ramp of this duration that has not yet relaxed at its end."""
     ratio = step_s / tau_s
     return 1.0 if ratio < 1e-9 else float(-np.expm1(-ratio) / ratio)
 

@@ -13,6 +13,7 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     Shape,
+    needs_columns,
     needs_full,
 )
 from ecm.errors import InputError
@@ -22,10 +23,10 @@ from ecm.io.table import Table
 from ecm.regression.rows import Rows
 
 
-class _OfJoints(EffectBase):
-    """What the three share: small motions of the joints move the platform, -K_s B J.
+class _JointEffect(EffectBase):
+    """Base of the effects of joints, whose small motions move the platform: -K_s B J.
 
-    J is that of the top frame on the arm's flange; how it sits there the rows tell.
+    J is the Jacobian of the top frame, whose pose on the flange follows from the rows.
     """
 
     side = "measurement"
@@ -42,62 +43,61 @@ class _OfJoints(EffectBase):
 
     @property
     def shape(self) -> Shape:
-        """Pose of the top frame on the flange; none until a table has told it."""
+        """Pose of the top frame on the flange; empty until it is determined from a table."""
         return {name: self._top_on_flange[name] for name in POSE if self._top_on_flange}
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs joint positions, poses that follow from them, and rows that tell the tool."""
-        found = needs_full(table)
-        if found is not None:
-            return found
-        lacking = [name for name in self._needed if not table.has(name)]
-        if lacking:
-            return Missing(f"no column {lacking[0]}", ", ".join(lacking), absent=True)
+        """Needs joint positions, poses that follow from them, and rows that determine the tool."""
+        lacking = needs_full(table) or needs_columns(*self._needed)(table)
+        if lacking is not None:
+            return lacking
         if table.has("leds_visible"):
             return Missing("the pose is the camera's, not the joints'", "poses from the encoders")
         tool = flange_from_top(table)
         return tool if isinstance(tool, Missing) else None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """With the tool that the table tells."""
-        tool = _told(flange_from_top(table), table)
+        """The effect with the tool that follows from the table."""
+        tool = _required_tool(flange_from_top(table), table)
         return (type(self)(**dict(zip(POSE, tool.round(9).tolist(), strict=True))),)
 
     def motion(self, rows: Rows) -> F:
-        """(N, 6, 7) J."""
+        """(N, 6, 7) Jacobian J of the top frame in its own axes."""
         tool = np.array([*self.shape.values()], dtype=np.float64)
         if not len(tool):
-            tool = _told(flange_from_top(rows.table), rows.table)
+            tool = _required_tool(flange_from_top(rows.table), rows.table)
         return top_jacobian(np.ascontiguousarray(rows.table.matrix(JOINTS)), tool)
 
 
-def _told(tool: F | Missing, table: Table) -> F:
+def _required_tool(tool: F | Missing, table: Table) -> F:
     if isinstance(tool, Missing):
         raise InputError(f"{table.source}: {tool.reason}; record {tool.record}")
     return tool
 
 
-def _moved(rows: Rows, motion: F) -> F:
+def _wrench_of_motion(rows: Rows, motion: F) -> F:
     """(N, 6, k) K_s B of small motions (N, 6, k) of the top frame in its own axes."""
     return np.asarray(rows.screw_stiffness @ rows.base_from_top @ motion)
 
 
-def _softer(rows: Rows, motion: F, values: F) -> F:
+def _softening(rows: Rows, motion: F, values: F) -> F:
     """(N, 6, 6) I + M."""
     in_base = rows.base_from_top @ motion
-    return np.asarray(np.eye(6) + _moved(rows, motion * values) @ np.swapaxes(in_base, 1, 2))
+    return np.asarray(
+        np.eye(6) + _wrench_of_motion(rows, motion * values) @ np.swapaxes(in_base, 1, 2)
+    )
 
 
-def _left(rows: Rows, softer: F) -> F:
-    """(N, 6) wrench that is left where I + M (N, 6, 6) is `softer`."""
-    return np.asarray(np.linalg.solve(softer, rows.wrench[:, :, None])[..., 0])
+def _remaining_wrench(rows: Rows, softening: F) -> F:
+    """(N, 6) wrench (I + M)^-1 h."""
+    return np.asarray(np.linalg.solve(softening, rows.wrench[:, :, None])[..., 0])
 
 
-class RobotCompliance(_OfJoints):
+class RobotCompliance(_JointEffect):
     """-(I + M)^-1 M h, M = K_s B J C J' B', C one compliance per joint.
 
-    The arm gives way to -h, which the mechanism then exerts at the pose that is left: the balance
-    of the two springs under the tangent stiffness, to first order -M h.
+    The arm yields to -h until both springs balance, under the tangent stiffness; to first order
+    -M h.
     """
 
     id = "robot_compliance"
@@ -111,19 +111,21 @@ class RobotCompliance(_OfJoints):
     }
 
     def correction(self, rows: Rows, values: F) -> F:
-        """Wrench that is left, minus that of an arm that does not yield."""
-        return _left(rows, _softer(rows, self.motion(rows), values)) - rows.wrench
+        """Wrench of the balance minus that of a rigid arm."""
+        return _remaining_wrench(rows, _softening(rows, self.motion(rows), values)) - rows.wrench
 
     def jacobian(self, rows: Rows, values: F) -> F:
         """-(I + M)^-1 K_s B J_j J_j' B' h_left for each joint."""
         motion = self.motion(rows)
-        softer = _softer(rows, motion, values)
-        own = np.einsum("nji,nj->ni", rows.base_from_top, _left(rows, softer))
+        softening = _softening(rows, motion, values)
+        own = np.einsum("nji,nj->ni", rows.base_from_top, _remaining_wrench(rows, softening))
         torque = np.einsum("nij,ni->nj", motion, own)
-        return np.asarray(-np.linalg.solve(softer, _moved(rows, motion) * torque[:, None, :]))
+        return np.asarray(
+            -np.linalg.solve(softening, _wrench_of_motion(rows, motion) * torque[:, None, :])
+        )
 
 
-class Backlash(_OfJoints, LinearEffect):
+class Backlash(_JointEffect, LinearEffect):
     """-K_s B J b sign(q'), b the play of each joint."""
 
     id = "backlash"
@@ -138,12 +140,12 @@ class Backlash(_OfJoints, LinearEffect):
     rivals = {"hysteresis": "joint_reversal", "fts_hysteresis": "joint_reversal"}
 
     def columns(self, rows: Rows) -> F:
-        """One per joint."""
+        """One column per joint."""
         signs = rows.table.matrix(JOINT_SIGNS)
-        return -_moved(rows, self.motion(rows) * signs[:, None, :])
+        return -_wrench_of_motion(rows, self.motion(rows) * signs[:, None, :])
 
 
-class JointOffset(_OfJoints, LinearEffect):
+class JointOffset(_JointEffect, LinearEffect):
     """-K_s B J dq, dq constant."""
 
     id = "joint_offset"
@@ -157,8 +159,8 @@ class JointOffset(_OfJoints, LinearEffect):
     }
 
     def columns(self, rows: Rows) -> F:
-        """One per joint."""
-        return -_moved(rows, self.motion(rows))
+        """One column per joint."""
+        return -_wrench_of_motion(rows, self.motion(rows))
 
 
 EFFECTS = (RobotCompliance(), Backlash(), JointOffset())

@@ -1,4 +1,4 @@
-"""The zero of the force-torque sensor: constants in its axes, which turn with the top frame."""
+"""Zero of the force-torque sensor: offset and drift in its axes, which turn with the top frame."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _six(suffix: str, unit: str, force: float, torque: float) -> tuple[Parameter
 
 
 def zeroings(table: Table) -> tuple[str, ...]:
-    """Whether the sensor was zeroed `once`, or with several campaigns at the begin of `each`."""
+    """Whether the sensor was zeroed `once`, or in several campaigns at the start of `each`."""
     begins_s = table.meta.file.begins_s
     if not begins_s:
         return ("once",)
@@ -45,7 +45,7 @@ def zeroings(table: Table) -> tuple[str, ...]:
 
 @dataclass(eq=False)
 class FtsOffset(LinearEffect):
-    """B b: a constant in sensor axes; of a sensor strained by its bolts only while they hold."""
+    """B b: a constant in sensor axes; from the strain of its bolts only where it is mounted."""
 
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
@@ -61,12 +61,12 @@ class FtsOffset(LinearEffect):
     """`always`, or `mounted`: not on the free sensor."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A zero that was taken wrongly; where the free sensor was read also a strain by bolts."""
+        """A wrong zero; where the free sensor was read also the strain of bolts."""
         free = bool((table.text("kind") == "unloaded").any())
         return (FtsOffset(), FtsOffset("mounted")) if free else (FtsOffset(),)
 
     def columns(self, rows: Rows) -> F:
-        """B, or B on rows where the mechanism hangs on the sensor."""
+        """B, or B on rows where the mechanism is on the sensor."""
         if self.acts == "always":
             return rows.base_from_top
         return np.asarray(rows.base_from_top * ~rows.unloaded[:, None, None])
@@ -76,7 +76,7 @@ class FtsOffset(LinearEffect):
 class FtsDrift(LinearEffect):
     """B b g(t), g(t) = t, or tau (1 - exp(-t / tau)) for a sensor that settles.
 
-    Zeroed at the begin of `each` campaign: B b (g(t) - g(t_begin)).
+    Zeroed at the start of `each` campaign: B b (g(t) - g(t_begin)).
     """
 
     id = "fts_drift"
@@ -95,7 +95,7 @@ class FtsDrift(LinearEffect):
     tau_s: float = optional(np.inf)
     """Time in which the drift settles; infinite for a steady one."""
     zeroed: str = optional("once")
-    """Whether the sensor was zeroed once or at the begin of `each` campaign."""
+    """Whether the sensor was zeroed once or at the start of `each` campaign."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Steady, and settling within the campaign."""
@@ -120,7 +120,7 @@ class FtsDrift(LinearEffect):
 class FtsThermalDrift(LinearEffect):
     """B b (T_sensor - T0); T0 is where the sensor was zeroed, the first row's or the mean.
 
-    Zeroed at the begin of `each` campaign: T0 is that of the campaign's first row.
+    Zeroed at the start of `each` campaign: T0 is that of the campaign's first row.
     """
 
     id = "fts_thermal_drift"
@@ -139,7 +139,7 @@ class FtsThermalDrift(LinearEffect):
     reference_degC: float | None = optional(None)
     """Temperature at which the sensor was zeroed; None: that of the first row."""
     zeroed: str = optional("once")
-    """Whether the sensor was zeroed once or at the begin of `each` campaign."""
+    """Whether the sensor was zeroed once or at the start of `each` campaign."""
 
     def __post_init__(self) -> None:
         if self.reference_degC is not None and self.zeroed == "each":

@@ -22,7 +22,7 @@ from ecm.regression.approach import step_times, times_beside
 from ecm.regression.rows import Rows
 
 STEPS = 7
-"""Places of a jump that are tried at first; the best is refined afterwards."""
+"""Times of a jump that are tried first; the best is refined afterwards."""
 
 
 def twist(name: str) -> tuple[Parameter, ...]:
@@ -45,7 +45,7 @@ def base_twist_columns(rows: Rows) -> F:
 
 @dataclass(eq=False)
 class PlatformSlip(LinearEffect):
-    """From t* on the mechanism's end stands elsewhere on the platform: -K_s B (d, w).
+    """After t* the mechanism's end is displaced on the platform: -K_s B (d, w).
 
     Its force then acts beside the platform's centre: the torque changes by -(B d) x f.
     """
@@ -67,7 +67,7 @@ class PlatformSlip(LinearEffect):
     """Time of the jump."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A few moments."""
+        """A few times of the jump."""
         return tuple(PlatformSlip(t) for t in step_times(table, STEPS))
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -87,11 +87,11 @@ class PlatformSlip(LinearEffect):
 class MarkerMotion(LinearEffect):
     """The base marker creeps (`ramp`, `settling`) or jumps at t*: -K_s (d + w x r, w) g(t).
 
-    Where the base is measured anew at the begin of `each` campaign its creep counts from there.
+    Where the base is measured at the start of `each` campaign, its creep counts from there.
     """
 
     id = "marker_motion"
-    physics = "The marker that stands for the base moves, and all poses seem to move with it."
+    physics = "The marker of the base moves, and all poses seem to move with it."
     parameters = twist("marker")
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
     needs = "time (time_s)"
@@ -109,7 +109,7 @@ class MarkerMotion(LinearEffect):
     at_s: float = 0.0
     """Time of the step, or time constant of the creep."""
     counted: str = optional("once")
-    """Whether a creep counts from the first campaign or from the begin of `each`."""
+    """Whether a creep counts from the first campaign (`once`) or from the start of `each`."""
 
     def __post_init__(self) -> None:
         if self.course == "step" and self.counted == "each":

@@ -61,47 +61,45 @@ def cross_validate(
 ) -> CrossValidation:
     """Held-out errors of a model; groups of rows stay together unless asked otherwise.
 
-        A random split flatters a model wherever rows come in groups: it is there for comparison.
+    A random split flatters a model wherever rows come in groups: it is there for comparison.
 
-        Parameters
-        ----------
-        table
-            Pose and wrench columns; only measured rows count.
-        model
-            A specification or its short name.
-        folds
-            Number of parts; at most the number of groups.
-        grouped
-            Keep groups (`[columns] group`, or pose_id) together.
-        seed
-            Seed of the random generator.
+    Parameters
+    ----------
+    table
+        Pose and wrench columns; only measured rows count.
+    model
+        A specification or its short name.
+    folds
+        Number of parts; at most the number of groups.
+    grouped
+        Keep groups (`[columns] group`, or pose_id) together.
+    seed
+        Seed of the random generator.
 
-        Raises
-        ------
-        InputError
-            Where there is only one group, or a part of the rows is too few for the model.
+    Raises
+    ------
+    InputError
+        Where there is only one group, or a part of the rows is too few for the model.
 
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from ecm.io.extras import require
-    from ecm.io.table import as_table
-        >>> x = np.linspace(-0.01, 0.01, 20)
-        >>> found = cross_validate(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear", folds=4)
-        >>> found.rmse["fx_N"] < 1e-9
-        True
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> x = np.linspace(-0.01, 0.01, 20)
+    >>> errors = cross_validate(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear", folds=4)
+    >>> errors.rmse["fx_N"] < 1e-9
+    True
     """
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured) if grouped else np.arange(len(measured), dtype=np.int64)
     fold = random_folds(measured, groups, folds, seed)
     outputs = measured.wrench_columns
     truth = measured.matrix(outputs)
-    left = np.empty_like(truth)
+    residual = np.empty_like(truth)
     for part in range(int(fold.max()) + 1):
         fitted = fit_model(measured.select(np.flatnonzero(fold != part)), specification)
         test = measured.select(np.flatnonzero(fold == part))
-        left[fold == part] = truth[fold == part] - fitted.predict(test)
-    rmse = np.sqrt((left**2).mean(axis=0))
+        residual[fold == part] = truth[fold == part] - fitted.predict(test)
+    rmse = np.sqrt((residual**2).mean(axis=0))
     return CrossValidation(
         rmse=dict(zip(outputs, rmse.tolist(), strict=True)),
         spread=dict(zip(outputs, truth.std(axis=0).tolist(), strict=True)),

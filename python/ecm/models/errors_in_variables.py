@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,87 +27,90 @@ from ecm._native import left_jacobians
 from ecm.effects import Rows
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
+from ecm.io.table import Table
+from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise, whiteners
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
-
-Solve = Callable[[F, F, F], tuple["StiffnessMap", F, float]]
+Solve = Callable[[F, F, F], tuple[StiffnessMap, F, float]]
 """poses, wrenches, covariance (N, m, m) to map, covariance (k, k), whitened residual variance."""
 
 _MAX_ITERATIONS = 20
-_MOVED = 0.01
-"""Ends when no coefficient moves by this share of its standard deviation."""
-_FARTHEST = 6.0
-"""No pose is moved by more standard deviations of the pose noise than this."""
+_TOLERANCE = 0.01
+"""The iteration ends when no coefficient changes by this share of its standard deviation."""
+_LARGEST_SHIFT = 6.0
+"""Largest shift of a pose, in standard deviations of the pose noise."""
 
 
 @dataclass(frozen=True)
 class NoisyPoseFit:
-    """What a fit with pose noise found."""
+    """Result of a fit with pose noise."""
 
     base: StiffnessMap
     covariance: F
-    """(k, k) of the coefficients, from the stated noise."""
+    """(k, k) covariance of the coefficients, from the stated noise."""
     residual_variance: float
     """Whitened residual square per degree of freedom: 1 where noise and model are right."""
     poses: F
-    """(N, n) where the rows most likely were."""
+    """(N, n) most likely true poses."""
     converged: bool
 
 
 def fit_with_pose_noise(
     table: Table, start: StiffnessMap, noise: Noise, solve: Solve
 ) -> NoisyPoseFit:
-    """The maximum of the likelihood from the map `start`.
+    """Maximum likelihood fit of the coefficients and the true poses.
 
     Parameters
     ----------
+    table
+        N measured rows.
+    start
+        Map of the family, where the iteration starts.
+    noise
+        Noise of pose and wrench.
     solve
         Generalised least squares of the map's family.
     """
     base = start
     measured = table.matrix(base.inputs)
     wrenches = np.ascontiguousarray(table.matrix(base.outputs))
-    poses, away = measured.copy(), np.zeros_like(measured)
+    poses, shift = measured.copy(), np.zeros_like(measured)
     before, covariance, variance = base.coefficients, np.zeros((0, 0)), np.nan
-    moved = np.inf
+    change = np.inf
     for _ in range(_MAX_ITERATIONS):
         here = table.with_columns(dict(zip(base.inputs, poses.T, strict=True)))
         rows = Rows(here, base)
         k_s = rows.screw_stiffness if base.inputs == POSE else rows.stiffness
-        carried = np.einsum("nij,nj->ni", k_s, away)
-        base, covariance, variance = solve(poses, wrenches - carried, noise.covariance(rows))
+        moved = wrenches - np.einsum("nij,nj->ni", k_s, shift)
+        base, covariance, variance = solve(poses, moved, noise.covariance(rows))
         sd = np.sqrt(np.diag(covariance))
-        change = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
-        before, last = base.coefficients, moved
-        moved = float(change.max())
-        if moved < _MOVED or (moved > last and moved < 0.1):
+        changes = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
+        before, last = base.coefficients, change
+        change = float(changes.max())
+        if change < _TOLERANCE or (change > last and change < 0.1):
             break
-        away = _away(Rows(here, base), wrenches, away, noise)
-        poses = _moved(measured, away, base.inputs)
-    return NoisyPoseFit(base, covariance, variance, poses, moved < 0.1)
+        shift = _pose_shift(Rows(here, base), wrenches, shift, noise)
+        poses = _shifted(measured, shift, base.inputs)
+    return NoisyPoseFit(base, covariance, variance, poses, change < 0.1)
 
 
-def _away(rows: Rows, wrenches: F, away: F, noise: Noise) -> F:
+def _pose_shift(rows: Rows, wrenches: F, shift: F, noise: Noise) -> F:
     """(N, n) measured minus most likely pose, rotations as increments in base axes."""
     inputs = rows.base.inputs
     k_s = rows.screw_stiffness if inputs == POSE else rows.stiffness
     sd = np.array([noise.position_sd_m if c in POSE[:3] else noise.rotation_sd_rad for c in inputs])
     whitener = whiteners(noise.covariance(rows))
-    e = wrenches - rows.wrench - np.einsum("nij,nj->ni", k_s, away)
+    e = wrenches - rows.wrench - np.einsum("nij,nj->ni", k_s, shift)
     weighted = np.einsum("nji,nj->ni", whitener, np.einsum("nij,nj->ni", whitener, e))
-    found = -np.einsum("nij,ni->nj", k_s, weighted) * sd**2
-    return np.asarray(np.clip(found, -_FARTHEST * sd, _FARTHEST * sd))
+    shift = -np.einsum("nij,ni->nj", k_s, weighted) * sd**2
+    return np.asarray(np.clip(shift, -_LARGEST_SHIFT * sd, _LARGEST_SHIFT * sd))
 
 
-def _moved(measured: F, away: F, inputs: tuple[str, ...]) -> F:
-    """Poses with p~ - p = away; exp([away]x) R(theta) = R(theta~) to first order."""
-    poses = measured - away
+def _shifted(measured: F, shift: F, inputs: tuple[str, ...]) -> F:
+    """Poses with p~ - p = shift; exp([shift]x) R(theta) = R(theta~) to first order."""
+    poses = measured - shift
     if inputs == POSE:
         jacobian = left_jacobians(np.ascontiguousarray(measured[:, 3:]))
-        turn = np.linalg.solve(jacobian, away[:, 3:, None])[:, :, 0]
-        poses[:, 3:] = measured[:, 3:] - turn
+        rotation = np.linalg.solve(jacobian, shift[:, 3:, None])[:, :, 0]
+        poses[:, 3:] = measured[:, 3:] - rotation
     return np.ascontiguousarray(poses)

@@ -109,11 +109,11 @@ class ModelEstimator:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Options by name; with `deep` also fields of the specification as `model__degree`."""
-        found = {name: getattr(self, name) for name in _OPTIONS}
+        options = {name: getattr(self, name) for name in _OPTIONS}
         if deep:
             own = parse_model(self.model)
-            found |= {f"model__{item.name}": getattr(own, item.name) for item in fields(own)}
-        return found
+            options |= {f"model__{item.name}": getattr(own, item.name) for item in fields(own)}
+        return options
 
     def set_params(self, **options: Any) -> ModelEstimator:
         """Change options, or fields of the specification as `model__degree`."""
@@ -140,7 +140,7 @@ class ModelEstimator:
 
 
 def _array(values: Any, name: str) -> F:
-    found = np.ascontiguousarray(values, dtype=np.float64)
-    if found.ndim != 2 or found.shape[1] != len(POSE):
-        raise InputError(f"{name} has shape {found.shape}: expected (N, {len(POSE)})")
-    return found
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != len(POSE):
+        raise InputError(f"{name} has shape {array.shape}: expected (N, {len(POSE)})")
+    return array

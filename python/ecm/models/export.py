@@ -10,7 +10,7 @@ import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -19,26 +19,34 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.maps import EnergyMap
+from ecm.models.maps import EnergyMap, Symmetry
+from ecm.models.model import Model
 from ecm.models.mujoco import mujoco_text
 from ecm.models.physics.map import PhysicsMap
-
-if TYPE_CHECKING:
-    from ecm.models.model import Model
 
 Target = Literal["c", "rust", "mujoco"]
 Precision = Literal["double", "single"]
 
 _POSES = 2000
 _SEED = 11
+_SMALL_ERROR = 0.15
+"""An energy whose error over the noise is smaller is near enough to fold effects into."""
 
 
 @dataclass(frozen=True)
 class Exported:
-    """Files by path, and what a reader of them must know."""
+    """An exported model.
+
+    Examples
+    --------
+    >>> Exported({"spring.h": "..."}, ("Left out: fts_drift.",), ("fts_drift",)).left_out
+    ('fts_drift',)
+    """
 
     files: dict[str, str]
+    """Text of each file by its path."""
     notes: tuple[str, ...]
+    """What a reader of the files must know."""
     left_out: tuple[str, ...]
     """Ids of the effects that are not in the files."""
 
@@ -97,15 +105,7 @@ def export(
 def export_files(
     model: Model, target: Target, name: str = "ecm_model", precision: Precision = "double"
 ) -> Exported:
-    """Source files of a model.
-
-    Parameters
-    ----------
-    name
-        Begins every public name: a lower-case letter, then a-z, 0-9, _.
-    precision
-        Floating-point type of the code, `c` and `rust` only.
-    """
+    """Return the files that `export` writes, without writing them."""
     if re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name) is None:
         raise InputError(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
@@ -120,7 +120,7 @@ def export_files(
 
 
 def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
-    """The model without effects of instruments; effects of physics on the pose folded in."""
+    """The model without effects of instruments; effects of physics are folded into its base."""
     acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
     left_out = tuple(i.id for i in model.effects if i.id not in acting)
     notes = []
@@ -142,59 +142,42 @@ def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
 
 
 def _folded(model: Model) -> tuple[EnergyMap, F]:
-    """The energy nearest to base plus acting effects, the smallest that is near enough."""
-    length = model.known_length_m
-    if model.inputs != POSE or model.outputs != WRENCH or length is None:
-        raise InputError(
-            "a model with effects of physics is exported as an energy, which needs all six pose "
-            "and wrench columns and the length: give [mechanism] length_m, or remove the effects"
-        )
+    """The smallest energy that is near enough to the base with its effects, and its error."""
+    rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
     poses = poses_in_domain(model, _POSES)
     wrenches = model.predict(poses)
     noise = _noise_sd(model)
-    best: tuple[float, EnergyMap, F] | None = None
-    symmetries: list[Any] = ["alike", "revolution", "general", "general"]
-    for degree, symmetry in zip((6, 6, 4, 6), symmetries, strict=True):
-        fitted = EnergyMap(
-            EnergyModel.fit(
-                poses[::2].copy(),
-                wrenches[::2].copy(),
-                length_m=length,
-                degree=degree,
-                symmetry=symmetry,
-            )
+    trials: list[tuple[float, EnergyMap, F]] = []
+    forms: tuple[tuple[int, Symmetry], ...]
+    forms = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
+    for degree, symmetry in forms:
+        energy = EnergyModel.fit(
+            poses[::2].copy(),
+            wrenches[::2].copy(),
+            length_m=float(rest[0, 0]),
+            degree=degree,
+            symmetry=symmetry,
         )
-        error = np.sqrt(((fitted.predict(poses[1::2]) - wrenches[1::2]) ** 2).mean(axis=0))
-        share = float(np.max(error / noise))
-        if best is None or share < best[0]:
-            best = (share, fitted, error)
-        if share < 0.15:
+        error = np.sqrt(((energy.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
+        trials.append((float(np.max(error / noise)), EnergyMap(energy), error))
+        if trials[-1][0] < _SMALL_ERROR:
             break
-    if best is None:
-        raise InputError("no energy to fold the effects into")
-    return best[1], best[2]
+    _, folded, error = min(trials, key=lambda trial: trial[0])
+    return folded, error
 
 
 def _noise_sd(model: Model) -> F:
     """(m,) root mean square noise of a row of each component over the model's poses."""
-    from ecm.effects import Rows
-    from ecm.io.description import Meta
-    from ecm.io.table import Table
-
-    poses = poses_in_domain(model, 200)
-    columns = {name: poses[:, j] for j, name in enumerate(POSE)}
-    length = model.known_length_m
-    known = {} if length is None else {"length_m": length}
-    rows = Rows(Table(columns, Meta(mechanism=known), "poses"), model.base)
-    return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(poses)))
+    rows = model.rows_at(poses_in_domain(model, 200))
+    return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
 
 
 def poses_in_domain(model: Model, count: int) -> F:
-    """(count, 6) poses like those of the training data, which the model does not hold.
+    """(count, 6) random poses like those of the training data, which the model does not contain.
 
-    An energy knows how far its data went in mid-frame coordinates: |c| and |theta| at most
+    An energy states how far its data went in mid-frame coordinates: |c| and |theta| at most
     `scale`. Otherwise the ranges of the pose columns are shrunk by half about their middle,
-    because their corners combine what no mechanism does.
+    because no mechanism reaches the corners of the whole box.
     """
     random = np.random.default_rng(_SEED)
     base = model.base.surrogate if isinstance(model.base, PhysicsMap) else model.base
@@ -218,13 +201,7 @@ def poses_in_domain(model: Model, count: int) -> F:
 
 
 def _mujoco(model: Model, name: str) -> tuple[str, list[str]]:
-    length = model.known_length_m
-    if model.inputs != POSE or model.outputs != WRENCH or length is None:
-        raise InputError(
-            "a MuJoCo export needs a model of all six pose and six wrench columns, and the "
-            "length: give [mechanism] length_m in the data's TOML"
-        )
-    rest = np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    rest = model.rest_pose("a MuJoCo export")
     wrench = model.base.predict(rest)[0]
     generalised = model.base.stiffness(rest, "generalised")[0]
     symmetric = 0.5 * (generalised + generalised.T)
@@ -243,4 +220,4 @@ def _mujoco(model: Model, name: str) -> tuple[str, list[str]]:
     skew = np.abs(generalised - generalised.T).max() / np.abs(generalised).max()
     if skew > 1e-9:
         lost.append(f"Lost: the skew part of the stiffness, {100 * skew:.2g} % of its largest.")
-    return mujoco_text(name, length, wrench, symmetric, lost), lost
+    return mujoco_text(name, float(rest[0, 0]), wrench, symmetric, lost), lost

@@ -1,4 +1,4 @@
-"""Model files: sealed JSON (interfaces.md)."""
+"""Model files: JSON with a checksum (interfaces.md)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SHARE = 0.01
 
 
 def covariance_document(covariance: F | None, base: StiffnessMap) -> dict[str, Any]:
-    """The full matrix; of a plain polynomial fit its factors, outputs (x) terms.
+    """The full matrix; for a plain polynomial fit its Kronecker factors, outputs (x) terms.
 
     A large one that has no factors (504 coefficients refitted with effects or by pose noise) is
     written as standard deviations and the lower triangle of the correlations, with no more digits
@@ -51,7 +51,7 @@ def covariance_document(covariance: F | None, base: StiffnessMap) -> dict[str, A
     if len(sd) >= _LARGE and sd.min() > 0.0:
         correlation = covariance / np.outer(sd, sd)
         smallest = float(np.linalg.eigvalsh(correlation)[0])
-        # Rounding by u in each entry turns no variance by more than about 2 u sqrt(k).
+        # Rounding by u in each entry changes no variance by more than about 2 u sqrt(k).
         unit = _SHARE * smallest / (2.0 * np.sqrt(len(sd)))
         if unit > 1e-12:
             digits = int(np.ceil(-np.log10(2.0 * unit)))
@@ -66,6 +66,7 @@ def covariance_document(covariance: F | None, base: StiffnessMap) -> dict[str, A
 
 
 def covariance_of(document: dict[str, Any]) -> F | None:
+    """(k, k) covariance of a model file; None where it has none."""
     if document["covariance"] is None:
         if document.get("covariance_sd") is None:
             return None
@@ -78,7 +79,7 @@ def covariance_of(document: dict[str, Any]) -> F | None:
 
 
 def _from_correlations(document: dict[str, Any]) -> F:
-    """(k, k) of deviations and the lower triangle of correlations; refused where they misfit."""
+    """(k, k) from deviations and the lower triangle of correlations; ValueError where wrong."""
     sd = np.asarray(document["covariance_sd"], dtype=np.float64)
     rows = document["covariance_correlation"]
     k = len(sd)
@@ -95,6 +96,7 @@ def _from_correlations(document: dict[str, Any]) -> F:
 
 
 def effect_document(item: FittedEffect) -> dict[str, Any]:
+    """An effect with its values for a model file."""
     return {
         "id": item.id,
         "side": item.effect.side,
@@ -114,12 +116,12 @@ def effect_document(item: FittedEffect) -> dict[str, Any]:
 
 
 def write_document(document: dict[str, Any], path: str | Path) -> None:
-    """Write a sealed model file, complete or not at all."""
+    """Write a model file with its checksum, complete or not at all."""
     write_atomically(Path(path), seal_model(json.dumps(document)))
 
 
 def read_document(path: str | Path) -> dict[str, Any]:
-    """The document of a model file; refused when its sum, version or a range is wrong."""
+    """The document of a model file; InputError where checksum, version or a range is wrong."""
     file = Path(path)
     try:
         text = file.read_text(encoding="utf-8")
@@ -134,16 +136,18 @@ def read_document(path: str | Path) -> dict[str, Any]:
 
 
 def scene_of(document: dict[str, Any]) -> Scene:
+    """The scene of a model file, with defaults for keys that older files lack."""
     known = {**asdict(Scene()), **document}
     gravity = [float(g) for g in known["gravity_m_s2"]]
     return Scene(**known | {"gravity_m_s2": (gravity[0], gravity[1], gravity[2])})
 
 
 def effect_of(document: dict[str, Any]) -> FittedEffect:
+    """An effect of a model file."""
     effect = with_shape(document["id"], dict(document["shape"]))
-    found = document["parameters"]
-    values = [float(found[p.name]["value"]) for p in effect.parameters]
-    sds = [found[p.name]["sd"] for p in effect.parameters]
+    stored = document["parameters"]
+    values = [float(stored[p.name]["value"]) for p in effect.parameters]
+    sds = [stored[p.name]["sd"] for p in effect.parameters]
     return FittedEffect(
         effect,
         np.array(values),

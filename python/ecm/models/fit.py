@@ -87,8 +87,8 @@ def _model(fitted: FittedMap, table: Table) -> Model:
             covariance = covariance * max(1.0, variance)
     if covariance is not None and fitted.noise.components is None and base.inputs == POSE:
         poses = np.ascontiguousarray(table.poses)
-        found = leverages(base, covariance, fitted.noise, poses)
-        training["largest_leverage"] = float(found.max())
+        largest = leverages(base, covariance, fitted.noise, poses).max()
+        training["largest_leverage"] = float(largest)
     return Model(
         base=base,
         noise=fitted.noise,

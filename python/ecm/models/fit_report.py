@@ -1,18 +1,16 @@
-"""The fit report: values with errors, what moves together, and what each addition was worth."""
+"""The fit report: values with errors, correlations, and the history of fits."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ecm.models.history import FitRecord
-    from ecm.models.joint_fit import FittedEffect, JointFit
-    from ecm.models.maps import StiffnessMap
+from ecm.models.history import FitRecord
+from ecm.models.joint_fit import FittedEffect, JointFit
+from ecm.models.maps import StiffnessMap
 
-_TOGETHER = 0.3
+_LARGE_CORRELATION = 0.3
 _MOST_PAIRS = 12
 
 
@@ -23,7 +21,7 @@ def fit_report(
     correlations: Sequence[tuple[str, str, float]],
     history: Sequence[FitRecord],
 ) -> str:
-    """Text: parameters of physics, then of the instruments, correlations, the error ladder."""
+    """Text: parameters of physics, then of the instruments, correlations, history of fits."""
     lines = [f"model {name}: {len(base.coefficients)} coefficients in the base"]
     for side, title in (("physics", "physics"), ("measurement", "instruments")):
         for item in (i for i in effects if i.effect.side == side):
@@ -38,35 +36,35 @@ def fit_report(
                 at = " at its bound" if bound else ""
                 lines.append(f"    {parameter.name} = {value:.4g}{error} {parameter.unit}{at}")
     if correlations:
-        lines.append("  correlations beyond 0.3:")
+        lines.append(f"  correlations beyond {_LARGE_CORRELATION}:")
         lines += [f"    {a} and {b}: {value:+.2f}" for a, b, value in correlations]
-    for rung in history:
-        ceiling = "" if rung.ceiling is None else f", ceiling {rung.ceiling:.3f}"
+    for record in history:
+        ceiling = "" if record.ceiling is None else f", ceiling {record.ceiling:.3f}"
         lines.append(
-            f"  {rung.name}: error over noise {rung.train:.3f} fitted, "
-            f"{rung.held_out:.3f} held out{ceiling}, floor {rung.floor:g}"
+            f"  {record.name}: error over noise {record.train:.3f} fitted, "
+            f"{record.held_out:.3f} held out{ceiling}, floor {record.floor:g}"
         )
-        if rung.test:
-            lines.append(f"    {rung.test}")
+        if record.test:
+            lines.append(f"    {record.test}")
     return "\n".join(lines)
 
 
-def correlations_of(found: JointFit, base_frozen: bool) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of effect parameters, and of these with the base's coefficients, that go together."""
+def correlations_of(fit: JointFit, base_frozen: bool) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of parameters with large correlation: of effects, and of these with the base."""
     own = [
         f"{item.id}.{parameter.name}"
-        for item in found.effects
+        for item in fit.effects
         if not item.frozen
         for parameter in item.effect.parameters
     ]
-    base = 0 if base_frozen else len(found.base.coefficients)
+    base = 0 if base_frozen else len(fit.base.coefficients)
     names = [*(f"base.{j + 1}" for j in range(base)), *own]
-    sd = np.sqrt(np.maximum(np.diag(found.covariance), 1e-300))
-    matrix = found.covariance / np.outer(sd, sd)
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+    matrix = fit.covariance / np.outer(sd, sd)
     pairs = [
         (names[i], names[j], float(matrix[i, j]))
         for j in range(base, len(names))
         for i in range(j)
-        if abs(matrix[i, j]) > _TOGETHER
+        if abs(matrix[i, j]) > _LARGE_CORRELATION
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))[:_MOST_PAIRS])

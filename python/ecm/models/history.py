@@ -1,10 +1,10 @@
-"""The error ladder: how far each fit brought the model, on rows it saw and rows it did not."""
+"""The history of fits: errors on fitted and on held-out rows, and a test of each change."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,17 +12,13 @@ from ecm._native import polynomial_regressor
 from ecm.io.arrays import B, F, I
 from ecm.io.cache import hash_of
 from ecm.io.columns import POSE
+from ecm.io.table import Table
 from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import folds, held_out_by, is_pose_row, row_groups
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import NormalEquations
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-    from ecm.regression.rows import Rows
-
 
 _CEILING_DEGREE = 3
 _CEILING_FOLDS = 5
@@ -30,25 +26,32 @@ _CEILING_FOLDS = 5
 
 @dataclass(frozen=True)
 class FitRecord:
-    """Whitened root mean square errors: 1 is the noise floor."""
+    """Errors of one fit, root mean square over the noise: 1 is the noise floor.
+
+    Examples
+    --------
+    >>> FitRecord("energy4", train=1.02, held_out=1.1, ceiling=0.99).to_dict()["held_out"]
+    1.1
+    """
 
     name: str
     train: float
+    """On the fitted rows."""
     held_out: float
-    """Without each fold of poses in turn."""
+    """On each fold of poses in turn, fitted without it."""
     ceiling: float | None
     """Held out, with a free cubic of the pose added: no effect of the pose can do better."""
     floor: float = 1.0
     chi2: float = 0.0
     """Sum of squares of the fitted rows, in units of the noise."""
     parameters: int = 0
-    """Fitted numbers."""
+    """Number of fitted parameters."""
     size: int = 0
     """Rows times components."""
     rows: str = ""
-    """Hash of the fitted rows and of their noise: only rungs that share it can be tested."""
+    """Hash of the fitted rows and of their noise: only fits that share it can be compared."""
     test: str = ""
-    """What the change against the rung before is worth, in words."""
+    """F test and BIC of the change against the fit before, in words."""
 
     def to_dict(self) -> dict[str, Any]:
         """For reports and model files."""
@@ -57,7 +60,7 @@ class FitRecord:
 
 @dataclass(frozen=True)
 class RecordedFit:
-    """What a rung is made of: a fit, by its name, the rows it saw and their noise."""
+    """A fit with its name, its rows and their noise."""
 
     name: str
     fit: JointFit
@@ -69,23 +72,23 @@ class RecordedFit:
 def fit_records(
     fitted: RecordedFit, base: StiffnessMap, history: Sequence[FitRecord], *, frozen: bool
 ) -> tuple[FitRecord, ...]:
-    """The rung of this fit; before the first effect also that of the base alone."""
-    steps = []
+    """The record of this fit; with the first effects also that of the base alone."""
+    records = []
     if fitted.fit.effects and not history:
         alone = joint_fit(base, (), fitted.table, fitted.noise, freeze_base=frozen)
-        steps.append(_rung(replace(fitted, name=base.name, fit=alone)))
-    own = _rung(fitted)
-    before = steps[-1] if steps else history[-1] if history else None
-    steps.append(own if before is None else replace(own, test=_test(before, own)))
-    return tuple(steps)
+        records.append(_record(replace(fitted, name=base.name, fit=alone)))
+    own = _record(fitted)
+    before = [*history, *records][-1:]
+    records.append(replace(own, test=_test(before[0], own)) if before else own)
+    return tuple(records)
 
 
 def _test(before: FitRecord, after: FitRecord) -> str:
     """F-test and BIC of a change, from the sums of squares of the same rows."""
-    if not before.rows:  # of a file that does not say
+    if not before.rows:  # from an older file
         return ""
     if before.rows != after.rows:
-        return "no test: other rows or another noise than on the rung before"
+        return "no test: other rows or another noise than in the fit before"
     more = after.parameters - before.parameters
     fall = before.chi2 - after.chi2
     wide, narrow = (after, before) if more >= 0 else (before, after)
@@ -101,22 +104,22 @@ def _test(before: FitRecord, after: FitRecord) -> str:
     )
 
 
-def _rung(fitted: RecordedFit) -> FitRecord:
-    table, found = fitted.table, fitted.fit
+def _record(fitted: RecordedFit) -> FitRecord:
+    table, fit = fitted.table, fitted.fit
     groups = row_groups(table)
-    parts = folds(table, found.rows.poses, groups, held_out_by(table, "time"))
+    parts = folds(table, fit.rows.poses, groups, held_out_by(table, "time"))
     scored = is_pose_row(table)
-    squares = (found.whitened**2).sum(axis=1)[scored]
-    m = found.whitened.shape[1]
-    ceiling = ceiling_rms(found, table, fitted.noise)
+    squares = (fit.whitened**2).sum(axis=1)[scored]
+    m = fit.whitened.shape[1]
+    ceiling = ceiling_rms(fit, table, fitted.noise)
     return FitRecord(
         name=fitted.name,
         train=float(np.sqrt(squares.mean() / m)),
-        held_out=held_out_rms(found.design, found.whitened, groups, parts, scored),
+        held_out=held_out_rms(fit.design, fit.whitened, groups, parts, scored),
         ceiling=None if ceiling is None else ceiling.whitened,
-        chi2=float((found.whitened**2).sum()),
-        parameters=found.design.shape[2],
-        size=found.whitened.size,
+        chi2=float((fit.whitened**2).sum()),
+        parameters=fit.design.shape[2],
+        size=fit.whitened.size,
         rows=hash_of(fitted.training_hash, fitted.noise.to_dict()),
     )
 
@@ -129,12 +132,12 @@ def held_out_rms(
     scored: B,
 ) -> float:
     """Whitened rms on held-out groups of a fit linearised at its optimum."""
-    gram = NormalEquations.of(design, whitened, groups)
+    equations = NormalEquations.of(design, whitened, groups)
     count = int(groups.max()) + 1
     fold_of_group = np.zeros(count, dtype=np.int64)
     fold_of_group[groups] = parts
     counts = np.asarray(np.bincount(groups, scored, count), dtype=np.float64)
-    squares = gram.held_out(range(design.shape[2]), fold_of_group, counts)
+    squares = equations.held_out(range(design.shape[2]), fold_of_group, counts)
     total = counts.sum() * whitened.shape[1]
     return float(np.sqrt(squares.sum() / total))
 
@@ -149,16 +152,16 @@ class Ceiling:
     """(m,) root mean square of each component, in its unit."""
 
 
-def ceiling_rms(found: JointFit, table: Table, noise: Noise) -> Ceiling | None:
+def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     """Held-out error with a free cubic of the pose fitted to the residual.
 
     Ridge regression in whitened coordinates; the ridge is the best of a grid on the held-out rows,
-    so that few distinct poses give a ceiling no worse than the model. None where the poses are not
-    all six coordinates.
+    so that few distinct poses give a ceiling no worse than the model. None where the poses lack
+    some of the six coordinates.
     """
-    rows: Rows = found.rows
+    rows = fit.rows
     scored = is_pose_row(table)
-    poses, whitened = rows.poses[scored], found.whitened[scored]
+    poses, whitened = rows.poses[scored], fit.whitened[scored]
     low, high = poses.min(axis=0), poses.max(axis=0)
     moving = high > low
     if rows.base.inputs != POSE or not moving.any():
@@ -166,7 +169,7 @@ def ceiling_rms(found: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     regressor = polynomial_regressor(
         np.ascontiguousarray(poses[:, moving]), _CEILING_DEGREE, low[moving], high[moving]
     )
-    whitener = whiteners(noise.covariance(rows, found.base.error)[scored])
+    whitener = whiteners(noise.covariance(rows, fit.base.error)[scored])
     n, m = whitened.shape
     design = (whitener[:, :, :, None] * regressor[:, None, None, :]).reshape(n, m, -1)
     design /= np.sqrt((design**2).sum(axis=(0, 1)) / n) + 1e-300
@@ -176,7 +179,7 @@ def ceiling_rms(found: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     ridges = np.geomspace(1e-2, 1e4, 13) * np.sqrt(n)
     squares = np.zeros(len(ridges))
     physical = np.zeros((m, len(ridges)))
-    coloured = np.linalg.inv(whitener)
+    colour = np.linalg.inv(whitener)
     for part in range(_CEILING_FOLDS):
         train, test = parts != part, parts == part
         flat = design[train].reshape(-1, design.shape[2])
@@ -186,10 +189,9 @@ def ceiling_rms(found: JointFit, table: Table, noise: Noise) -> Ceiling | None:
         weights = along[:, None] / (np.maximum(values, 0.0)[:, None] + ridges)
         left = whitened[test].ravel()[:, None] - seen @ weights
         squares += (left**2).sum(axis=0)
-        physical += ((coloured[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
+        physical += ((colour[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
     best = int(np.argmin(squares))
-    if squares[best] < (whitened**2).sum():
-        whole, own = float(squares[best]), physical[:, best]
-    else:
-        whole, own = float((whitened**2).sum()), (found.residual[scored] ** 2).sum(axis=0)
-    return Ceiling(float(np.sqrt(whole / whitened.size)), np.asarray(np.sqrt(own / n)))
+    total, own = float(squares[best]), physical[:, best]
+    if total >= (whitened**2).sum():
+        total, own = float((whitened**2).sum()), (fit.residual[scored] ** 2).sum(axis=0)
+    return Ceiling(float(np.sqrt(total / whitened.size)), np.asarray(np.sqrt(own / n)))

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from ecm.effects.protocol import Effect
 from ecm.io.arrays import F
+from ecm.io.table import Table
+from ecm.models.maps import StiffnessMap
 from ecm.regression.f_test import orthonormal
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 from ecm.regression.shared_error import shared_zero_error
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
-
 _MAX_ITERATIONS = 8
-_UNSEEN = 1e-12
-"""Share of a column's square below which a combination of columns is nothing."""
+_NULL = 1e-12
+"""Share of a column's square below which a combination of columns counts as zero."""
 _AT_BOUND = 1e-9
 _TOLERANCE = 1e-4
 _REFINEMENTS = 4
@@ -36,7 +32,14 @@ class FittedEffect:
     effect: Effect
     values: F
     sd: F
+    """(k,) standard deviations; infinite before a fit."""
     frozen: bool = False
+
+    @staticmethod
+    def unfitted(effect: Effect) -> FittedEffect:
+        """The effect with values zero, before any fit."""
+        k = len(effect.parameters)
+        return FittedEffect(effect, np.zeros(k), np.full(k, np.inf))
 
     @property
     def id(self) -> str:
@@ -46,7 +49,7 @@ class FittedEffect:
 
 @dataclass(frozen=True)
 class JointFit:
-    """What a joint refit found."""
+    """Result of a joint refit."""
 
     base: StiffnessMap
     effects: tuple[FittedEffect, ...]
@@ -58,7 +61,7 @@ class JointFit:
     design: F
     """(N, m, k) whitened Jacobian: base coefficients, then the free effects."""
     covariance: F
-    """(k, k) of the parameters, base first; with errors that all rows share."""
+    """(k, k) of the parameters, base first; errors that all rows share are included."""
     iterations: int
     converged: bool
 
@@ -74,22 +77,28 @@ def joint_fit(
 ) -> JointFit:
     """Fit the base's coefficients and the effects' parameters to the table together.
 
-    Minimises sum_i w_i r_i' Sigma_i^-1 r_i; Sigma_i is that of the first base. Parameters stay
-    within their bounds. Not to converge is told by `converged`. What the table cannot tell from the
-    base (all gains of a sensor at once, and the modulus) is the base's: of all effects that fit
-    alike, those of the least size.
+    Minimises sum_i w_i r_i' Sigma_i^-1 r_i by Gauss-Newton steps; Sigma_i is that of the first
+    base. Parameters stay within their bounds; `converged` is false where the steps did not end.
+    Where the table cannot distinguish effects from the base (all gains of a sensor at once, and the
+    modulus), the smallest effects that fit equally well are taken.
 
     Parameters
     ----------
+    base, effects
+        Start of the fit; an effect without values starts at zero.
+    table
+        N measured rows.
+    noise
+        Gives Sigma_i (m, m).
     row_weights
-        (N,) robust weights; default 1.
+        (N,) robust weights w_i; default 1.
     freeze_base
         Keep the base's coefficients.
     """
-    fitted = [_start(item) for item in effects]
+    fitted = [e if isinstance(e, FittedEffect) else FittedEffect.unfitted(e) for e in effects]
     rows = Rows(table, base)
     whitener = whiteners(noise.covariance(rows, base.error))
-    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
+    measured = table.matrix(base.outputs)
     root = np.ones(len(table)) if row_weights is None else np.sqrt(row_weights)
     free_base = 0 if freeze_base else len(base.coefficients)
     converged, iteration = False, 0
@@ -98,23 +107,26 @@ def joint_fit(
         residual, design = _linearised(rows, base, fitted, measured, free_base)
         z = np.einsum("nij,njk->nik", whitener, design) * root[:, None, None]
         y = np.einsum("nij,nj->ni", whitener, residual) * root[:, None]
-        # Of nothing that is free as well: no shape is left to guess.
+        # The shape is given, so that it holds for zero columns as well.
         flat = z.reshape(y.size, z.shape[2])
         step = _bounded_step(flat, y.ravel(), base, fitted, free_base)
-        moved = float(np.linalg.norm(flat @ step))
-        least = _least_effects(flat, fitted, free_base)
-        here = _values(base, fitted, free_base)
-        there = least @ (here + step)
+        change = float(np.linalg.norm(flat @ step))
+        values = _values(base, fitted, free_base)
+        smallest = _least_effects(flat, fitted, free_base) @ (values + step)
         lower, upper = _bounds(base, fitted, free_base)
-        # What stands at its bound may miss it by a rounding of the projection.
-        near = _AT_BOUND * np.maximum(1.0, np.abs(there))
-        if np.all(there >= lower - near) and np.all(there <= upper + near):
-            step = np.clip(there, lower, upper) - here
+        # A value at its bound may miss it by a rounding of the projection.
+        near = _AT_BOUND * np.maximum(1.0, np.abs(smallest))
+        if np.all(smallest >= lower - near) and np.all(smallest <= upper + near):
+            step = np.clip(smallest, lower, upper) - values
         if free_base:
             base = base.with_coefficients(base.coefficients + step[:free_base])
             rows = Rows(table, base)
-        fitted = _advanced(fitted, step[free_base:])
-        converged = moved < _TOLERANCE * np.sqrt(max(1, y.size))
+        parts = _split(fitted, step[free_base:])
+        fitted = [
+            item if part is None else replace(item, values=item.values + part)
+            for item, part in zip(fitted, parts, strict=True)
+        ]
+        converged = change < _TOLERANCE * np.sqrt(max(1, y.size))
     residual, design = _linearised(rows, base, fitted, measured, free_base)
     z = np.einsum("nij,njk->nik", whitener, design)
     weighted = (z * root[:, None, None]).reshape(residual.size, z.shape[2])
@@ -125,7 +137,7 @@ def joint_fit(
     size = np.where(size > 0.0, size, 1.0)
     inverse = np.linalg.pinv((weighted / size).T @ (weighted / size), hermitian=True)
     covariance = np.asarray(least @ (inverse / np.outer(size, size)) @ least.T)
-    # What one standard deviation of an error that all rows share would move the parameters by.
+    # Change of the parameters by one standard deviation of an error that all rows share.
     shared = np.einsum("nij,njk->nik", whitener, shared_zero_error(rows, residual, noise))
     shift = np.einsum("nik,nij->kj", z * root[:, None, None] ** 2, shared)
     shift = covariance @ shift
@@ -133,7 +145,10 @@ def joint_fit(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return JointFit(
         base=base,
-        effects=tuple(_with_sd(fitted, sd[free_base:])),
+        effects=tuple(
+            item if part is None else replace(item, sd=part)
+            for item, part in zip(fitted, _split(fitted, sd[free_base:]), strict=True)
+        ),
         rows=rows,
         residual=residual,
         whitened=y,
@@ -153,10 +168,10 @@ def best_shape(
     *,
     freeze_base: bool = False,
 ) -> Effect:
-    """The variant of an effect that explains most of what base and other effects leave.
+    """The variant of an effect that explains most of the residual of base and other effects.
 
-    By the score test of its tangent, less ln(n) for each parameter; shapes between the best of a
-    coarse grid and its neighbours are tried as well.
+    Variants are compared by the score test of their tangents, less ln(n) for each parameter;
+    shapes between the best of a coarse grid and its neighbours are tried as well.
     """
     variants = effect.variants(table)
     if len(variants) == 1:
@@ -177,20 +192,13 @@ def best_shape(
         own = orthonormal(left)
         return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
 
-    found = max(((value(shape), -i) for i, shape in enumerate(variants)))
-    most, best = found[0], variants[-found[1]]
+    most, position = max(((value(shape), -i) for i, shape in enumerate(variants)))
+    best = variants[-position]
     for round_ in range(_REFINEMENTS):
         for shape in best.refined(table, round_):
             if (own := value(shape)) > most:
                 most, best = own, shape
     return best
-
-
-def _start(item: FittedEffect | Effect) -> FittedEffect:
-    if isinstance(item, FittedEffect):
-        return item
-    k = len(item.parameters)
-    return FittedEffect(item, np.zeros(k), np.full(k, np.inf))
 
 
 def _linearised(
@@ -231,32 +239,27 @@ def _bounded_step(
     scale = np.sqrt((z**2).sum(axis=0))
     scale = np.where(scale > 0.0, scale, 1.0)
     step = np.linalg.lstsq(z / scale, y, rcond=1e-12)[0] / scale
-    here = _values(base, fitted, free_base)
-    lower, upper = (bound - here for bound in _bounds(base, fitted, free_base))
+    values = _values(base, fitted, free_base)
+    lower, upper = (bound - values for bound in _bounds(base, fitted, free_base))
     if np.all(step >= lower) and np.all(step <= upper):
         return np.asarray(step)
     slack = 1e-12
-    # Normal equations' triangle: the same minimum with k rows instead of N m.
-    triangle, rotated = _triangle(z / scale, y)
-    found = lsq_linear(
-        triangle,
-        rotated,
-        bounds=((lower - slack) * scale, (upper + slack) * scale),
-        method="bvls",
-    )
-    return np.asarray(found.x / scale)
+    # The triangle of Z = Q R has the same minimum with k rows instead of N m.
+    q, triangle = np.linalg.qr(z / scale)
+    bounds = (lower - slack) * scale, (upper + slack) * scale
+    return np.asarray(lsq_linear(triangle, q.T @ y, bounds=bounds, method="bvls").x / scale)
 
 
 def _values(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> F:
-    """(k,) the free parameters: of the base, then of the effects."""
+    """(k,) free parameters: those of the base, then those of the effects."""
     own = [item.values for item in fitted if not item.frozen]
     return np.concatenate([base.coefficients[:free_base], *own])
 
 
 def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
-    """(k, k) projection along what the columns z (M, k) cannot see, to effects of the least size.
+    """(k, k) projection along the null space of the columns z (M, k), to the smallest effects.
 
-    The identity where effects and base are told apart.
+    The identity where the columns of effects and base are independent.
     """
     k = z.shape[1]
     scale = np.array([p.scale for item in fitted if not item.frozen
@@ -265,17 +268,17 @@ def _least_effects(z: F, fitted: Sequence[FittedEffect], free_base: int) -> F:
     if not free_base or not len(scale) or not (size > 0.0).all():
         return np.eye(k)
     values, vectors = np.linalg.eigh((z / size).T @ (z / size))
-    unseen = vectors[:, values < _UNSEEN * k] / size[:, None]
-    if not unseen.shape[1]:
+    null = vectors[:, values < _NULL * k] / size[:, None]
+    if not null.shape[1]:
         return np.eye(k)
-    own = unseen[free_base:] / scale[:, None]
+    own = null[free_base:] / scale[:, None]
     return np.asarray(np.eye(k) - np.concatenate(
-        [np.zeros((k, free_base)), unseen @ np.linalg.pinv(own) / scale], axis=1
+        [np.zeros((k, free_base)), null @ np.linalg.pinv(own) / scale], axis=1
     ))  # fmt: skip
 
 
 def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) -> tuple[F, F]:
-    """(k,) least and largest values of the free parameters, in the order of `_values`."""
+    """(k,) smallest and largest values of the free parameters, in the order of `_values`."""
     limits = base.bounds
     if limits is None or not free_base:
         limits = np.full(free_base, -np.inf), np.full(free_base, np.inf)
@@ -285,30 +288,12 @@ def _bounds(base: StiffnessMap, fitted: Sequence[FittedEffect], free_base: int) 
     return lower, upper
 
 
-def _triangle(z: F, y: F) -> tuple[F, F]:
-    q, r = np.linalg.qr(z)
-    return r, q.T @ y
-
-
-def _advanced(fitted: Sequence[FittedEffect], step: F) -> list[FittedEffect]:
-    result, at = [], 0
+def _split(fitted: Sequence[FittedEffect], numbers: F) -> list[F | None]:
+    """The part of the numbers (k,) that belongs to each effect; None for a frozen one."""
+    parts: list[F | None] = []
+    at = 0
     for item in fitted:
-        if item.frozen:
-            result.append(item)
-            continue
-        k = len(item.values)
-        result.append(FittedEffect(item.effect, item.values + step[at : at + k], item.sd))
+        k = 0 if item.frozen else len(item.values)
+        parts.append(None if item.frozen else numbers[at : at + k])
         at += k
-    return result
-
-
-def _with_sd(fitted: Sequence[FittedEffect], sd: F) -> list[FittedEffect]:
-    result, at = [], 0
-    for item in fitted:
-        if item.frozen:
-            result.append(item)
-            continue
-        k = len(item.values)
-        result.append(FittedEffect(item.effect, item.values, sd[at : at + k]))
-        at += k
-    return result
+    return parts

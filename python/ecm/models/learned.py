@@ -1,7 +1,7 @@
-"""Maps of the literature without mechanics: a Gaussian process and a small neural network.
+"""Two models of the literature without mechanics: a Gaussian process and a neural network.
 
-Fitted by scikit-learn (extra `learn`), evaluated by numpy alone: a model file needs no extra.
-Their stiffness is the derivative of what they predict; nothing makes it symmetric.
+They are fitted by scikit-learn (extra `learn`) and evaluated by numpy alone: a model file needs no
+extra. Their stiffness is the derivative of their prediction; nothing makes it symmetric.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _HIDDEN = (32, 32)
 
 @dataclass(frozen=True)
 class _Learned(MapDefaults):
-    """Inputs and outputs scaled to zero mean and unit variance; what both maps share."""
+    """Inputs and outputs scaled to zero mean and unit variance."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -38,16 +38,6 @@ class _Learned(MapDefaults):
     """(2, n) mean and standard deviation."""
     output_scale: F
     """(2, m)."""
-
-    @property
-    def length_m(self) -> float | None:
-        """Not needed."""
-        return None
-
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(len(self.outputs))
 
     def columns(self, poses: F) -> F:
         """Not linear in anything: it cannot be refitted together with effects."""
@@ -183,24 +173,66 @@ def _array(value: Any) -> F:
 def _shared(document: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...], F, F]:
     """Columns and scales of a map in a model file."""
     parameters = document["parameters"]
-    return (
-        tuple(document["inputs"]),
-        tuple(document["outputs"]),
-        _array(parameters["input_scale"]),
-        _array(parameters["output_scale"]),
-    )
+    scales = _array(parameters["input_scale"]), _array(parameters["output_scale"])
+    return tuple(document["inputs"]), tuple(document["outputs"]), *scales
+
+
+def _standardised(table: Table) -> tuple[tuple[tuple[str, ...], tuple[str, ...], F, F], F, F]:
+    """Columns and scales, and the scaled poses and wrenches."""
+    inputs, outputs = pose_and_wrench_columns(table)
+    scales, scaled = [], []
+    for values in (table.matrix(inputs), table.matrix(outputs)):
+        spread = values.std(axis=0)
+        scale = np.stack([values.mean(axis=0), np.where(spread > 0.0, spread, 1.0)])
+        scales.append(scale)
+        scaled.append((values - scale[0]) / scale[1])
+    return (inputs, outputs, *scales), *scaled
+
+
+def _fitted(regressor: Any, x: F, y: F) -> Any:
+    """The regressor of scikit-learn, fitted without its warnings about convergence."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return regressor.fit(x, y)
+
+
+def _sklearn(module: str) -> Any:
+    return require(f"sklearn.{module}", "learn", "fitting gp and mlp models")
 
 
 @dataclass(frozen=True)
 class GaussianProcessModel(ModelSpecification):
-    """A Gaussian process with a squared exponential kernel; short name `gp`, extra `learn`."""
+    """A Gaussian process with a squared exponential kernel; short name `gp`, extra `learn`.
+
+    One length for each input, the same kernel for all outputs; lengths and noise by the largest
+    likelihood.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("gp")
+    GaussianProcessModel()
+    """
 
     kind = "gp"
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
-        """Lengths and noise by the largest likelihood."""
-        inputs, outputs = pose_and_wrench_columns(table)
-        base = fit_gp(table.matrix(inputs), table.matrix(outputs), inputs, outputs)
+        """Fit lengths and noise to at most 300 rows, the weights to all."""
+        process, kernels = _sklearn("gaussian_process"), _sklearn("gaussian_process.kernels")
+        shared, x, y = _standardised(table)
+        n = x.shape[1]
+        kernel = kernels.ConstantKernel(10.0, (1e-3, 1e5)) * kernels.RBF(
+            np.full(n, 3.0), (1e-1, 1e3)
+        ) + kernels.WhiteKernel(1e-4, (1e-10, 1e1))
+        # Each step of the likelihood costs N^3.
+        part = np.random.default_rng(0).permutation(len(x))[:300]
+        regressor = process.GaussianProcessRegressor(kernel, alpha=1e-10, random_state=0)
+        fitted = _fitted(regressor, x[part], y[part]).kernel_
+        size = float(fitted.k1.k1.constant_value)
+        lengths = np.broadcast_to(_array(fitted.k1.k2.length_scale), (n,)).copy()
+        covariance = size * GpMap(*shared, x, lengths, np.zeros_like(y))._kernel(x)
+        covariance[np.diag_indices(len(x))] += float(fitted.k2.noise_level) + 1e-10
+        base = GpMap(*shared, x, lengths, _array(size * np.linalg.solve(covariance, y)))
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
@@ -213,73 +245,33 @@ class GaussianProcessModel(ModelSpecification):
 
 @dataclass(frozen=True)
 class NeuralNetworkModel(ModelSpecification):
-    """A network with two hidden layers of 32 tanh units; short name `mlp`, extra `learn`."""
+    """A network with two hidden layers of 32 tanh units; short name `mlp`, extra `learn`.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("mlp")
+    NeuralNetworkModel()
+    """
 
     kind = "mlp"
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
-        """L-BFGS with a little weight decay."""
-        inputs, outputs = pose_and_wrench_columns(table)
-        base = fit_mlp(table.matrix(inputs), table.matrix(outputs), inputs, outputs)
+        """Fit by L-BFGS with a little weight decay."""
+        network = _sklearn("neural_network")
+        shared, x, y = _standardised(table)
+        regressor = network.MLPRegressor(
+            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4,
+            max_iter=3000, tol=1e-9, max_fun=20000, random_state=0,
+        )  # fmt: skip
+        fitted = _fitted(regressor, x, y)
+        layers = zip(fitted.coefs_, fitted.intercepts_, strict=True)
+        base = MlpMap(*shared, tuple((_array(m), _array(s)) for m, s in layers))
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> MlpMap:
         """Return the map of an opened model file."""
         layers = document["parameters"]["layers"]
-        return MlpMap(
-            *_shared(document),
-            tuple((_array(layer["matrix"]), _array(layer["shift"])) for layer in layers),
-        )
-
-
-def fit_gp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GpMap:
-    """Lengths and noise by the largest likelihood, the same kernel for all outputs."""
-    process, kernels = _sklearn("gaussian_process"), _sklearn("gaussian_process.kernels")
-    scale_in, scale_out = _scales(poses), _scales(wrenches)
-    x, y = (poses - scale_in[0]) / scale_in[1], (wrenches - scale_out[0]) / scale_out[1]
-    n = x.shape[1]
-    kernel = kernels.ConstantKernel(10.0, (1e-3, 1e5)) * kernels.RBF(
-        np.full(n, 3.0), (1e-1, 1e3)
-    ) + kernels.WhiteKernel(1e-4, (1e-10, 1e1))
-    # Lengths from at most 300 rows, the weights from all: the likelihood costs N^3 a step.
-    part = np.random.default_rng(0).permutation(len(x))[:300]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = process.GaussianProcessRegressor(kernel, alpha=1e-10, random_state=0)
-        found.fit(x[part], y[part])
-    fitted = found.kernel_
-    size = float(fitted.k1.k1.constant_value)
-    lengths = np.broadcast_to(np.asarray(fitted.k1.k2.length_scale, dtype=np.float64), (n,)).copy()
-    shared = (inputs, outputs, scale_in, scale_out)
-    bare = GpMap(*shared, x, lengths, np.zeros_like(y))
-    gram = size * bare._kernel(x)
-    gram[np.diag_indices(len(x))] += float(fitted.k2.noise_level) + 1e-10
-    return GpMap(*shared, x, lengths, size * np.linalg.solve(gram, y))
-
-
-def fit_mlp(poses: F, wrenches: F, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> MlpMap:
-    """Two hidden layers of 32, fitted by L-BFGS with a little weight decay."""
-    network = _sklearn("neural_network")
-    scale_in, scale_out = _scales(poses), _scales(wrenches)
-    x, y = (poses - scale_in[0]) / scale_in[1], (wrenches - scale_out[0]) / scale_out[1]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = network.MLPRegressor(
-            hidden_layer_sizes=_HIDDEN, activation="tanh", solver="lbfgs", alpha=1e-4,
-            max_iter=3000, tol=1e-9, max_fun=20000, random_state=0,
-        ).fit(x, y)  # fmt: skip
-    layers = tuple(
-        (np.asarray(m, dtype=np.float64), np.asarray(s, dtype=np.float64))
-        for m, s in zip(found.coefs_, found.intercepts_, strict=True)
-    )
-    return MlpMap(inputs, outputs, scale_in, scale_out, layers)
-
-
-def _scales(values: F) -> F:
-    spread = values.std(axis=0)
-    return np.stack([values.mean(axis=0), np.where(spread > 0.0, spread, 1.0)])
-
-
-def _sklearn(module: str) -> Any:
-    return require(f"sklearn.{module}", "learn", "fitting gp and mlp models")
+        parts = tuple((_array(layer["matrix"]), _array(layer["shift"])) for layer in layers)
+        return MlpMap(*_shared(document), parts)

@@ -1,11 +1,12 @@
-"""Maps from pose to wrench: polynomial and energy, with what a refit needs of them.
+"""Maps from pose to wrench: the protocol, the polynomial and the energy.
 
-A map is linear in its coefficients, h(p) = columns(p) @ coefficients, so that any map can be
+Both are linear in their coefficients, h(p) = columns(p) @ coefficients, so that they can be
 refitted together with effects.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, cast, get_args
 
@@ -23,15 +24,27 @@ SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
 
 
 class StiffnessMap(Protocol):
-    """Pose in, wrench and stiffness out."""
+    """Pose in, wrench and stiffness out; what every map has, also one of your own.
+
+    Examples
+    --------
+    >>> from ecm.models import surrogate_of
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (60, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base: StiffnessMap = surrogate_of(
+    ...     poses, wrenches, 0.1, test_poses=poses, test_wrenches=wrenches
+    ... )
+    >>> base.kind, base.stiffness(poses).shape
+    ('physics', (60, 6, 6))
+    """
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """Short name, as on the command line."""
 
     @property
     def kind(self) -> str:
-        """Family of the map: polynomial, energy, physics, or a baseline's own name."""
+        """Family of the map, as in model files."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -47,11 +60,11 @@ class StiffnessMap(Protocol):
 
     @property
     def coefficients(self) -> F:
-        """(k,) what a refit may change."""
+        """(k,) numbers that a refit may change."""
 
     @property
     def error(self) -> F:
-        """(m,) the map's own error against what it stands for, zero where it stands for data."""
+        """(m,) root mean square error of the map itself; zero where it is fitted to data."""
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
@@ -73,11 +86,24 @@ class StiffnessMap(Protocol):
         """The map of a changed body (regression/rows.py); None where it knows one body only."""
 
     def document(self) -> dict[str, Any]:
-        """The map's part of a model file."""
+        """The map as part of a model file."""
 
 
 class MapDefaults:
-    """What most maps share: coefficients without limits, and one body only."""
+    """What most maps share: no own error, coefficients without limits, and one body only."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def length_m(self) -> float | None:
+        """None: not needed."""
+        return None
+
+    @property
+    def error(self) -> F:
+        """(m,) zeros: the map stands for the data."""
+        return np.zeros(len(self.outputs))
 
     @property
     def bounds(self) -> tuple[F, F] | None:
@@ -89,13 +115,43 @@ class MapDefaults:
         return None
 
 
+class SixAxisMap(MapDefaults):
+    """Defaults of a map from all six pose columns to all six wrench columns."""
+
+    inputs = POSE
+    outputs = WRENCH
+
+
 @dataclass(frozen=True)
 class PolynomialMap(MapDefaults):
-    """A polynomial from any pose columns to any wrench columns (the paper's equation (4))."""
+    """A polynomial from any pose columns to any wrench columns.
+
+    Parameters
+    ----------
+    model
+        Degree, ranges of the normalisation, and coefficients of each output.
+    inputs, outputs
+        Names of the n pose and m wrench columns.
+
+    Source
+    ------
+    Deutschmann et al., equation (4).
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> from ecm.models import fit_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> base = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear").base
+    >>> base.name, base.outputs, len(base.coefficients)
+    ('poly:1', ('fx_N',), 2)
+    """
 
     model: PolynomialModel
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    kind = "polynomial"
 
     @property
     def name(self) -> str:
@@ -103,24 +159,9 @@ class PolynomialMap(MapDefaults):
         return f"poly:{self.model.degree}"
 
     @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """`polynomial`."""
-        return "polynomial"
-
-    @property
-    def length_m(self) -> float | None:
-        """Not needed."""
-        return None
-
-    @property
     def coefficients(self) -> F:
-        """All coefficients, output by output."""
+        """(k,) all coefficients, output by output."""
         return np.asarray(self.model.coefficients.T.ravel())
-
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(len(self.outputs))
 
     def predict(self, poses: F) -> F:
         """(N, n) to (N, m)."""
@@ -138,7 +179,7 @@ class PolynomialMap(MapDefaults):
         )
 
     def columns(self, poses: F) -> F:
-        """Block diagonal: the same regressor for each output."""
+        """(N, m, k) block diagonal: the same regressor for each output."""
         regressor = self.regressor(poses)
         n, k = regressor.shape
         m = len(self.outputs)
@@ -148,7 +189,7 @@ class PolynomialMap(MapDefaults):
         return columns
 
     def with_coefficients(self, coefficients: F) -> PolynomialMap:
-        """The same terms with other coefficients."""
+        """The same terms with other coefficients (k,)."""
         shaped = coefficients.reshape(len(self.outputs), -1).T
         model = PolynomialModel.from_coefficients(
             self.model.degree, self.model.lower, self.model.upper, np.ascontiguousarray(shaped)
@@ -156,12 +197,12 @@ class PolynomialMap(MapDefaults):
         return PolynomialMap(model, self.inputs, self.outputs)
 
     def document(self) -> dict[str, Any]:
-        """Terms, ranges and coefficients."""
+        """Terms, ranges and coefficients for a model file."""
         return self.model.document(self.inputs, self.outputs)
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> PolynomialMap:
-        """The map of an opened model file."""
+        """Return the map of an opened model file."""
         ranges = document["normalisation"]
         model = PolynomialModel.from_coefficients(
             int(document["degree"]),
@@ -173,10 +214,31 @@ class PolynomialMap(MapDefaults):
 
 
 @dataclass(frozen=True)
-class EnergyMap(MapDefaults):
-    """A polynomial energy of mid-frame coordinates: every such map has a potential."""
+class EnergyMap(SixAxisMap):
+    """A polynomial energy of mid-frame coordinates: every such map has a potential.
+
+    Parameters
+    ----------
+    model
+        Length (m), degree, symmetry, scales and coefficients of the energy.
+
+    Source
+    ------
+    conventions.md, "Mid-frame coordinates".
+
+    Examples
+    --------
+    >>> from ecm._native import EnergyModel
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (30, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base = EnergyMap(EnergyModel.fit(poses, wrenches, length_m=0.1, degree=4))
+    >>> base.name, len(base.coefficients)
+    ('energy4', 22)
+    """
 
     model: EnergyModel
+
+    kind = "energy"
 
     @property
     def name(self) -> str:
@@ -184,34 +246,14 @@ class EnergyMap(MapDefaults):
         return self.model.name
 
     @property
-    def kind(self) -> Literal["polynomial", "energy", "physics"]:
-        """`energy`."""
-        return "energy"
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """All six."""
-        return POSE
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """All six."""
-        return WRENCH
-
-    @property
     def length_m(self) -> float | None:
-        """Length of the mechanism."""
+        """Length of the mechanism, m."""
         return self.model.length_m
 
     @property
     def coefficients(self) -> F:
-        """One per term of the energy."""
+        """(k,) one per term of the energy."""
         return np.asarray(self.model.coefficients)
-
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(6)
 
     def predict(self, poses: F) -> F:
         """(N, 6) to (N, 6)."""
@@ -224,34 +266,31 @@ class EnergyMap(MapDefaults):
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""
         return EnergyModel.regressor(
-            np.ascontiguousarray(poses),
-            length_m=self.model.length_m,
-            degree=self.model.degree,
-            symmetry=cast(Symmetry, self.model.symmetry),
-            scale=self.model.scale,
-            groups=self.model.groups,
+            np.ascontiguousarray(poses), scale=self.model.scale, **self._terms
         )
 
     def with_coefficients(self, coefficients: F) -> EnergyMap:
-        """The same terms with other coefficients."""
+        """The same terms with other coefficients (k,)."""
+        coefficients = np.ascontiguousarray(coefficients)
         return EnergyMap(
             EnergyModel.from_coefficients(
-                length_m=self.model.length_m,
-                degree=self.model.degree,
-                symmetry=cast(Symmetry, self.model.symmetry),
-                scale=self.model.scale,
-                coefficients=np.ascontiguousarray(coefficients),
-                groups=self.model.groups,
+                scale=self.model.scale, coefficients=coefficients, **self._terms
             )
         )
 
+    @property
+    def _terms(self) -> dict[str, Any]:
+        """Arguments that choose the terms of the native energy."""
+        names = ("length_m", "degree", "symmetry", "groups")
+        return {name: getattr(self.model, name) for name in names}
+
     def document(self) -> dict[str, Any]:
-        """Terms, scales and coefficients."""
+        """Terms, scales and coefficients for a model file."""
         return self.model.document()
 
     @staticmethod
     def from_document(document: dict[str, Any]) -> EnergyMap:
-        """The map of an opened model file."""
+        """Return the map of an opened model file."""
         return EnergyMap(
             EnergyModel.from_coefficients(
                 length_m=float(document["length_m"]),
@@ -262,6 +301,16 @@ class EnergyMap(MapDefaults):
                 groups=list(document.get("groups", ())),
             )
         )
+
+
+def central_differences(function: Callable[[F], F], poses: F, step: float) -> list[F]:
+    """Derivative of a function of poses (N, n) to each of the n coordinates in turn."""
+    slopes = []
+    for j in range(poses.shape[1]):
+        change = np.zeros(poses.shape[1])
+        change[j] = step
+        slopes.append((function(poses + change) - function(poses - change)) / (2.0 * step))
+    return slopes
 
 
 def partial_to(kind: str, partial: F, poses: F, base: StiffnessMap) -> F:

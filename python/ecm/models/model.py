@@ -13,15 +13,17 @@ from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
-from ecm.io.columns import POSE
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
+from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import file
 from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
 from ecm.models.leverage import leverages
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import StiffnessMap, central_differences
+from ecm.models.plots import history_figure
 from ecm.models.registry import map_from_document
 from ecm.models.training import domain_of, noise_for, training_of
 from ecm.regression.folds import without_zero_readings
@@ -30,34 +32,50 @@ from ecm.regression.noise import Noise
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """h(p) of the base plus the corrections of its effects."""
+    """A base map with effects: h(p) of the base plus the corrections of the effects.
+
+    `fit_model` and `load_model` make one; it prints itself as its fit report.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> from ecm.models import fit_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> model = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear")
+    >>> model
+    model poly:1: 2 coefficients in the base
+    >>> model.predict(np.array([[0.005]])).round(6)
+    array([[10.]])
+    >>> model.extrapolates(np.array([[0.005], [0.02]]))
+    array([False,  True])
+    """
 
     base: StiffnessMap
     noise: Noise = field(default_factory=Noise)
     effects: tuple[FittedEffect, ...] = ()
     covariance: F | None = None
-    """(k, k) of the base's coefficients, where known."""
+    """(k, k) covariance of the base's coefficients; None where it is not known."""
     training: Mapping[str, Any] = field(default_factory=dict)
-    """hash, rows, source."""
+    """Training data: hash, rows, source."""
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of each pose column in the training data."""
     length_m: float | None = None
-    """Of the mechanism, for effects that need it where the base does not hold it."""
+    """Length of the mechanism, for effects that need it where the base does not state it."""
     scene: Scene = field(default_factory=Scene)
-    """Where it was fitted: bare poses are under its gravity; a table says its own."""
+    """Scene of the fit: bare poses are under its gravity; a table states its own."""
     base_frozen: bool = False
     """Whether `fit` keeps the base's coefficients."""
     history: tuple[FitRecord, ...] = ()
-    """The error ladder: one rung per fit (models/ladder.py)."""
+    """One record for each fit (history.py)."""
     correlations: tuple[tuple[str, str, float], ...] = ()
-    """Pairs of fitted parameters that move together, the closest first."""
+    """Pairs of fitted parameters with large correlation, the largest first."""
     previous: Model | None = None
-    """What it was before the last fit, or where it was changed since then as the fit left it."""
+    """The model before the last fit; of a model changed since then, as that fit left it."""
     changed: bool = False
     """Whether an effect was added, removed or frozen since the last fit."""
 
     def __repr__(self) -> str:
-        """The fit report, so that a test is seen as soon as a term is added and fitted."""
+        """The fit report."""
         return self.fit_report()
 
     @property
@@ -77,17 +95,35 @@ class Model:
 
     @property
     def known_length_m(self) -> float | None:
-        """Length of the mechanism: the base's own, else that of the data it was fitted to."""
+        """Length of the mechanism, m: the base's own, else that of the data it was fitted to."""
         return self.base.length_m or self.length_m
 
+    def rest_pose(self, purpose: str) -> F:
+        """(1, 6) undeformed pose (L, 0, 0, 0, 0, 0).
+
+        Raises
+        ------
+        InputError
+            Where the model has fewer columns or no length; the message begins with `purpose`.
+        """
+        length = self.known_length_m
+        if self.inputs != POSE or self.outputs != WRENCH or length is None:
+            raise InputError(
+                f"{purpose} needs all six pose and wrench columns and the mechanism's length: "
+                "give [mechanism] length_m in the data's TOML"
+            )
+        return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
+
     def predict(self, data: Table | F, *, skip_untestable: bool = False) -> F:
-        """(N, m) wrench the mechanism needs at poses (N, n), or expected readings of a table.
+        """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
         A table's rows have time, temperature and approach, so that all effects act; bare poses get
         the base map and the effects of physics that need the pose alone.
 
         Parameters
         ----------
+        data
+            A table, or poses (N, n) in m and rad.
         skip_untestable
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
@@ -109,17 +145,15 @@ class Model:
         return wrench
 
     def left_out(self, table: Table) -> dict[str, Missing]:
-        """Effects of the model that a table's rows do not determine, and why.
+        """Effects of the model whose columns a table lacks, by id.
 
-        What only has to vary for a fit need not vary here.
+        Columns that only have to vary for a fit need not vary here.
         """
-        found = {}
-        filled = table.with_columns(_zeros(table, self.outputs))
-        for item in self.effects:
-            lacking = item.effect.missing(filled)
-            if lacking is not None and lacking.absent:
-                found[item.id] = lacking
-        return found
+        # A table of poses has no wrench, which a prediction does not need.
+        absent = {n: np.zeros(len(table)) for n in self.outputs if not table.has(n)}
+        filled = table.with_columns(absent)
+        lacking = {item.id: item.effect.missing(filled) for item in self.effects}
+        return {id: why for id, why in lacking.items() if why is not None and why.absent}
 
     def predict_sd(self, data: Table | F) -> F | None:
         """(N, m) standard deviation of the base's wrench from its coefficients, where known."""
@@ -133,15 +167,15 @@ class Model:
     def reading_sd(self, poses: F) -> F | None:
         """(N, m) standard deviation of a new reading around the prediction, where known.
 
-        Of the coefficients and of one row's noise, the latter widened where the training
-        residuals are larger than it.
+        From the coefficients and the noise of one row, the latter widened where the training
+        residuals are larger.
         """
         sd = self.predict_sd(poses)
         if sd is None:
             return None
-        wider = max(1.0, float(self.training.get("residual_variance", 1.0)))
-        of_row = np.einsum("njj->nj", self.noise.covariance(self._bare_rows(poses)))
-        return np.asarray(np.sqrt(sd**2 + wider * of_row))
+        factor = max(1.0, float(self.training.get("residual_variance", 1.0)))
+        variance = np.einsum("njj->nj", self.noise.covariance(self.rows_at(poses)))
+        return np.asarray(np.sqrt(sd**2 + factor * variance))
 
     def leverage(self, poses: F) -> F | None:
         """(N,) uncertainty of the prediction over the noise of one row, where known."""
@@ -170,26 +204,18 @@ class Model:
         if self.covariance is None:
             return None
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        sd = np.empty((len(poses), len(self.outputs), len(self.inputs)))
-        for j in range(len(self.inputs)):
-            step = np.zeros(len(self.inputs))
-            step[j] = 1e-5
-            slope = (self.base.columns(poses + step) - self.base.columns(poses - step)) / 2e-5
-            variance = np.einsum("nmk,kl,nml->nm", slope, self.covariance, slope)
-            sd[:, :, j] = np.sqrt(np.maximum(variance, 0.0))
-        return sd
+        variances = [
+            np.einsum("nmk,kl,nml->nm", slope, self.covariance, slope)
+            for slope in central_differences(self.base.columns, poses, 1e-5)
+        ]
+        return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n) stiffness of the base and of the effects of physics on the pose."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        acting = self._acting_at_poses()
-        if not acting:
+        if not self._acting_at_poses():
             return self.base.stiffness(poses, kind)
-        partial = np.empty((len(poses), len(self.outputs), len(self.inputs)))
-        for j in range(len(self.inputs)):
-            step = np.zeros(len(self.inputs))
-            step[j] = 1e-6
-            partial[:, :, j] = (self._at_poses(poses + step) - self._at_poses(poses - step)) / 2e-6
+        partial = np.stack(central_differences(self._at_poses, poses, 1e-6), axis=2)
         if kind == "partial":
             return partial
         target: Any = kind
@@ -204,19 +230,20 @@ class Model:
         wrench = self.base.predict(poses)
         acting = self._acting_at_poses()
         if acting:
-            rows = self._bare_rows(poses)
+            rows = self.rows_at(poses)
             wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
         return np.asarray(wrench)
 
-    def _bare_rows(self, poses: F) -> Rows:
-        """Poses without a table: of the model's mechanism in the model's scene."""
+    def rows_at(self, poses: F) -> Rows:
+        """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
         columns = {name: poses[:, j] for j, name in enumerate(self.inputs)}
-        known = {} if self.length_m is None else {"length_m": self.length_m}
+        length = self.known_length_m
+        known = {} if length is None else {"length_m": length}
         meta = Meta(mechanism=known, scene=self.scene)
         return Rows(Table(columns, meta, "poses"), self.base)
 
     def add(self, *effects: str | Effect) -> Model:
-        """With these effects, at zero until `fit`; ids or effects."""
+        """The model with these effects, given by id or as such; they are zero until `fit`."""
         present = {item.id for item in self.effects}
         added = []
         for item in effects:
@@ -229,38 +256,60 @@ class Model:
                     "rows by it and lists it under noise"
                 )
             present.add(effect.id)
-            k = len(effect.parameters)
-            added.append(FittedEffect(effect, np.zeros(k), np.full(k, np.inf)))
+            added.append(FittedEffect.unfitted(effect))
         return self._changed(effects=(*self.effects, *added))
 
     def undo(self, name: str | None = None) -> Model:
-        """As it was before the last fit or unfitted change, or when it was called `name`."""
-        found = self.previous
-        while found is not None and name is not None and found.name != name:
-            found = found.previous
-        if found is None:
+        """The model before the last fit or change, or the last one that had this name."""
+        earlier = self.previous
+        while earlier is not None and name is not None and earlier.name != name:
+            earlier = earlier.previous
+        if earlier is None:
             wanted = "an earlier fit" if name is None else name
-            known = ", ".join(rung.name for rung in self.history) or "none"
+            known = ", ".join(record.name for record in self.history) or "none"
             raise InputError(f"nothing to undo: {wanted} is not in this session's fits ({known})")
-        return found
+        return earlier
 
     def _changed(self, **to: Any) -> Model:
-        """With these fields; undo goes past all changes since the last fit at once."""
-        settled = self.previous if self.changed else self
-        return replace(self, **to, previous=settled, changed=True)
+        """The model with these fields; undo reverts all changes since the last fit at once."""
+        return replace(self, **to, previous=self.previous if self.changed else self, changed=True)
 
     def fit_report(self) -> str:
-        """Values with errors and correlations, the error ladder and the tests between its rungs."""
+        """Values with errors and correlations, and the history of fits with its tests."""
         return fit_report(self.name, self.base, self.effects, self.correlations, self.history)
 
+    def plot(self) -> Any:
+        """Return a plotly figure of the errors in the history of fits.
+
+        Raises
+        ------
+        InputError
+            Before the first fit with `fit`.
+        """
+        if not self.history:
+            raise InputError("the model has no history of fits to plot: call fit(table) first")
+        return history_figure(self.history)
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each fitted parameter of the effects."""
+        rows = [
+            (item.id, parameter.name, value, sd, parameter.unit, item.frozen)
+            for item in self.effects
+            for parameter, value, sd in zip(
+                item.effect.parameters, item.values, item.sd, strict=True
+            )
+        ]
+        columns = ["effect", "parameter", "value", "sd", "unit", "frozen"]
+        pandas = require("pandas", "data", "Model.to_pandas")
+        return pandas.DataFrame(rows, columns=columns)
+
     def remove(self, *ids: str) -> Model:
-        """Without these effects; what is left keeps its values until `fit`."""
+        """The model without these effects; the others keep their values until `fit`."""
         self._check(ids)
-        kept = tuple(i for i in self.effects if i.id not in ids)
-        return self._changed(effects=kept)
+        return self._changed(effects=tuple(i for i in self.effects if i.id not in ids))
 
     def freeze(self, *ids: str) -> Model:
-        """These effects, or `base`, keep their values in `fit`."""
+        """The model whose `fit` keeps the values of these effects, or of the `base`."""
         self._check([id for id in ids if id != "base"])
         for item in self.effects:
             if item.id in ids and not np.all(np.isfinite(item.sd)):
@@ -268,15 +317,15 @@ class Model:
                     f"effect {item.id} was never fitted and has no values to keep: "
                     "fit the model with it first"
                 )
-        kept = [replace(i, frozen=True) if i.id in ids else i for i in self.effects]
-        return self._changed(effects=tuple(kept), base_frozen=self.base_frozen or "base" in ids)
+        effects = tuple(replace(i, frozen=True) if i.id in ids else i for i in self.effects)
+        return self._changed(effects=effects, base_frozen=self.base_frozen or "base" in ids)
 
     def save(self, path: str | Path) -> None:
-        """Write a sealed model file."""
+        """Write a model file with its checksum."""
         file.write_document(self.document(), path)
 
     def document(self) -> dict[str, Any]:
-        """The document of a model file, without its sum."""
+        """The document of a model file, without its checksum."""
         return {
             "format": file.FORMAT,
             "version": file.VERSION,
@@ -303,12 +352,19 @@ class Model:
     def fit(self, table: Table, *, noise: Noise | None = None) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
-        Each effect takes the shape among its variants that fits best. The history gets a rung.
+        Each effect takes the shape among its variants that fits best. The history gets a record.
 
         Parameters
         ----------
+        table
+            Measured rows; zero readings are left out.
         noise
-            Default that of the table: of its repeats, else declared, else the model's.
+            Default that of the table: from its repeats, else declared, else the model's.
+
+        Raises
+        ------
+        InputError
+            Where the table cannot determine an effect; the message names the column to record.
         """
         table, freeze_base = without_zero_readings(table), self.base_frozen
         training = training_of(table)
@@ -316,35 +372,32 @@ class Model:
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
-        chosen = self
+        shaped = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
-                chosen = chosen._best_shape(position, table, used, freeze_base)
-        found = joint_fit(chosen.base, chosen.effects, table, used, freeze_base=freeze_base)
-        k = 0 if freeze_base else len(found.base.coefficients)
+                shaped = shaped._best_shape(position, table, used)
+        joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
+        k = 0 if freeze_base else len(joint.base.coefficients)
         fitted = replace(
-            chosen,
-            base=found.base,
-            effects=found.effects,
+            shaped,
+            base=joint.base,
+            effects=joint.effects,
             noise=used,
             length_m=table.meta.length_m or self.length_m,
             scene=table.meta.scene,
-            covariance=self.covariance if freeze_base else found.covariance[:k, :k],
+            covariance=self.covariance if freeze_base else joint.covariance[:k, :k],
             training=training,
             domain=domain_of(table, self.inputs),
-            correlations=correlations_of(found, freeze_base),
+            correlations=correlations_of(joint, freeze_base),
             previous=self.previous if self.changed else self,
             changed=False,
         )
-        step = fit_records(
-            RecordedFit(fitted.name, found, table, used, training["hash"]),
-            fitted.base,
-            self.history,
-            frozen=freeze_base,
-        )
-        return replace(fitted, history=(*self.history, *step))
+        fit = RecordedFit(fitted.name, joint, table, used, training["hash"])
+        records = fit_records(fit, fitted.base, self.history, frozen=freeze_base)
+        return replace(fitted, history=(*self.history, *records))
 
-    def _best_shape(self, position: int, table: Table, noise: Noise, freeze_base: bool) -> Model:
+    def _best_shape(self, position: int, table: Table, noise: Noise) -> Model:
+        """The model whose effect at this position has its best shape, with values zero."""
         item = self.effects[position]
         lacking = item.effect.missing(table)
         if lacking is not None:
@@ -353,21 +406,39 @@ class Model:
                 f"record {lacking.record}"
             )
         others = (*self.effects[:position], *self.effects[position + 1 :])
-        effect = best_shape(self.base, others, item.effect, table, noise, freeze_base=freeze_base)
-        k = len(effect.parameters)
-        fresh = FittedEffect(effect, np.zeros(k), np.full(k, np.inf))
-        return replace(
-            self, effects=(*self.effects[:position], fresh, *self.effects[position + 1 :])
+        effect = best_shape(
+            self.base, others, item.effect, table, noise, freeze_base=self.base_frozen
         )
-
-
-def _zeros(table: Table, names: Sequence[str]) -> dict[str, F]:
-    """Wrench columns that a pose table lacks, so that what is missing is only what matters."""
-    return {name: np.zeros(len(table)) for name in names if not table.has(name)}
+        effects = list(self.effects)
+        effects[position] = FittedEffect.unfitted(effect)
+        return replace(self, effects=tuple(effects))
 
 
 def load_model(path: str | Path) -> Model:
-    """Read a model file; refused when its sum, version or a range is wrong."""
+    """Read a model file.
+
+    Parameters
+    ----------
+    path
+        A file that `Model.save` or `ecm fit` wrote.
+
+    Raises
+    ------
+    InputError
+        Where its checksum, version or a range is wrong.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ecm.io.table import as_table
+    >>> from ecm.models import fit_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> model = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model.save(folder + "/model.json")
+    ...     load_model(folder + "/model.json").name
+    'poly:1'
+    """
     document = file.read_document(path)
     try:
         return Model(

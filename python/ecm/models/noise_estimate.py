@@ -1,8 +1,6 @@
-"""Which noise a table has: from repeats, as declared, or assumed."""
+"""Noise of a table: from repeats, as declared, or assumed."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,22 +8,20 @@ from ecm.effects import all_effects
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
+from ecm.models.maps import StiffnessMap
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, declared_noise
 from ecm.regression.reml import reml_noise
 from ecm.regression.repeats import noise_source, repeat_cells
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
     """Noise of the rows: repeats, else declared, else `fallback`, else assumed.
 
-    What effects of time, temperature, dwell or approach can explain within the repeats of a pose
-    is left out of the noise, so that a hidden effect does not hide in its own floor.
+    Changes between repeats of a pose that effects of time, temperature, dwell or approach can
+    explain do not count as noise; else a hidden effect would raise its own noise floor.
     """
     table = rows.table
     columns = (*rows.base.inputs, *rows.base.outputs)
@@ -42,8 +38,8 @@ def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -
         return prior
     cells = np.where(is_pose_row(table), repeat_cells(table), -1)
     measured = table.wrenches
-    found = reml_noise(rows, measured - predicted, cells, nuisance_columns(rows), prior)
-    return prior if found is None else found
+    estimated = reml_noise(rows, measured - predicted, cells, nuisance_columns(rows), prior)
+    return prior if estimated is None else estimated
 
 
 def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
@@ -53,12 +49,12 @@ def declared_or_fitted(base: StiffnessMap, table: Table) -> Noise:
     if full or declared.source == "declared":
         return declared
     rows = Rows(table, base)
-    measured = np.stack([table.column(name) for name in base.outputs], axis=1)
-    left = measured - rows.sensor_load
-    # A learned map has a weight for each row and more: they are no degrees of freedom.
+    measured = table.matrix(base.outputs)
+    residual = measured - rows.sensor_load
+    # The weights of a learned map, more than one for each row, are no degrees of freedom.
     own = len(base.coefficients) if base.kind == "polynomial" else 0
-    dof = max(1, len(left) - own // len(base.outputs))
-    spread = np.sqrt((left**2).sum(axis=0) / dof)
+    dof = max(1, len(residual) - own // len(base.outputs))
+    spread = np.sqrt((residual**2).sum(axis=0) / dof)
     return Noise(source="assumed", components=usable_sd(spread, measured))
 
 
@@ -77,15 +73,14 @@ def _pure_error(rows: Rows, predicted: F) -> Noise:
 
 
 def usable_sd(spread: F, measured: F) -> tuple[float, ...]:
-    """Standard deviations that can divide: an output that never varies gets its unit."""
+    """Standard deviations above zero: 1 for an output that never varies."""
     varies = np.ptp(measured, axis=0) > 1e-12
     floor = 1e-9 * np.abs(measured).max(axis=0)
-    found = np.where(varies, np.maximum(spread, floor), 1.0)
-    return tuple(float(v) for v in found)
+    return tuple(np.where(varies, np.maximum(spread, floor), 1.0).tolist())
 
 
 def nuisance_columns(rows: Rows) -> F:
-    """(N, m, k) tangents of every testable effect that can vary between repeats of a pose."""
+    """(N, m, k) derivatives of every testable effect that can vary between repeats of a pose."""
     blocks: list[F] = []
     for effect in all_effects():
         if effect.kind != "time" or effect.missing(rows.table) is not None:
@@ -96,7 +91,7 @@ def nuisance_columns(rows: Rows) -> F:
                 for variant in effect.variants(rows.table)[:3]
             ]
         except InputError:
-            # Without the mechanism's length there is no rest pose, and no such effect to name.
+            # Without the mechanism's length there is no rest pose: no such effect can be tested.
             if rows.has_length:
                 raise
     if not blocks:

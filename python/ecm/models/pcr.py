@@ -1,4 +1,4 @@
-"""The threshold of principal component regression, in the four ways people state it.
+"""The threshold of principal component regression, in its four usual forms.
 
 PCR drops singular values of the normalised, un-centred regressor below b (the paper's b). They grow
 with the square root of the number of rows, so a b tuned at 1400 rows is 2.65 times stricter at 200:
@@ -17,6 +17,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 
 Threshold: TypeAlias = float | str | None
+_FORMS = "B, B/sqrtN, rank:R or press"
 
 
 def singular_threshold(pcr: float | str, poses: F, wrenches: F, degree: int) -> float:
@@ -63,16 +64,14 @@ def press_rank(rmse: F, rows: int) -> int:
     return int(np.argmax(error <= limit)) + 1
 
 
-def _number(text: str, whole: str) -> float:
+def _number(text: str, given: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"PCR threshold {whole!r}: expected B, B/sqrtN, rank:R or press") from None
+        raise InputError(f"PCR threshold {given!r}: expected B, B/sqrtN, rank:R or press") from None
 
 
-def _positive(value: float, whole: str) -> float:
+def _positive(value: float, given: str) -> float:
     if not (np.isfinite(value) and value >= 0.0):
-        raise InputError(
-            f"--pcr {whole}: expected a number greater than or equal to 0, B/sqrtN, rank:R or press"
-        )
+        raise InputError(f"--pcr {given}: expected {_FORMS}, B greater than or equal to 0")
     return value

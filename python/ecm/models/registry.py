@@ -64,9 +64,9 @@ def parse_model(model: str | ModelSpecification, *, pcr: Threshold = None) -> Mo
 def _of_name(name: str) -> ModelSpecification:
     try:
         for family in MODELS:
-            found = family.from_name(name)
-            if found is not None:
-                return found
+            specification = family.from_name(name)
+            if specification is not None:
+                return specification
     except InputError as error:
         raise InputError(f"model {name!r}: {error}") from None
     known = "; ".join(family.usage or family.kind for family in MODELS)

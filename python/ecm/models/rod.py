@@ -1,7 +1,7 @@
-"""Maps of the literature with a little mechanics: constant curvature, and a Cosserat rod.
+"""Two simple mechanical models of the literature: constant curvature, and a Cosserat rod.
 
-Constant curvature: the backbone is an arc that stretches, bends and twists, and has no answer to
-shear. U = k_e (s - L)^2/2 + k_b |theta_perp|^2/2 + k_t theta_x^2/2 with the arc's length
+Constant curvature: the backbone is an arc that stretches, bends and twists, but does not shear.
+U = k_e (s - L)^2/2 + k_b |theta_perp|^2/2 + k_t theta_x^2/2 with the arc's length
 s = (L + c_x) (b/2)/sin(b/2), b = |theta_perp|, in mid-frame coordinates.
 
 Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose comes from Newton's
@@ -20,37 +20,27 @@ from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table
-from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
+from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, partial_to
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
 _ITERATIONS = 15
 _WALK = 8
-"""Steps from rest to a pose that one leap does not reach."""
+"""Steps from rest to a pose that Newton's method does not reach at once."""
 _FIT_ITERATIONS = 15
 _STEP = np.array([1e-3] * 3 + [1e-5] * 3)
 
 
 @dataclass(frozen=True)
-class _Backbone(MapDefaults):
-    """What both share: all six columns, a length, few parameters."""
+class _Backbone(SixAxisMap):
+    """A length and a few parameters."""
 
     length: float
     parameters: F
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """All six."""
-        return POSE
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """All six."""
-        return WRENCH
-
-    @property
     def length_m(self) -> float | None:
-        """Length of the mechanism."""
+        """Length of the mechanism, m."""
         return self.length
 
     @property
@@ -58,13 +48,8 @@ class _Backbone(MapDefaults):
         """The parameters."""
         return self.parameters
 
-    @property
-    def error(self) -> F:
-        """Zero: it stands for the data."""
-        return np.zeros(6)
-
     def with_coefficients(self, coefficients: F) -> Any:
-        """Other parameters."""
+        """The same map with other parameters."""
         return replace(self, parameters=np.asarray(coefficients, dtype=np.float64))
 
     def predict(self, poses: F) -> F:
@@ -74,11 +59,7 @@ class _Backbone(MapDefaults):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, 6, 6) by central differences."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        slope = np.empty((len(poses), 6, 6))
-        for j in range(6):
-            step = np.zeros(6)
-            step[j] = 1e-6
-            slope[:, :, j] = (self.predict(poses + step) - self.predict(poses - step)) / 2e-6
+        slope = np.stack(central_differences(self.predict, poses, 1e-6), axis=2)
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
     def _document(self, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -97,7 +78,7 @@ _ARC = ("stretch_N_per_m", "bend_Nm_per_rad", "twist_Nm_per_rad")
 
 @dataclass(frozen=True)
 class ConstantCurvatureMap(_Backbone):
-    """k_e, k_b, k_t: linear in them."""
+    """An arc with three springs k_e, k_b, k_t; the wrench is linear in them."""
 
     name = "constant-curvature"
     kind = "constant-curvature"
@@ -156,7 +137,7 @@ ROD_SECTIONS = (
 
 @dataclass(frozen=True)
 class RodMap(_Backbone):
-    """EA, GA, EI, GJ."""
+    """A Cosserat rod with section stiffnesses EA, GA (N), EI, GJ (N m^2)."""
 
     name = "rod"
     kind = "rod"
@@ -170,32 +151,31 @@ class RodMap(_Backbone):
         return self.wrench_and_stiffness(poses, kind)[1]
 
     def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
-        """(N, 6) and (N, 6, 6)."""
+        """(N, 6) wrenches and (N, 6, 6) stiffnesses from one solution."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         h, slope = self._solved(poses)
         known = np.isfinite(slope).all(axis=(1, 2))
-        found = np.full_like(slope, np.nan)
-        found[known] = np.linalg.inv(slope[known])
-        return h, partial_to(kind, found, poses, cast(StiffnessMap, self))
+        stiffness = np.full_like(slope, np.nan)
+        stiffness[known] = np.linalg.inv(slope[known])
+        return h, partial_to(kind, stiffness, poses, cast(StiffnessMap, self))
 
     def _solved(self, poses: F) -> tuple[F, F]:
-        """Wrenches and d pose / d wrench; what one leap does not reach is walked to from rest."""
+        """Wrenches and d pose / d wrench; far poses are approached in steps from rest."""
         h, slope = self._newton(poses, self._start(poses))
         far = np.flatnonzero(np.isnan(h).any(axis=1))
         if len(far):
             rest = np.zeros(6)
             rest[0] = self.length
-            there = poses[far]
-            before, here = rest + 0.0 * there, np.zeros((len(far), 6))
+            target = poses[far]
+            before, wrench = rest + 0.0 * target, np.zeros((len(far), 6))
             for share in np.linspace(0.0, 1.0, _WALK + 1)[1:]:
-                aim = rest + share * (there - rest)
-                lean = self._slope(here)
-                fine = np.isfinite(lean).all(axis=(1, 2))
-                lean[~fine] = np.eye(6)
-                guess = here + np.linalg.solve(lean, (aim - before)[:, :, None])[:, :, 0]
-                here, own = self._newton(aim, guess)
-                before = aim
-            h[far], slope[far] = here, own
+                pose = rest + share * (target - rest)
+                predictor = self._slope(wrench)
+                predictor[~np.isfinite(predictor).all(axis=(1, 2))] = np.eye(6)
+                guess = wrench + np.linalg.solve(predictor, (pose - before)[:, :, None])[:, :, 0]
+                wrench, slope[far] = self._newton(pose, guess)
+                before = pose
+            h[far] = wrench
         return h, slope
 
     def _newton(self, poses: F, start: F) -> tuple[F, F]:
@@ -225,17 +205,17 @@ class RodMap(_Backbone):
     def _slope(self, wrenches: F) -> F:
         """(N, 6, 6) d pose / d wrench, by central differences."""
         steps = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
-        found = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
-        return np.swapaxes((found[:, :6] - found[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
+        poses = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
+        return np.swapaxes((poses[:, :6] - poses[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
 
     def _poses(self, wrenches: F) -> F:
-        found, ok = rod_poses(
+        poses, converged = rod_poses(
             np.ascontiguousarray(wrenches),
             length_m=self.length,
             **dict(zip(ROD_SECTIONS, (float(v) for v in self.parameters), strict=True)),
         )
-        found[~ok] = np.nan
-        return found
+        poses[~converged] = np.nan
+        return poses
 
     def _start(self, poses: F) -> F:
         """The linear rod in mid-frame coordinates."""
@@ -270,7 +250,14 @@ def _from_document(document: dict[str, Any], names: tuple[str, ...]) -> tuple[fl
 
 @dataclass(frozen=True)
 class ConstantCurvatureModel(ModelSpecification):
-    """An arc that stretches, bends and twists: three springs; short name `constant-curvature`."""
+    """An arc that stretches, bends and twists: three springs; short name `constant-curvature`.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("constant-curvature")
+    ConstantCurvatureModel()
+    """
 
     kind = "constant-curvature"
 
@@ -279,10 +266,7 @@ class ConstantCurvatureModel(ModelSpecification):
         length = length_of(table, self.name)
         spread = table.wrenches.std(axis=0)
         base = fit_constant_curvature(
-            np.ascontiguousarray(table.poses),
-            np.ascontiguousarray(table.wrenches),
-            length,
-            np.where(spread > 0.0, spread, 1.0),
+            table.poses, table.wrenches, length, np.where(spread > 0.0, spread, 1.0)
         )
         return FittedMap(base, declared_or_fitted(base, table))
 
@@ -294,17 +278,21 @@ class ConstantCurvatureModel(ModelSpecification):
 
 @dataclass(frozen=True)
 class RodModel(ModelSpecification):
-    """A uniform, shear-flexible Cosserat rod: EA, GA, EI, GJ; short name `rod`."""
+    """A uniform, shear-flexible Cosserat rod: EA, GA, EI, GJ; short name `rod`.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("rod")
+    RodModel()
+    """
 
     kind = "rod"
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Gauss-Newton on the poses that the rod takes under the measured wrenches."""
-        base = fit_rod(
-            np.ascontiguousarray(table.poses),
-            np.ascontiguousarray(table.wrenches),
-            length_of(table, self.name),
-        )
+        poses, wrenches = map(np.ascontiguousarray, (table.poses, table.wrenches))
+        base = fit_rod(poses, wrenches, length_of(table, self.name))
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
@@ -341,20 +329,19 @@ def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
     shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])
     logs = np.log([length / axial, shear, bend, length / torsion])
 
-    def left(at: F) -> F:
-        found = RodMap(length, np.exp(at))._poses(wrenches)
-        return np.asarray((poses - found) / scale)
+    def residual(at: F) -> F:
+        return np.asarray((poses - RodMap(length, np.exp(at))._poses(wrenches)) / scale)
 
-    now, damping = left(logs), 1e-4
+    now, damping = residual(logs), 1e-4
     for _ in range(_FIT_ITERATIONS):
         steps = 1e-4 * np.eye(4)
-        slope = np.stack([(left(logs - s) - left(logs + s)) / 2e-4 for s in steps], axis=2)
+        slope = np.stack([(residual(logs - s) - residual(logs + s)) / 2e-4 for s in steps], axis=2)
         rows = np.isfinite(now).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
         z, y = slope[rows].reshape(-1, 4), now[rows].ravel()
-        gram = z.T @ z
-        scaled = gram + damping * np.diag(np.diag(gram) + 1e-300)
+        normal = z.T @ z
+        scaled = normal + damping * np.diag(np.diag(normal) + 1e-300)
         move = np.clip(np.linalg.lstsq(scaled, z.T @ y, rcond=None)[0], -0.5, 0.5)
-        trial = left(np.clip(logs + move, -20.0, 20.0))
+        trial = residual(np.clip(logs + move, -20.0, 20.0))
         both = np.isfinite(now) & np.isfinite(trial)
         if float((trial[both] ** 2).sum()) > float((now[both] ** 2).sum()):
             damping *= 10.0

@@ -1,4 +1,4 @@
-"""Which model, and how many poses: grouped cross-validation and learning curves.
+"""Choice of a model and of the number of poses: cross-validation and learning curves.
 
 The one-standard-error rule: of all candidates whose error is within one standard error of the
 best one's, the one with the fewest coefficients. Errors are whitened by the noise of each row, so
@@ -23,6 +23,7 @@ from ecm.models.cross_validation import random_folds
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.plots import learning_curve_figure
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
@@ -32,7 +33,15 @@ from ecm.regression.noise import declared_noise, whiteners
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Cross-validation error of each candidate, and which one to take."""
+    """Cross-validation error of each candidate, and which one to take.
+
+    Examples
+    --------
+    >>> models = (PolynomialModel(1), EnergyModel(4))
+    >>> errors = np.array([45.5, 1.07]), np.array([2.1, 0.03])
+    >>> print(ModelChoice(models, (42, 22), *errors, chosen=1).best.name)
+    energy4
+    """
 
     candidates: tuple[ModelSpecification, ...]
     coefficients: tuple[int, ...]
@@ -132,6 +141,18 @@ def choose_model(
     ------
     InputError
         Without candidates, or where the rows are too few for all of them.
+
+    Examples
+    --------
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> from ecm.io.table import as_table
+    >>> random = np.random.default_rng(0)
+    >>> poses = random.uniform(-0.01, 0.01, (60, 6))
+    >>> wrenches = 1000.0 * poses + random.normal(0.0, 0.01, (60, 6))
+    >>> names = (*POSE, *WRENCH)
+    >>> table = as_table(dict(zip(names, np.hstack([poses, wrenches]).T, strict=True)))
+    >>> choose_model(table, ["linear", "quadratic"], folds=3).best.name
+    'poly:1'
     """
     listed = tuple(parse_model(candidate) for candidate in candidates)
     if not listed:
@@ -166,7 +187,7 @@ def choose_model(
 
 
 def free_coefficients(base: StiffnessMap) -> int:
-    """How many numbers a fit chose: of a principal component regression those of its rank."""
+    """Number of fitted coefficients; for a principal component regression those of its rank."""
     if isinstance(base, PolynomialMap) and base.model.rank > 0:
         return base.model.rank * len(base.outputs)
     return len(base.coefficients)
@@ -174,7 +195,17 @@ def free_coefficients(base: StiffnessMap) -> int:
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Held-out error against the number of poses."""
+    """Held-out error against the number of poses.
+
+    Examples
+    --------
+    >>> error = np.array([1.6, 1.1])
+    >>> curve = LearningCurve("energy4", (10, 20), error, error, error, 20, 20)
+    >>> print(curve)
+    energy4 from 10 poses: held-out error 1.6 of the noise
+    energy4 from 20 poses: held-out error 1.1 of the noise
+    enough: 20 poses are within 5 %, 20 within one standard error of the best
+    """
 
     model: str
     """Short name of the model."""
@@ -217,6 +248,11 @@ class LearningCurve:
             "one_standard_error": self.one_standard_error,
         }
 
+    def plot(self) -> Any:
+        """Return a plotly figure of the curve with its quartiles; needs the extra `report`."""
+        bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
+        return learning_curve_figure(self.sizes, bands)
+
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
         columns = {"error": self.error, "lower": self.lower, "upper": self.upper}
@@ -237,8 +273,8 @@ def learning_curve(
 
     The stop rule: the fewest poses whose held-out error is within `tolerance` of the smallest
     on the curve, provided that the curve has become flat there: the largest size must not be
-    better than the one before by more than `tolerance`. `one_standard_error` asks for what the
-    draws can tell apart instead of for a share.
+    better than the one before by more than `tolerance`. `one_standard_error` uses the standard
+    error over the draws in place of the share.
 
     Parameters
     ----------
@@ -261,29 +297,41 @@ def learning_curve(
     ------
     InputError
         Where every size leaves too few poses to test.
+
+    Examples
+    --------
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> from ecm.io.table import as_table
+    >>> random = np.random.default_rng(0)
+    >>> poses = random.uniform(-0.01, 0.01, (60, 6))
+    >>> wrenches = 1000.0 * poses + random.normal(0.0, 0.01, (60, 6))
+    >>> names = (*POSE, *WRENCH)
+    >>> table = as_table(dict(zip(names, np.hstack([poses, wrenches]).T, strict=True)))
+    >>> learning_curve(table, "linear", [10, 20, 40], draws=2).sizes
+    (10, 20, 40)
     """
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)
     count = int(groups.max()) + 1
-    keep = max(1, round(held_out * count))
+    tests = max(1, round(held_out * count))
     whitener = _whitener(measured)
-    usable = [n for n in sizes if n <= count - keep]
+    usable = [n for n in sizes if n <= count - tests]
     if not usable:
         raise InputError(
-            f"{table.source}: {count} poses, {keep} of them held out: give sizes up to "
-            f"{count - keep}, found {list(sizes)}"
+            f"{table.source}: {count} poses, {tests} of them held out: give sizes up to "
+            f"{count - tests}, found {list(sizes)}"
         )
     errors = np.full((len(usable), draws), np.inf)
     for d in range(draws):
         order = np.random.default_rng([seed, d]).permutation(count)
-        held = np.flatnonzero(np.isin(groups, order[:keep]))
+        test = np.flatnonzero(np.isin(groups, order[:tests]))
         for s, n in enumerate(usable):
-            rows = np.flatnonzero(np.isin(groups, order[keep : keep + n]))
+            rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
             try:
                 fitted = fit_model(measured.select(rows), specification)
             except EcmError:
                 continue
-            errors[s, d] = np.sqrt(_square(fitted.base, measured, held, whitener))
+            errors[s, d] = np.sqrt(_square(fitted.base, measured, test, whitener))
     middle = np.median(errors, axis=1)
     lower, upper = np.sort(errors, axis=1)[:, [draws // 4, -1 - draws // 4]].T
     enough = None
@@ -315,7 +363,10 @@ def _whitener(table: Table) -> F:
     return whiteners(declared_noise(table).covariance(Rows(table, base)))
 
 
-def _square(base: StiffnessMap, table: Table, held: I, whitener: F) -> float:
-    part = table.select(held)
-    left = part.matrix(base.outputs) - base.predict(np.ascontiguousarray(part.matrix(base.inputs)))
-    return float((np.einsum("nij,nj->ni", whitener[held], left) ** 2).mean())
+def _square(base: StiffnessMap, table: Table, test: I, whitener: F) -> float:
+    """Mean whitened square of the residual on the rows `test`."""
+    part = table.select(test)
+    residual = part.matrix(base.outputs) - base.predict(
+        np.ascontiguousarray(part.matrix(base.inputs))
+    )
+    return float((np.einsum("nij,nj->ni", whitener[test], residual) ** 2).mean())

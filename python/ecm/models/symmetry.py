@@ -1,9 +1,8 @@
-"""How symmetric a stiffness is, as the paper counts it and without what the load makes by geometry.
+"""Symmetry of a stiffness, as the paper measures it and without the geometric part of the load.
 
 K = dh/dp of a conservative mechanism is symmetric only at theta = 0 and tau = 0. In rotation
 increments of base axes, K_s = K diag(I, J^-1), its skew part is known: -[tau]x/2 in the rotation
-block, by the load alone. What is left after taking it away measures noise, misfit and what is not
-conservative.
+block, by the load alone. The rest measures noise, misfit and forces that are not conservative.
 """
 
 from __future__ import annotations
@@ -51,10 +50,10 @@ def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
 
 
 def _parts(matrix: F) -> tuple[F, F]:
-    turned = np.swapaxes(matrix, 1, 2)
-    return 0.5 * (matrix + turned), 0.5 * (matrix - turned)
+    transposed = np.swapaxes(matrix, 1, 2)
+    return 0.5 * (matrix + transposed), 0.5 * (matrix - transposed)
 
 
-def _share(part: F, whole: F) -> F:
+def _share(part: F, matrix: F) -> F:
     top = np.linalg.norm(part, 2, axis=(1, 2))
-    return np.asarray(top / np.linalg.norm(whole, 2, axis=(1, 2)))
+    return np.asarray(top / np.linalg.norm(matrix, 2, axis=(1, 2)))

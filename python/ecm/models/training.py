@@ -1,25 +1,23 @@
-"""What a model was trained on, with which noise, and where it is valid."""
+"""Training data of a model: its hash, its noise, and its range of poses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ecm.io.cache import hash_of
+from ecm.io.table import Table
+from ecm.models.maps import StiffnessMap
 from ecm.models.noise_estimate import estimate_noise
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-    from ecm.models.maps import StiffnessMap
-
 
 def training_of(table: Table) -> dict[str, Any]:
-    """hash of the numbers, rows, and the file's name without its place."""
+    """Hash of the numbers, number of rows, and the file's name without its folder."""
     content = {name: np.asarray(values).tolist() for name, values in table.columns.items()}
     return {
         "hash": hash_of(content, ""),
@@ -30,23 +28,20 @@ def training_of(table: Table) -> dict[str, Any]:
 
 
 def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:
-    """The rows' own noise, else that of the fit before.
+    """Noise of the rows, else that of the fit before.
 
-    Of the same rows, whose repeats told it to the fit before, that of then: the rungs of a ladder
-    are compared under one noise.
+    For the same rows, whose repeats gave the noise of the fit before, that noise is kept: fits are
+    compared under one noise.
     """
     if same_rows and before.source == "repeats":
         return before
     rows = Rows(table, base)
-    # Effects may still have to take their shape for these rows; within repeats they are left out.
+    # Effects have no shape for these rows yet, but their changes between repeats do not count.
     return estimate_noise(rows, rows.sensor_load, fallback=before)
 
 
 def domain_of(table: Table, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Range of each pose column over measured poses."""
     measured = table.measured()
-    ranges = {}
-    for name in inputs:
-        values = measured.column(name)
-        ranges[name] = (float(values.min()), float(values.max()))
-    return ranges
+    columns = {name: measured.column(name) for name in inputs}
+    return {name: (float(values.min()), float(values.max())) for name, values in columns.items()}

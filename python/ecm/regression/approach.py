@@ -1,4 +1,4 @@
-"""Where the mechanism came from: the pose before each row, and the side of approach."""
+"""History of the rows: the pose before each row, the side of approach, the order of visits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,33 @@ def pose_before(table: Table, rest_pose: F) -> F:
 
 
 def approach_sides(table: Table, length_m: float | None = None) -> F:
-    """(N,) a = sign((p - p_from) M (p - p0)); 0 where unknown."""
+    """Side from which each pose was approached: a = sign((p - p_from)' M (p - p0)).
+
+    M = diag(1, 1, 1, L^2, L^2, L^2), p_from the pose before and p0 the rest pose.
+
+    Parameters
+    ----------
+    table
+        Measurements with the six pose columns and `approach`.
+    length_m
+        Length L of the mechanism in m; by default that of the table, else the median x.
+
+    Returns
+    -------
+    ndarray
+        (N,) +1 or -1; 0 where the pose before is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table
+    >>> from ecm.io.columns import POSE
+    >>> poses = np.array([[0.1, 0.01, 0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.0, 0.0, 0.0, 0.0]])
+    >>> columns = dict(zip(POSE, poses.T)) | {"fx_N": [1.0, 2.0], "pose_id": [0.0, 1.0]}
+    >>> table = as_table(columns | {"approach": ["1", "initial"]})
+    >>> approach_sides(table, 0.1).tolist()
+    [-1.0, 1.0]
+    """
     length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))
@@ -42,7 +68,7 @@ def approach_sides(table: Table, length_m: float | None = None) -> F:
 
 
 def memory_options(table: Table) -> tuple[str, ...]:
-    """Memory ends with a `run`; where tables were joined it may also have been `kept`."""
+    """Histories of the mechanism: ending with a `run`, or in joined tables also `kept`."""
     return ("run", "kept") if table.meta.file.begins_s else ("run",)
 
 
@@ -51,32 +77,32 @@ def order_of_visits(table: Table, memory: str = "run") -> list[I]:
     time = table.column("time_s")
     by_run = table.has("run") and memory == "run"
     run = table.column("run") if by_run else np.zeros(len(table))
-    found = []
+    result = []
     for number in np.unique(run):
         rows = np.flatnonzero(run == number)
-        found.append(rows[np.argsort(time[rows], kind="stable")])
-    return found
+        result.append(rows[np.argsort(time[rows], kind="stable")])
+    return result
 
 
 def largest_so_far(table: Table, values: F, memory: str = "run", *, index: bool = False) -> F:
     """(N,) largest value of the rows up to each row of its run, or with `index` that row."""
-    found = np.empty(len(table))
+    result = np.empty(len(table))
     for rows in order_of_visits(table, memory):
         largest = np.maximum.accumulate(values[rows])
         if index:
             new = np.concatenate([[True], largest[1:] > largest[:-1]])
-            found[rows] = rows[np.maximum.accumulate(np.where(new, np.arange(len(rows)), 0))]
+            result[rows] = rows[np.maximum.accumulate(np.where(new, np.arange(len(rows)), 0))]
         else:
-            found[rows] = largest
-    return found
+            result[rows] = largest
+    return result
 
 
 def step_times(table: Table, count: int) -> tuple[float, ...]:
     """Times that divide the rows of a table into count + 1 equal parts."""
     time = np.sort(table.column("time_s"))
     at = [round(len(time) * (i + 1) / (count + 1)) for i in range(count)]
-    found = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
-    return tuple(float(t) for t in dict.fromkeys(found))
+    result = [0.5 * (time[i - 1] + time[i]) for i in at if 0 < i < len(time)]
+    return tuple(float(t) for t in dict.fromkeys(result))
 
 
 def times_beside(table: Table, at_s: float, count: int, round_: int) -> tuple[float, ...]:
@@ -93,8 +119,8 @@ def _mean_poses(table: Table) -> dict[str, F]:
         return {}
     ids = table.column("pose_id")
     poses = table.poses
-    found = {}
+    result = {}
     for value in np.unique(ids[np.isfinite(ids)]):
         key = str(int(value)) if float(value).is_integer() else repr(float(value))
-        found[key] = np.asarray(poses[ids == value].mean(axis=0))
-    return found
+        result[key] = np.asarray(poses[ids == value].mean(axis=0))
+    return result

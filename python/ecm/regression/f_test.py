@@ -1,7 +1,7 @@
 """Lack of fit against pure error from repeats, and the omnibus test of a residual.
 
-F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): what the model leaves between cells
-over what repeats of the same cell leave (NIST/SEMATECH e-Handbook, 4.4.4.6).
+F = (SS_fit - SS_pure) / (cells - k) / (SS_pure / (n - cells)): the residual between cells over
+that within cells (NIST/SEMATECH e-Handbook, 4.4.4.6).
 """
 
 from __future__ import annotations
@@ -15,26 +15,40 @@ from scipy.linalg import lapack, solve_triangular
 from ecm.io.arrays import F, I
 
 _DEPENDENT = 1e-5
-"""A column of which earlier ones leave no more than this is theirs."""
+"""A column is dependent where this share or less is orthogonal to the others."""
 
 
 @dataclass(frozen=True)
 class FTest:
-    """An F ratio with its degrees of freedom."""
+    """An F ratio with its degrees of freedom.
+
+    Parameters
+    ----------
+    F, p
+        Ratio and its probability under the null hypothesis.
+    dof, dof_error
+        Degrees of freedom of numerator and denominator.
+    explained, rest
+        Sums of squares of numerator and denominator.
+
+    Examples
+    --------
+    >>> test = FTest.of(explained=12.0, dof=2, rest=30.0, dof_error=10)
+    >>> test.F, round(test.p, 3)
+    (2.0, 0.186)
+    """
 
     F: float
     p: float
     dof: float
     dof_error: float
     explained: float = 0.0
-    """Sum of squares of the numerator."""
     rest: float = 0.0
-    """Sum of squares of the denominator."""
 
     @staticmethod
     def of(explained: float, dof: float, rest: float, dof_error: float) -> FTest:
         """Explained over rest, each per degree of freedom."""
-        # What explains everything leaves rounding errors, of either sign.
+        # Columns that explain everything leave rounding errors of either sign.
         rest = max(rest, 1e-12 * abs(explained))
         if dof <= 0 or dof_error <= 0 or rest <= 0.0:
             return FTest(float("nan"), 1.0, max(dof, 0.0), max(dof_error, 0.0), explained, rest)
@@ -44,16 +58,35 @@ class FTest:
 
 
 def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = None) -> FTest | None:
-    """Lack-of-fit F of whitened residuals (N, m); None where no cell is repeated.
+    """Lack-of-fit F test of a model against the pure error of repeats.
 
     Parameters
     ----------
+    whitened
+        (N, m) residuals in units of their noise.
     cells
-        (N,) cell of each row: rows that were to measure the same thing.
+        (N,) cell of each row: rows of a cell measure the same thing.
     parameters
-        Number of fitted coefficients; a component's share of them where they are its own.
+        Number of fitted coefficients; for a single component its share of them.
     weights
         (N,) 0 leaves a row out.
+
+    Returns
+    -------
+    FTest or None
+        None where no cell is repeated.
+
+    Source
+    ------
+    NIST/SEMATECH e-Handbook of Statistical Methods, 4.4.4.6.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> residual = np.array([[1.0], [1.2], [-1.0], [-1.2], [1.1], [0.9]])
+    >>> test = lack_of_fit(residual, np.array([0, 0, 1, 1, 2, 2]), parameters=1)
+    >>> test.dof, test.dof_error, test.p < 0.01
+    (2, 3, True)
     """
     keep = np.ones(len(whitened), dtype=np.bool_) if weights is None else weights > 0.0
     rows, own = whitened[keep], cells[keep]
@@ -70,14 +103,32 @@ def lack_of_fit(whitened: F, cells: I, parameters: float, weights: F | None = No
 
 
 def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) -> FTest:
-    """Whether columns outside the model explain the whitened residual (N, m).
+    """F test whether columns outside the model explain the residual.
 
     Parameters
     ----------
+    whitened
+        (N, m) residuals in units of their noise.
     design
         (N, m, q) whitened columns to look for.
     fitted
         (N, m, k) whitened columns of what was fitted already; projected out.
+    weights
+        (N,) 0 leaves a row out.
+
+    Returns
+    -------
+    FTest
+        Sum of squares that the columns explain over the rest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.linspace(-1.0, 1.0, 20)[:, None]
+    >>> noise = np.random.default_rng(0).standard_normal((20, 1))
+    >>> test = omnibus_test(5.0 * x + noise, x[:, :, None], np.ones((20, 1, 1)))
+    >>> test.dof, test.p < 1e-6
+    (1, True)
     """
     n, m, q = design.shape
     root = np.ones(n) if weights is None else np.sqrt(weights)
@@ -100,12 +151,12 @@ def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     if not keep.any():
         return 0.0, 0
     scaled = columns[:, keep] / norms[keep]
-    # Pivoted Cholesky factor of the normal equations: it sees dependent columns, whatever their
-    # order, and costs a quarter of an orthonormal basis.
+    # The pivoted Cholesky factor of the normal equations shows dependent columns in any order and
+    # costs a quarter of an orthonormal basis.
     factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
     along = (scaled.T @ response)[order[:rank] - 1]
-    found = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
-    return float(found @ found), int(rank)
+    projected = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
+    return float(projected @ projected), int(rank)
 
 
 def orthonormal(columns: F) -> F:
@@ -116,5 +167,5 @@ def orthonormal(columns: F) -> F:
         return np.zeros((len(columns), 0))
     scaled = columns / np.sqrt((columns**2).sum(axis=0))
     q, r = np.linalg.qr(scaled)
-    # A column that earlier ones explain leaves a direction of rounding errors: drop it.
+    # A dependent column leaves a direction of rounding errors: drop it.
     return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])

@@ -1,7 +1,7 @@
-"""Which rows stay together, and folds that a missing effect cannot leak through.
+"""Groups of rows and folds of cross-validation through which a missing effect cannot leak.
 
-Repeats of a pose are never split. Effects of the pose are scored on contiguous blocks of time,
-effects of time on clusters of poses, several runs of a continuous test one run at a time.
+Repeats of a pose are never split. Effects of the pose are tested on contiguous blocks of time,
+effects of time on clusters of poses, several runs of a continuous test run by run.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from ecm.io.arrays import B, F, I
 from ecm.io.table import Table
+from ecm.regression.approach import order_of_visits
 from ecm.regression.sensor_zero import is_zero, zero_times
 
 _STRETCHES = 12
@@ -49,7 +50,7 @@ def is_continuous(table: Table) -> bool:
 
 
 def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
-    """How an effect of this kind is held out: time for pose, pose for time, else run by run."""
+    """Folds for an effect of this kind: by time for `pose`, else by pose; or run by run."""
     if is_continuous(table):
         several = table.has("run") and len(np.unique(table.column("run"))) > 1
         return "run" if several else "time"
@@ -58,17 +59,13 @@ def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
 
 def _stretches(table: Table) -> I:
     """(N,) number of the stretch of time that each sample is in, twelve a run."""
-    time = table.column("time_s")
-    run = table.column("run") if table.has("run") else np.zeros(len(table))
-    found = np.zeros(len(table), dtype=np.int64)
+    stretches = np.zeros(len(table), dtype=np.int64)
     first = 0
-    for number in np.unique(run):
-        rows = np.flatnonzero(run == number)
-        rows = rows[np.argsort(time[rows], kind="stable")]
+    for rows in order_of_visits(table):
         pieces = min(_STRETCHES, len(rows))
-        found[rows] = first + np.arange(len(rows)) * pieces // len(rows)
+        stretches[rows] = first + np.arange(len(rows)) * pieces // len(rows)
         first += pieces
-    return found
+    return stretches
 
 
 def is_pose_row(table: Table) -> B:
@@ -78,9 +75,9 @@ def is_pose_row(table: Table) -> B:
 
 
 def without_zero_readings(table: Table) -> Table:
-    """Without unloaded readings of exactly zero: the zero was taken from them, they say nothing.
+    """The table without unloaded readings of exactly zero, from which the zero was taken.
 
-    When that was stays known.
+    Their times are kept in `zeros_s`.
     """
     return replace(table.select(rows_without_zero_readings(table)), zeros_s=zero_times(table))
 
@@ -91,10 +88,10 @@ def rows_without_zero_readings(table: Table) -> I:
 
 
 def distinct_rows(table: Table) -> I:
-    """Index of rows whose poses and wrenches are not all those of an earlier row.
+    """Index of the rows that are no copies of an earlier row, by pose and wrench.
 
-    Unloaded rows are kept: a zeroed sensor may read the same twice. So is every sample of a
-    continuous test: at rest it reads the same again and again, at another time.
+    Unloaded rows are never left out, because a zeroed sensor may read the same twice, nor samples
+    of a continuous test, which repeat at rest.
     """
     if is_continuous(table):
         return np.arange(len(table), dtype=np.int64)
@@ -115,7 +112,7 @@ def _codes(table: Table, name: str) -> I:
 
 
 def folds(table: Table, poses: F, groups: I, by: Literal["time", "pose", "run"], n: int = 5) -> I:
-    """(N,) fold of each row, groups whole; n is lowered where there are fewer groups."""
+    """(N,) fold of each row; groups are not split, fewer groups than n give fewer folds."""
     if by == "run" and table.has("run"):
         return _codes(table, "run")
     count = int(groups.max()) + 1
@@ -140,12 +137,12 @@ def _clusters(points: F, n: int) -> I:
     scaled = (points - points.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
     labels = np.zeros(len(points), dtype=np.int64)
     parts: list[tuple[I, int]] = [(np.arange(len(points)), n)]
-    found = 0
+    label = 0
     while parts:
         members, pieces = parts.pop()
         if pieces == 1:
-            labels[members] = found
-            found += 1
+            labels[members] = label
+            label += 1
             continue
         centred = scaled[members] - scaled[members].mean(axis=0)
         _, _, axes = np.linalg.svd(centred, full_matrices=False)

@@ -1,8 +1,8 @@
-"""The noise of a row: Sigma = Sigma_w + K_s Sigma_p K_s' + Sigma_base, a full matrix.
+"""Noise of a row: Sigma = Sigma_w + K_s Sigma_p K_s' + Sigma_base, a full matrix.
 
-The pose noise acts through the stiffness, so that fx of a stiff axis carries most of it and the
-components are correlated. Its rotation part is taken as increments in base axes (isotropic, hence
-the same in top axes) and goes through K_s = K diag(I, J^-1).
+The pose noise acts through the stiffness: the stiff axis has most of it, and the components are
+correlated. Its rotations are increments in base axes (isotropic, hence the same in top axes), which
+act through K_s = K diag(I, J^-1).
 """
 
 from __future__ import annotations
@@ -24,7 +24,26 @@ Source = Literal["repeats", "declared", "assumed"]
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of one row, and where they come from."""
+    """Standard deviations of one row, and where they come from.
+
+    Parameters
+    ----------
+    position_sd_m, rotation_sd_rad, force_sd_N, torque_sd_Nm
+        Standard deviations per axis.
+    source
+        `repeats`, `declared` or `assumed`.
+    components
+        (m,) standard deviations of the outputs instead, for tables of other columns; they hold the
+        pose noise as well.
+    growth_per_N, growth_per_Nm
+        Heteroscedastic noise: sigma^2 (1 + (g h)^2) of forces and of torques.
+
+    Examples
+    --------
+    >>> noise = Noise(force_sd_N=0.2, source="declared")
+    >>> noise.to_dict()["force_sd_N"], noise == Noise.from_dict(noise.to_dict())
+    (0.2, True)
+    """
 
     position_sd_m: float = 40e-6
     rotation_sd_rad: float = 4e-4
@@ -32,11 +51,8 @@ class Noise:
     torque_sd_Nm: float = 0.010
     source: Source = "assumed"
     components: tuple[float, ...] | None = None
-    """Direct figures per output instead, for tables of other columns; pose noise inside."""
     growth_per_N: float = 0.0
-    """Heteroscedastic noise: sigma^2 (1 + (g h)^2) of the forces."""
     growth_per_Nm: float = 0.0
-    """The same of the torques."""
 
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""
@@ -95,7 +111,7 @@ class Noise:
 
     @staticmethod
     def from_dict(document: dict[str, Any]) -> Noise:
-        """Of a model file."""
+        """The noise of a model file."""
         if "components" in document:
             return Noise(
                 source=document["source"],
@@ -124,15 +140,33 @@ _ALL = (*POSE, *WRENCH)
 
 
 def declared_noise(table: Table, columns: Sequence[str] = _ALL) -> Noise:
-    """Instrument figures of the data's TOML; what is not there is assumed, and said so.
+    """Noise by the `[instrument]` figures of a table's description.
 
-    Where all are 0 the data are exact: they have no noise to compare with, and a common rig's is
-    assumed.
+    Figures that are not given are assumed. Where all are 0 the data are exact, and the noise of a
+    common rig is assumed.
 
     Parameters
     ----------
+    table
+        Measurements with their description.
     columns
-        What is looked at: of a displacement and a force two of the four figures are enough.
+        Pose and wrench columns that are looked at: a displacement and a force need two of the four
+        figures.
+
+    Returns
+    -------
+    Noise
+        Its source is `declared` where every figure that concerns the columns is given, else
+        `assumed`.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> from ecm.io.description import Instrument, Meta
+    >>> meta = Meta(instrument=Instrument(pose_position_sd_m=2e-5, force_sd_N=0.1))
+    >>> table = as_table({"x_m": [0.1, 0.2], "fx_N": [1.0, 2.0]}, meta=meta)
+    >>> declared_noise(table).source, declared_noise(table, ("x_m", "fx_N")).source
+    ('assumed', 'declared')
     """
     exact = is_exact(table, columns)
     figures = (None,) * 4 if exact else tuple(_figures(table).values())
@@ -140,8 +174,8 @@ def declared_noise(table: Table, columns: Sequence[str] = _ALL) -> Noise:
     values = np.array(
         [d if f is None else f for f, d in zip(figures, default.parameters(), strict=True)]
     )
-    told = all(figure is not None for figure in _needed(table, columns))
-    return default.with_parameters(values, "declared" if told and not exact else "assumed")
+    given = all(figure is not None for figure in _needed(table, columns))
+    return default.with_parameters(values, "declared" if given and not exact else "assumed")
 
 
 def is_exact(table: Table, columns: Sequence[str] = _ALL) -> bool:

@@ -20,9 +20,9 @@ RIDGE = 1e-10
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations per group of rows; those of each group are formed when they are asked for.
+    """Normal equations of groups of rows, formed when they are first used.
 
-    With hundreds of columns the matrices of all groups are larger than the rows by far.
+    With hundreds of columns the matrices of all groups are far larger than the rows.
     """
 
     rows: F
@@ -65,17 +65,17 @@ class NormalEquations:
     def total(self, weights: F | None = None) -> tuple[F, F, float]:
         """G, c, s summed over groups, each with its weight."""
         if weights is None:
-            return self._whole
+            return self._total
         matrix = np.tensordot(weights, self.matrices, axes=1)
         return np.asarray(matrix), np.asarray(weights @ self.vectors), float(weights @ self.squares)
 
     def only(self, columns: Sequence[int]) -> NormalEquations:
-        """The same of some of the columns, in their order."""
+        """The equations of some of the columns, in their order."""
         take = np.asarray(columns, dtype=np.int64)
         return replace(self, rows=self.rows[:, take])
 
     @cached_property
-    def _whole(self) -> tuple[F, F, float]:
+    def _total(self) -> tuple[F, F, float]:
         return self.rows.T @ self.rows, self.response @ self.rows, float(self.squares.sum())
 
     def held_out(self, columns: Sequence[int], fold_of_group: I, scored: F) -> F:
@@ -116,8 +116,8 @@ def projected_out(matrix: F, vector: F, fixed: Sequence[int]) -> tuple[F, F]:
     inner[np.diag_indices_from(inner)] += RIDGE
     cross = matrix[take] / diagonal[:, None]
     right = np.column_stack([cross, vector[take] / diagonal])
-    found = np.linalg.solve(inner, right)
-    return matrix - cross.T @ found[:, :-1], vector - cross.T @ found[:, -1]
+    solution = np.linalg.solve(inner, right)
+    return matrix - cross.T @ solution[:, :-1], vector - cross.T @ solution[:, -1]
 
 
 def explained_by_blocks(
@@ -136,7 +136,7 @@ def explained_by_blocks(
         (k,) 1 or -1 for a coefficient that may only be positive or negative, else 0: columns of
         the wrong sign are left out of their block.
     """
-    found = np.zeros(len(blocks))
+    squares = np.zeros(len(blocks))
     ridge = RIDGE * np.maximum(np.diag(equations[0]), 1e-200)
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for size in np.unique(sizes).tolist():
@@ -146,15 +146,15 @@ def explained_by_blocks(
         matrices[:, np.arange(size), np.arange(size)] += ridge[take]
         vectors = left[1][take]
         solved = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
-        found[which] = (vectors * solved).sum(axis=1)
+        squares[which] = (vectors * solved).sum(axis=1)
         if signs is None:
             continue
         wrong = signs[take] * solved < 0.0
-        held = np.flatnonzero(wrong.any(axis=1))
-        if len(held):
-            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in held]
-            found[np.asarray(which)[held]] = explained_by_blocks(equations, left, fewer, signs)
-    return found
+        bounded = np.flatnonzero(wrong.any(axis=1))
+        if len(bounded):
+            fewer = [tuple(take[i, ~wrong[i]].tolist()) for i in bounded]
+            squares[np.asarray(which)[bounded]] = explained_by_blocks(equations, left, fewer, signs)
+    return squares
 
 
 def explained_squares(matrix: F, vector: F, columns: Sequence[int]) -> float:

@@ -1,8 +1,8 @@
-"""The noise floor from repeats: REML of the four standard deviations within cells of one pose.
+"""REML noise: the four standard deviations of a row from repeats of the same pose.
 
-Repeats are spread over the run, so that they also hold drift, temperature and the side of
-approach. Whatever a linear combination of given columns can explain within the cells is projected
-out; only the rest is noise. A weak prior keeps each figure near what the instruments declare.
+Repeats are spread over the run, so they also vary with drift, temperature and side of approach.
+The part that given columns can explain within the repeats of a pose is projected out; the rest is
+noise. A weak prior keeps each figure near the declared one.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import helmert
 
 from ecm.io.arrays import F, I
 from ecm.regression.noise import Noise, covariance_parts
@@ -18,7 +19,7 @@ from ecm.regression.rows import Rows
 
 _MOST_ROWS = 400
 _ITERATIONS = 30
-_OUTLIER = 30.0  # squared whitened length of six components, chance 4e-5
+_OUTLIER = 30.0  # squared whitened length of six components, probability 4e-5
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
 _PRIOR_ASSUMED = 3.0
 
@@ -31,16 +32,25 @@ class _Contrasts:
 
 
 def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> Noise | None:
-    """REML noise of the rows; None where fewer than 20 contrasts are there.
+    """REML noise of the rows.
 
     Parameters
     ----------
+    rows
+        N rows with the six pose and six wrench columns.
     residual
-        (N, m) measured minus base.
+        (N, m) measured minus predicted.
     cells
-        (N,) rows of one pose; -1 leaves a row out.
+        (N,) number of the pose that each row repeats; -1 leaves a row out.
     nuisance
         (N, m, k) columns that may vary within a cell without being noise.
+    prior
+        Declared or assumed noise.
+
+    Returns
+    -------
+    Noise or None
+        None with fewer than 20 contrasts.
     """
     contrasts = _contrasts(rows, residual, cells, nuisance)
     if contrasts is None or len(contrasts.response) < LEAST_CONTRASTS:
@@ -50,10 +60,10 @@ def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> 
     log_variance = log_prior.copy()
     for _ in range(2):
         log_variance = _reml(contrasts, log_variance, log_prior, width)
-        kept = _without_outliers(contrasts, log_variance)
-        if len(kept.response) == len(contrasts.response):
+        inliers = _without_outliers(contrasts, log_variance)
+        if len(inliers.response) == len(contrasts.response):
             break
-        contrasts = kept
+        contrasts = inliers
     return prior.with_parameters(np.sqrt(np.exp(log_variance)), "repeats")
 
 
@@ -65,30 +75,22 @@ def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | N
         members = np.flatnonzero(cells == cell)
         if len(members) < 2:
             continue
-        contrast = _helmert(len(members))
+        contrast = helmert(len(members))
         response.append(contrast @ residual[members])
         columns.append(np.einsum("cr,rmk->cmk", contrast, nuisance[members]))
         mean = parts[:, members].mean(axis=1)
         variances.append(np.repeat(mean[:, None], len(members) - 1, axis=1))
     if not response:
         return None
-    found = _Contrasts(
+    contrasts = _Contrasts(
         np.concatenate(response), np.concatenate(columns), np.concatenate(variances, axis=1)
     )
-    if len(found.response) > _MOST_ROWS:
-        take = np.linspace(0, len(found.response) - 1, _MOST_ROWS).astype(np.int64)
-        found = _Contrasts(found.response[take], found.nuisance[take], found.parts[:, take])
-    return found
-
-
-def _helmert(n: int) -> F:
-    """(n - 1, n) orthonormal rows, each orthogonal to 1."""
-    matrix = np.zeros((n - 1, n))
-    for i in range(1, n):
-        matrix[i - 1, :i] = 1.0
-        matrix[i - 1, i] = -float(i)
-        matrix[i - 1] /= np.sqrt(i * (i + 1.0))
-    return matrix
+    if len(contrasts.response) > _MOST_ROWS:
+        take = np.linspace(0, len(contrasts.response) - 1, _MOST_ROWS).astype(np.int64)
+        contrasts = _Contrasts(
+            contrasts.response[take], contrasts.nuisance[take], contrasts.parts[:, take]
+        )
+    return contrasts
 
 
 def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
@@ -134,7 +136,7 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
 
 
 def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
-    """Leave out contrasts that no Gaussian of this width gives, after the nuisance."""
+    """The contrasts without outliers, whose whitened length beyond the nuisance is too large."""
     covariance = (data.parts * np.exp(log_variance)[:, None, None, None]).sum(axis=0)
     count, m = data.response.shape
     whitener = np.linalg.inv(np.linalg.cholesky(covariance))

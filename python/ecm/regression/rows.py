@@ -1,4 +1,4 @@
-"""What an effect sees of the rows of a table: base wrench, stiffness, rotation, covariates."""
+"""Rows of a table under a base map: wrench, stiffness, rotation and covariates of each row."""
 
 from __future__ import annotations
 
@@ -21,7 +21,18 @@ BodyChange = Callable[[dict[str, float]], dict[str, float]]
 
 
 class BaseMap(Protocol):
-    """The part of a stiffness map that effects need."""
+    """The members of a stiffness map that effects need.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm.models import PolynomialMap, fit_model
+    >>> from ecm import as_table
+    >>> x = np.linspace(-1.0, 1.0, 9)
+    >>> base: BaseMap = fit_model(as_table({"x_m": 0.01 * x, "fx_N": 2.0 * x}), "linear").base
+    >>> base.inputs, base.outputs
+    (('x_m',), ('fx_N',))
+    """
 
     def predict(self, poses: F) -> F:
         """(N, n) poses to (N, m) wrenches."""
@@ -47,7 +58,34 @@ class BaseMap(Protocol):
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one table under one base map. Unloaded rows have no mechanism: h = K = 0."""
+    """The N rows of one table under one base map, from n pose to m wrench columns.
+
+    Arrays are computed when they are first used. Rows of kind `unloaded` (the sensor free of the
+    mechanism) have wrench and stiffness 0.
+
+    Parameters
+    ----------
+    table
+        Measurements.
+    base
+        Map from pose to wrench.
+
+    Raises
+    ------
+    InputError
+        A pose column of the map is not in the table, or the length of the mechanism is needed and
+        not known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table, fit_model
+    >>> x = np.linspace(-1.0, 1.0, 9)
+    >>> table = as_table({"x_m": 0.01 * x, "fx_N": 2.0 * x})
+    >>> rows = Rows(table, fit_model(table, "linear").base)
+    >>> len(rows), rows.poses.shape, float(rows.stiffness[0, 0, 0].round(6))
+    (9, (9, 1), 200.0)
+    """
 
     table: Table
     base: BaseMap
@@ -70,11 +108,15 @@ class Rows:
 
     def predict(self, poses: F) -> F:
         """(N, m) base wrench at other poses of the same rows, zero where unloaded."""
-        wrench = np.zeros((len(self), len(self.base.outputs)))
+        return self.where_loaded(self.base.predict, poses, len(self.base.outputs))
+
+    def where_loaded(self, function: Callable[[F], F], poses: F, *shape: int) -> F:
+        """(N, *shape) of a function of poses (N, n), zero where unloaded."""
+        values = np.zeros((len(self), *shape))
         loaded = ~self.unloaded
         if loaded.any():
-            wrench[loaded] = self.base.predict(np.ascontiguousarray(poses[loaded]))
-        return wrench
+            values[loaded] = function(np.ascontiguousarray(poses[loaded]))
+        return values
 
     @cached_property
     def wrench(self) -> F:
@@ -83,15 +125,15 @@ class Rows:
 
     @cached_property
     def sensor_load(self) -> F:
-        """(N, m) wrench that loads the sensor: the mechanism's, or on a free sensor a dead weight.
+        """(N, m) wrench on the sensor: the mechanism's, or on a free sensor that of a dead weight.
 
-        A run in which nothing but the free sensor was read, with a payload_mass_kg in [run.N], is a
-        weight that hangs on a line through the origin of the top frame.
+        A run of unloaded rows alone, with a payload_mass_kg in [run.N], is a weight that hangs on a
+        line through the origin of the top frame.
         """
-        hung = self._dead_weight_kg
-        if not hung.any():
+        mass = self._dead_weight_kg
+        if not mass.any():
             return self.wrench
-        force = -hung[:, None] * self.gravity_m_s2
+        force = -mass[:, None] * self.gravity_m_s2
         load: F = self.wrench.copy()
         for j, name in enumerate(self.base.outputs):
             if name in WRENCH[:3]:
@@ -114,12 +156,8 @@ class Rows:
     @cached_property
     def stiffness(self) -> F:
         """(N, m, n) K = dh/dp of the base at the measured poses."""
-        shape = (len(self), len(self.base.outputs), len(self.base.inputs))
-        stiffness = np.zeros(shape)
-        loaded = ~self.unloaded
-        if loaded.any():
-            stiffness[loaded] = self.base.stiffness(np.ascontiguousarray(self.poses[loaded]))
-        return stiffness
+        m, n = len(self.base.outputs), len(self.base.inputs)
+        return self.where_loaded(self.base.stiffness, self.poses, m, n)
 
     @cached_property
     def screw_stiffness(self) -> F:
@@ -167,7 +205,7 @@ class Rows:
 
     @cached_property
     def middle_pose(self) -> F:
-        """The rest pose, or where the length is not known the median pose: to look from."""
+        """(n,) the rest pose, or where the length is not known the median pose."""
         return self.rest_pose if self.has_length else np.asarray(np.median(self.poses, axis=0))
 
     @cached_property
@@ -204,12 +242,12 @@ class Rows:
 
     @cached_property
     def mount_angle_rad(self) -> F:
-        """(N,) turn of the mechanism about its axis against the first mounting, by run."""
+        """(N,) rotation of the mechanism about its axis since the first mounting, by run."""
         return self.of_run("mount_angle_rad", 0.0)
 
     @cached_property
     def gravity_m_s2(self) -> F:
-        """(N, 3) in base axes: of the scene, or what [run.N] says."""
+        """(N, 3) gravity in base axes, m/s^2: that of [run.N], else that of [scene]."""
         meta = self.table.meta
         gravity = np.tile(np.asarray(meta.scene.gravity_m_s2, dtype=np.float64), (len(self), 1))
         for number, values in meta.runs.items():
@@ -218,15 +256,10 @@ class Rows:
         return gravity
 
     def of_run(self, key: str, default: float) -> F:
-        """(N,) what [run.N] says about each row's run."""
+        """(N,) a key of [run.N] for the run of each row."""
         runs = self.table.meta.runs
         if not runs or not self.table.has("run"):
             return np.full(len(self), default)
         own = {number: float(values.get(key, default)) for number, values in runs.items()}
         numbers = self.table.column("run")
         return np.array([own.get(int(number), default) for number in numbers])
-
-
-def twist(translation: F, rotation: F) -> F:
-    """(N, 6) from two (N, 3)."""
-    return np.concatenate([translation, rotation], axis=1)

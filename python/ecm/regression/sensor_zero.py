@@ -1,7 +1,7 @@
-"""Where the zero of the force-torque sensor was taken, as a table tells it.
+"""Zeros of the force-torque sensor in a table.
 
-A free sensor reads exactly nothing where the zero was taken from that reading. Between two of them
-the zero is a line in time, as in the paper.
+A free sensor reads exactly zero where the zero was taken from that reading. Between two zeros it is
+linear in time, as in the paper.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ecm.io.table import Table
 
 
 def is_zero(table: Table) -> B:
-    """(N,) rows of kind `unloaded` that read exactly nothing in each column of a wrench."""
+    """(N,) rows of kind `unloaded` that read exactly zero in every wrench column."""
     names = table.wrench_columns
     if not names or not table.has("kind"):
         return np.zeros(len(table), dtype=np.bool_)
@@ -22,7 +22,7 @@ def is_zero(table: Table) -> B:
 
 
 def zero_times(table: Table) -> tuple[float, ...]:
-    """Times, s, at which the zero was taken, growing; none where the table has no time."""
+    """Times in s at which the zero was taken, growing; none where the table has no time."""
     if not table.has("time_s"):
         return ()
     own = table.column("time_s")[is_zero(table)].tolist()
@@ -30,7 +30,7 @@ def zero_times(table: Table) -> tuple[float, ...]:
 
 
 def zero_of_rows(time_s: F, taken_s: F, readings: F) -> F:
-    """(N, 6) zero at the times (N,) of rows, of readings (k, 6) of the free sensor at (k,)."""
+    """(N, 6) zero at times (N,) of rows, from readings (k, 6) of the free sensor at times (k,)."""
     if len(taken_s) == 0:
         return np.zeros((len(time_s), readings.shape[1]))
     return np.stack([np.interp(time_s, taken_s, axis) for axis in readings.T], axis=1)

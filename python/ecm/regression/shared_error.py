@@ -1,9 +1,8 @@
-"""What all rows share: the noise of the reading from which the sensor's zero was taken.
+"""Shared error: the noise of the reading from which the sensor's zero was taken.
 
-It is no scatter of the rows, however many there are, and yet every one of them holds it: a constant
-wrench in body axes. Readings of the free sensor that follow show how much such a reading scatters.
-Where each of them reads exactly zero it was the zero of the rows about it; these errors are not
-seen, and they average out over the campaign.
+It is the same in all rows, a constant wrench in body axes, so that more rows do not reduce it.
+Later readings of the free sensor show its size. Readings of exactly zero were new zeros; their
+errors are not seen and average out over the campaign.
 """
 
 from __future__ import annotations
@@ -19,12 +18,11 @@ _LEAST_READINGS = 3
 
 
 def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
-    """(N, 6, 6 c) of each row per standard deviation of the zero's error, in N and N m, base axes.
+    """(N, 6, 6 c) wrench of each row per standard deviation of the zero's error, in base axes.
 
-    One column per axis of the top frame for each of c campaigns, which have a zero of their own:
-    the scatter of its unloaded readings about their mean, whatever drew that aside, gives a force's
-    and a torque's standard deviation; a reading scatters no more than a row. None where fewer than
-    three were read.
+    One column for each axis of the top frame and each of c campaigns, which have zeros of their
+    own. Standard deviations of force and torque are those of the campaign's unloaded readings about
+    their mean, at most those of a row. A campaign with fewer than three readings has no columns.
 
     Parameters
     ----------
@@ -35,14 +33,14 @@ def shared_zero_error(rows: Rows, residual: F, noise: Noise) -> F:
         return np.zeros((*residual.shape, 0))
     free = rows.unloaded & rows.table.wrenches.any(axis=1) & ~rows.dead_weight
     most = np.array([noise.force_sd_N, noise.torque_sd_Nm])
-    found = [np.zeros((*residual.shape, 0))]
+    columns = [np.zeros((*residual.shape, 0))]
     for campaign in np.unique(rows.campaign).tolist():
         own = rows.campaign == campaign
         read = free & own
         if read.sum() < _LEAST_READINGS:
             continue
-        left = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
-        variance = left.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
+        in_top = np.einsum("nji,nj->ni", rows.base_from_top[read], residual[read])
+        variance = in_top.var(axis=0, ddof=1).reshape(2, 3).mean(axis=1)
         sd = np.repeat(np.minimum(np.sqrt(variance), most), 3)
-        found.append(rows.base_from_top * sd * own[:, None, None])
-    return np.concatenate(found, axis=2)
+        columns.append(rows.base_from_top * sd * own[:, None, None])
+    return np.concatenate(columns, axis=2)

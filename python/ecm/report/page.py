@@ -18,12 +18,25 @@ from ecm.io.cache import write_atomically
 from ecm.io.extras import require
 
 _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
-"""Numbers have one letter at the most (1e-3), and intervals the word `to`."""
+"""Two letters in a row: numbers have one at most (1e-3), and intervals have the word `to`."""
 
 
 @dataclass(frozen=True)
 class TextBlock:
-    """A paragraph; `strong` marks the sentence that a reader in a hurry should read."""
+    """A paragraph.
+
+    Parameters
+    ----------
+    text
+        Plain text; the page escapes it.
+    strong
+        Whether it is the main sentence of its section.
+
+    Examples
+    --------
+    >>> TextBlock("The model is within the noise.", strong=True).strong
+    True
+    """
 
     text: str
     strong: bool = False
@@ -31,7 +44,20 @@ class TextBlock:
 
 @dataclass(frozen=True)
 class CodeBlock:
-    """Text of a program, line by line as it stands."""
+    """Text in a fixed-width font, with its own line breaks.
+
+    Parameters
+    ----------
+    caption
+        What the text is.
+    text
+        The lines.
+
+    Examples
+    --------
+    >>> print(CodeBlock("Next command", "ecm compare model.json data.csv").text)
+    ecm compare model.json data.csv
+    """
 
     caption: str
     text: str
@@ -39,17 +65,34 @@ class CodeBlock:
 
 @dataclass(frozen=True)
 class TableBlock:
-    """A table; numbers are right-aligned, columns with words in them left."""
+    """A table; columns of numbers are aligned right, columns with words left.
+
+    Parameters
+    ----------
+    caption
+        What the table shows.
+    header
+        Name of each column.
+    rows
+        Cells as text, one per column.
+    link
+        If not empty: a click on a row marks its point in all figures whose traces have this
+        `meta`; the first cell is the row number.
+
+    Examples
+    --------
+    >>> TableBlock("Errors.", ("output", "rms"), [["fx_N", "0.12"]]).words
+    [True, False]
+    """
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     link: str = ""
-    """Rows whose first cell is the row of a point in figures whose traces have this `meta`."""
 
     @property
     def words(self) -> list[bool]:
-        """Whether a column holds words; the first counts as one."""
+        """Whether each column has words; the first one counts as words."""
         return [
             j == 0 or any(_WORD.search(row[j]) is not None for row in self.rows)
             for j in range(len(self.header))
@@ -58,7 +101,22 @@ class TableBlock:
 
 @dataclass(frozen=True)
 class FigureBlock:
-    """A plotly figure (its dict form), and what it shows in words."""
+    """A figure.
+
+    Parameters
+    ----------
+    caption
+        What the figure shows.
+    figure
+        Figure in plotly's dict form, with `data` and `layout`.
+
+    Examples
+    --------
+    >>> from ecm.report import figures
+    >>> figure = figures.bars({"rms": [0.1, 0.2]}, ["fx", "fy"], y_title="N")
+    >>> FigureBlock("Errors by component.", figure).figure["data"][0]["y"]
+    [0.1, 0.2]
+    """
 
     caption: str
     figure: dict[str, Any]
@@ -69,26 +127,39 @@ Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the report."""
+    """A part of the report with a title.
+
+    Parameters
+    ----------
+    title
+        Heading, also in the table of contents.
+    blocks
+        Text, code, tables and figures in their order.
+
+    Examples
+    --------
+    >>> Section("2 Compare", [TextBlock("Residuals are within the noise.")]).anchor
+    '2-compare'
+    """
 
     title: str
     blocks: Sequence[Block] = field(default_factory=tuple)
 
     @property
     def anchor(self) -> str:
-        """The section's name in links."""
+        """Name of the section in links."""
         return "".join(c if c.isalnum() else "-" for c in self.title.lower())
 
 
 def warnings_table(warnings: Sequence[str]) -> list[Block]:
-    """What was said about the data, where anything was."""
+    """Return a table of warnings about the data; no block if there are none."""
     if not warnings:
         return []
     return [TableBlock("Warnings about the data.", ("",), [[text] for text in warnings])]
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number for a table: significant digits, no needless exponent."""
+    """Format a number for a table with significant digits, and an exponent only if needed."""
     if math.isnan(value):
         return "–"
     if value == 0.0:
@@ -97,24 +168,42 @@ def number(value: float, digits: int = 3) -> str:
     if size >= 1e5 or size < 1e-4:
         return f"{value:.{digits - 1}e}"
     decimals = max(0, digits - 1 - len(str(int(size))) + 1) if size >= 1 else digits
-    text = f"{value:.{decimals}f}" if size >= 1 else f"{value:.{digits}g}"
-    return text
+    return f"{value:.{decimals}f}" if size >= 1 else f"{value:.{digits}g}"
 
 
 def write_page(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
-    """Write the report.
+    """Write a report as one HTML file that loads nothing from outside.
+
+    Parameters
+    ----------
+    path
+        HTML file.
+    title, lead
+        Heading of the page, and the sentence below it.
+    sections
+        Parts of the report.
 
     Raises
     ------
     MissingExtra
-        Without the extra `report`.
+        If the extra `report` is not installed.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> section = Section("Result", [TextBlock("None of the effects is significant.")])
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "report.html"
+    ...     write_page(path, "Diagnosis", "The neck, 40 poses.", [section])
+    ...     "None of the effects is significant." in path.read_text(encoding="utf-8")
+    True
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, render_page(title, lead, sections).encode("utf-8"))
 
 
 def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
-    """The HTML text of the report."""
+    """Return the HTML text of a report."""
     jinja2, plotly = require_report()
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     figures: list[dict[str, Any]] = []
@@ -129,7 +218,7 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
                 figures.append(block.figure)
             blocks.append(entry)
         prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
-    # "<" never stands in the script's data, so no text of a data file can end the script.
+    # Without "<" in the script's data no text of a data file can end the script.
     data = json.dumps(figures, allow_nan=False).replace("<", "\\u003c")
     page: str = environment.from_string(_TEMPLATE).render(
         title=title, lead=lead, sections=prepared, figures=data, plotly=plotly.get_plotlyjs()

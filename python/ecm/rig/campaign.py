@@ -15,6 +15,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.rig.calibration.before import Calibration, calibrated
+from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import (
     UNIFORM,
@@ -26,21 +27,22 @@ from ecm.rig.elastic import (
     solve_cached,
     unique_poses,
 )
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
+from ecm.rig.frames import displaced
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.calibrate import CannotHide
-from ecm.rig.hidden.draw import GRADES, MOVING
 from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
 from ecm.rig.hidden.spec import NOTHING, Hidden
-from ecm.rig.instruments import Camera, CameraStand, ForceTorqueSensor, Window, displaced
-from ecm.rig.physics import Physics
+from ecm.rig.physics import TRUE_EFFECTS, Physics
 from ecm.rig.plan import requests, rest_pose, split_by_limits
-from ecm.rig.plant import Plant, Visits, nominal_physics, visits_of
+from ecm.rig.plant import Plant, visits_of, warm_up_of
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.reachability import reachable
 from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
 from ecm.rig.timeline import Timeline, timeline_of
+from ecm.rig.visits import Visits
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -96,28 +98,29 @@ class Campaign:
         elastic = Elastic(anchors, smooth)
 
         def plant() -> Plant:
-            grades = {g for h in self._hide for g in GRADES.get(h.effect, ())}
+            kinds = [TRUE_EFFECTS[h.effect] for h in self._hide if h.effect != NOTHING]
+            grades = {grade for kind in kinds for grade in kind.grades}
             gradings = {g: grading(source, anchors, g, folder, progress) for g in sorted(grades)}
             return Plant(settings, elastic, length, gradings)
 
         self.plant = plant()
-        self.course = self._course(anchors)
+        self.visits = self._visits(anchors)
         random = stream(seed, "sensor zero")
         table = settings.plant
         self._offset = random.uniform(-1.0, 1.0, 6) * np.repeat(
             [table.offset_N, table.offset_Nm], 3
         )
         direction = random.uniform(-1.0, 1.0, 6)
-        self.physics = nominal_physics(settings, Physics(), direction)
-        self.secrets: list[InjectedEffect] = []
-        self._conceal(hide, lottery, plant, base_columns)
+        self.physics = Physics().put(warm_up_of(settings, direction))
+        self.injected: list[InjectedEffect] = []
+        self._inject(hide, lottery, plant, base_columns)
         self._stand = CameraStand(settings.instrument)
         self.frames: Calibration | None = None
         """What the calibration found, where the frames are not known."""
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
-            self.plant.believed = self.frames.top_from_sensor
-        self._truth = self.plant.truth(self.course, self.physics, self._offset)
+            self.plant.calibrated_top_from_sensor = self.frames.top_from_sensor
+        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
 
     def __len__(self) -> int:
         """Readings, those of the sensor's zero included."""
@@ -164,7 +167,7 @@ class Campaign:
     ) -> Window:
         """What the camera makes of a pose (6,); streams of the base target and of the camera."""
         walk = self._air.at(self._air.camera, np.array([time_s]))[0]
-        shown = self._stand.shown(pose, walk, random[0])
+        shown = self._stand.apparent_pose(pose, walk, random[0])
         seen = Camera(self.settings.instrument).read(shown, window_s, random[1])
         if self.frames is None:
             return seen
@@ -176,7 +179,7 @@ class Campaign:
             return None
         if self._raw is None or self._raw[0] is not self.plant:
             raw = RawStream(
-                self.settings, self.plant, self.course, self._air,
+                self.settings, self.plant, self.visits, self._air,
                 offset=self._offset, solve=self._solve,
             )  # fmt: skip
             self._raw = (self.plant, raw)
@@ -195,16 +198,7 @@ class Campaign:
         """The sealed truth, which may hold nothing; None where nothing was asked for."""
         if not self._hide:
             return None
-        effects = [
-            {
-                "id": secret.effect,
-                "s": secret.strength,
-                "size": secret.size,
-                "physics": secret.name,
-                "parameters": getattr(self.physics, secret.name).parameters(),
-            }
-            for secret in self.secrets
-        ]
+        effects = [effect.sealed() for effect in self.injected]
         salt = stream(self.seed, "salt").bytes(16).hex()
         return truth.sealed(effects, seed=self.seed, salt=salt)
 
@@ -218,7 +212,7 @@ class Campaign:
         document = [1, source.key(), self.settings.to_dict(), self.seed, hide, asked]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
-    def _conceal(
+    def _inject(
         self,
         hide: Sequence[Hidden],
         lottery: np.random.Generator,
@@ -230,13 +224,13 @@ class Campaign:
         for i, wanted in enumerate(hide):
             impossible: tuple[str, ...] = ()
             while self._hide[i].effect != NOTHING:
-                raw = self.raw_stream() if self._hide[i].effect in MOVING else None
-                world = RigState(
-                    self.plant, self.course, self.physics, self._offset, self.settings,
-                    base_columns, raw,
+                in_motion = TRUE_EFFECTS[self._hide[i].effect].only_in_motion
+                rig = RigState(
+                    self.plant, self.visits, self.physics, self._offset, self.settings,
+                    self.timeline.end_s, base_columns, self.raw_stream() if in_motion else None,
                 )  # fmt: skip
                 try:
-                    found = inject(self._hide[i], world, self.timeline.end_s, self.seed)
+                    effect = inject(self._hide[i], rig, self.seed)
                 except CannotHide:
                     if wanted.effect != "random":
                         raise
@@ -250,11 +244,11 @@ class Campaign:
                     )
                     self.plant = plant()
                     continue
-                self.physics, secret = found
-                self.secrets.append(secret)
+                self.physics = self.physics.put(effect.truth)
+                self.injected.append(effect)
                 break
 
-    def _course(self, anchors: Anchors) -> Visits:
+    def _visits(self, anchors: Anchors) -> Visits:
         visits = tuple(self.timeline.visits)
         index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
         anchor = np.asarray([index[v.pose.tobytes()] for v in visits], dtype=np.int64)

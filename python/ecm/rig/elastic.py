@@ -17,11 +17,14 @@ from typing import Protocol
 
 import numpy as np
 
+from ecm.errors import ComputationError
 from ecm.io.arrays import F, I
 from ecm.io.cache import array_key, read_arrays, write_arrays
 
 Progress = Callable[[int, int, str], object] | None
 
+REST_ANCHOR = 0
+"""The rest pose is the first anchor of every campaign."""
 UNIFORM, COS2, SIN2 = "plain", "cos2", "sin2"
 TAPER, THICK, STIFF = "taper", "thick", "stiff"
 CONTRAST = 0.05
@@ -69,15 +72,17 @@ class Elastic:
 
     def __init__(self, anchors: Anchors, smooth: Smooth | None = None) -> None:
         self.anchors = anchors
-        self._smooth = smooth
+        self.smooth = smooth
+        """The smooth map through the anchors, where they are enough for one."""
         if smooth is not None:
             self._s = smooth.predict(anchors.poses)
             self._slope = smooth.stiffness(anchors.poses)
 
     @property
-    def smooth(self) -> Smooth | None:
-        """The smooth map through the anchors, where they are enough for one."""
-        return self._smooth
+    def rest_stiffness(self) -> F:
+        """K (6, 6) of the mechanism at rest."""
+        stiffness: F = self.anchors.stiffness[REST_ANCHOR]
+        return stiffness
 
     def wrench(self, anchor: I, poses: F) -> F:
         """h at (N, 6) poses, each near the anchor of its index (N,)."""
@@ -85,16 +90,38 @@ class Elastic:
         h: F = self.anchors.wrenches[anchor] + np.einsum(
             "nij,nj->ni", self.anchors.stiffness[anchor], step
         )
-        if self._smooth is not None:
+        if self.smooth is not None:
             line = self._s[anchor] + np.einsum("nij,nj->ni", self._slope[anchor], step)
-            h = h + self._smooth.predict(poses) - line
+            h = h + self.smooth.predict(poses) - line
+        return h
+
+    def at_points(self, points: F) -> F:
+        """h at way points (k, 6): the solver's at anchors, the smooth map's between.
+
+        Raises
+        ------
+        ComputationError
+            For a point that is no anchor, where there is no smooth map.
+        """
+        known = {pose.tobytes(): i for i, pose in enumerate(self.anchors.poses)}
+        index = np.asarray([known.get(point.tobytes(), -1) for point in points], dtype=np.int64)
+        h: F = self.anchors.wrenches[index]
+        between = index < 0
+        if between.any():
+            if self.smooth is None:
+                raise ComputationError(
+                    f"plant: the way passes {points[between][0].tolist()}, which is none of the "
+                    f"{len(known)} solved poses, and there is no smooth map between them. Plan 20 "
+                    "poses or more, or hide no effect that remembers its way"
+                )
+            h[between] = self.smooth.predict(points[between])
         return h
 
     def stiffness(self, anchor: I, poses: F) -> F:
         """K = dh/dp at the poses: (N, 6, 6)."""
         stiffness: F = self.anchors.stiffness[anchor]
-        if self._smooth is not None:
-            stiffness = stiffness + self._smooth.stiffness(poses) - self._slope[anchor]
+        if self.smooth is not None:
+            stiffness = stiffness + self.smooth.stiffness(poses) - self._slope[anchor]
         return stiffness
 
 

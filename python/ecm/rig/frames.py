@@ -59,6 +59,11 @@ def skew(vectors: F) -> F:
     return np.stack(rows, axis=-2)
 
 
+def rigid_design(places: F) -> F:
+    """Motion (n, 3, 6) of points (n, 3) per shift and small turn about the origin."""
+    return np.concatenate([np.tile(np.eye(3), (len(places), 1, 1)), -skew(places)], axis=2)
+
+
 def left_jacobian_inverse(rotation_vectors: F) -> F:
     """J(theta)^-1 = I - [theta]/2 + (1/a^2 - (1 + cos a)/(2 a sin a)) [theta]^2: (N, 3, 3)."""
     a = np.linalg.norm(rotation_vectors, axis=1)
@@ -85,3 +90,12 @@ def top_from_sensor_wrench(transform: tuple[float, ...]) -> F:
     adjoint[:3, :3] = adjoint[3:, 3:] = turn
     adjoint[3:, :3] = skew(lever) @ turn
     return adjoint
+
+
+def displaced(poses: F, errors: F) -> F:
+    """Poses (N, 6) whose origin is shifted and whose axes are turned in base axes."""
+    turned = compose(
+        np.concatenate([np.zeros_like(errors[:, :3]), errors[:, 3:]], axis=1),
+        np.concatenate([np.zeros_like(errors[:, :3]), poses[:, 3:]], axis=1),
+    )
+    return np.concatenate([poses[:, :3] + errors[:, :3], turned[:, 3:]], axis=1)

@@ -25,19 +25,22 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
+from ecm.rig.camera import Optics, Window
 from ecm.rig.climate import Climate
-from ecm.rig.compensation import zero_at
-from ecm.rig.elastic import Anchors, Elastic, Grading, unique_poses
+from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
+from ecm.rig.force_torque_sensor import ForceTorqueSensor, zero_at
 from ecm.rig.frames import rotation, turn_wrench
-from ecm.rig.instruments import ForceTorqueSensor, Window
-from ecm.rig.measurement import row_covariance, zero_readings
-from ecm.rig.optics import Optics
+from ecm.rig.hidden.calibrate import Whitener
+from ecm.rig.measurement import row_covariance
 from ecm.rig.physics import Physics
-from ecm.rig.plant import REST_ANCHOR, Plant, Visits, visits_of
+from ecm.rig.physics.sensor import SensorWarmUp
+from ecm.rig.physics.true_effect import Clock
+from ecm.rig.plant import Plant, visits_of
 from ecm.rig.readings import POSE_NAMES, WRENCH_NAMES, CampaignState, Reading, described
 from ecm.rig.settings import Procedure, RigSettings
 from ecm.rig.streams import stream
-from ecm.rig.timeline import POSE, Visit, travel_s
+from ecm.rig.timeline import travel_s
+from ecm.rig.visits import POSE, Visit, Visits
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -110,7 +113,7 @@ class RawStream:
         self,
         settings: RigSettings,
         plant: Plant,
-        course: Visits,
+        visits: Visits,
         air: Climate,
         *,
         offset: F,
@@ -126,7 +129,7 @@ class RawStream:
         self._settings, self._air, self._offset = settings, air, offset
         self._plant, self._smooth = plant, smooth
         self._rest = plant.elastic.anchors.poses[REST_ANCHOR]
-        self.legs = _legs(plant, course, settings.rig)
+        self.legs = _legs(plant, visits, settings.rig)
         times = [leg.times(settings.rig.stream_Hz) for leg in self.legs]
         self.leg = np.repeat(np.arange(len(times)), [len(t) for t in times])
         self.time_s: F = np.concatenate([*times, np.empty(0)])
@@ -150,29 +153,34 @@ class RawStream:
 
     def elastic_wrench(self) -> F:
         """(N, 6) at the true poses."""
-        plant, course = self._still
-        return plant.elastic.wrench(course.anchor, course.reached)
+        plant, visits = self._still
+        return plant.elastic.wrench(visits.anchor, visits.reached)
 
     def covariance(self) -> F:
         """(N, 6, 6) of a row: one image, the sensor's samples between two images."""
-        plant, course = self._still
-        return row_covariance(plant, course, self._settings, self.window_s)
+        plant, visits = self._still
+        return row_covariance(plant, visits, self._settings, self.window_s)
+
+    def whitener(self) -> Whitener:
+        """Whitens the rows and takes out what the modulus absorbs."""
+        return Whitener(self.covariance(), self.elastic_wrench()[:, :, None])
 
     def truth(self, physics: Physics) -> tuple[F, F]:
         """Poses that the camera would see and readings of the sensor with its zero, (N, 6) each."""
-        plant, course = self._still
-        seen = plant.truth(course, physics, self._offset)
-        if physics.time_skew is None:
+        plant, visits = self._still
+        seen = plant.truth(visits, physics, self._offset)
+        clock = physics.get(Clock)
+        if clock is None:
             return seen.pose_seen, seen.sensor
-        plant, course = self._at(physics.time_skew.read_s(self.time_s))
-        return seen.pose_seen, plant.truth(course, physics, self._offset).sensor
+        plant, visits = self._at(clock.read_s(self.time_s))
+        return seen.pose_seen, plant.truth(visits, physics, self._offset).sensor
 
     def residual(self, physics: Physics) -> F:
         """Noise-free wrench less the elastic one, both at the seen pose; the zero is known."""
         seen, sensor = self.truth(physics)
-        plant, course = self._still
-        wrench = turn_wrench(rotation(seen[:, 3:]), plant.zeroed(sensor - self._offset))
-        left: F = wrench - plant.elastic.wrench(course.anchor, seen)
+        plant, visits = self._still
+        wrench = turn_wrench(rotation(seen[:, 3:]), plant.to_top(sensor - self._offset))
+        left: F = wrench - plant.elastic.wrench(visits.anchor, seen)
         return left
 
     def table(self, campaign: StreamedCampaign, readings: list[Reading]) -> Table:
@@ -196,16 +204,16 @@ class RawStream:
                     seen[row], self.time_s[row], self.window_s, (random, random)
                 ).mean
             other[rows] = random.standard_normal((len(rows), 3))
-        air, course = self._air, campaign.course
-        reads = zero_readings(course)
+        air, visits = self._air, campaign.visits
+        reads = visits.zero_readings
         warmth = np.stack([air.at(p, self.time_s) for p in (air.probe_degC, air.sensor_degC)], 1)
         warmth = warmth + instrument.thermometer_noise_degC * other[:, :2]
         stamps = (1.0 + instrument.clock_skew) * self.time_s
         stamps = stamps + instrument.time_stamp_sd_s * other[:, 2]
-        warm = campaign.physics.sensor_warm_up
+        warm = campaign.physics.get(SensorWarmUp)
         zero = zero_at(
             self.time_s,
-            course.time_s[reads],
+            visits.time_s[reads],
             np.stack([r.sensor for r in readings])[reads],
             self._settings.rig.offset_compensation,
             temperature_degC=warmth[:, 1],
@@ -214,7 +222,7 @@ class RawStream:
             ],
             later_readings_lost=warm is not None and warm.later_readings_lost,
         )
-        wrench = turn_wrench(rotation(seen[:, 3:]), self._plant.zeroed(sensor - zero))
+        wrench = turn_wrench(rotation(seen[:, 3:]), self._plant.to_top(sensor - zero))
         columns: dict[str, NDArray[Any]] = {
             "run": np.asarray([float(leg.visit.run) for leg in self.legs])[self.leg],
             "time_s": np.maximum.accumulate(stamps),  # they grow, as a recorder's do
@@ -239,7 +247,7 @@ class RawStream:
         return start + share[:, None] * (end - start), share
 
     def _at(self, time_s: F) -> tuple[Plant, Visits]:
-        """A plant whose anchors are the solved poses and the samples, and the samples' course."""
+        """A plant whose anchors are the solved poses and the samples, and the samples as visits."""
         poses, share = self._on_the_way(time_s)
         known = self._plant.elastic.anchors
         ends = np.asarray([leg.anchors for leg in self.legs])[self.leg]
@@ -266,7 +274,7 @@ class RawStream:
             for k in (_between(g.stiffness, ends, u[:, :, None]),)
         }
         plant = Plant(self._settings, Elastic(anchors), self._plant.length_m, gradings)
-        plant.believed = self._plant.believed
+        plant.calibrated_top_from_sensor = self._plant.calibrated_top_from_sensor
         index = len(known.poses) + np.arange(len(poses))
         visits = self._visits(time_s, poses)
         return plant, visits_of(visits, poses, index, self._air, moving=True)
@@ -324,14 +332,14 @@ class RawStream:
         return points[1:] if row and not np.array_equal(points[0], self._rest) else points
 
 
-def _legs(plant: Plant, course: Visits, procedure: Procedure) -> list[Leg]:
+def _legs(plant: Plant, visits: Visits, procedure: Procedure) -> list[Leg]:
     """The last legs to all poses, and the ways home from there."""
     known = {pose.tobytes(): i for i, pose in enumerate(plant.elastic.anchors.poses)}
     rest = plant.elastic.anchors.poses[REST_ANCHOR]
     legs = []
-    following = [*course.visits[1:], None]
+    following = [*visits.rows[1:], None]
     for visit, reached, anchor, after in zip(
-        course.visits, course.reached, course.anchor.tolist(), following, strict=True
+        visits, visits.reached, visits.anchor.tolist(), following, strict=True
     ):
         if visit.kind != POSE:
             continue

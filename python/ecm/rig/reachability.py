@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ecm.rig.camera import Optics
 from ecm.rig.elastic import Anchors
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
-from ecm.rig.optics import LEDS_NEEDED, Optics
-from ecm.rig.physics.leds import LEDS
-from ecm.rig.physics.sensor_strain import LEVER_M
+from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
+from ecm.rig.physics.true_effect import LEVER_M
 from ecm.rig.plan import Request, Skipped, without_approach
 from ecm.rig.settings import RigSettings
 

@@ -10,21 +10,22 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.rig.camera import Camera, Optics, Window
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import rotation, turn_wrench
-from ecm.rig.instruments import Camera, ForceTorqueSensor, Window
 from ecm.rig.measurement import wrench_in_base
-from ecm.rig.optics import Optics
 from ecm.rig.streams import stream
-from ecm.rig.timeline import OFFSET
+from ecm.rig.visits import OFFSET
 
 if TYPE_CHECKING:
     from ecm.io.description import Meta
     from ecm.io.table import Table
     from ecm.rig.physics import Physics
     from ecm.rig.plan import Skipped
-    from ecm.rig.plant import Plant, Visits
+    from ecm.rig.plant import Plant
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Timeline
+    from ecm.rig.visits import Visits
 
 
 POSE_NAMES = ("x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad")
@@ -48,7 +49,7 @@ class CampaignState(Protocol):
     settings: RigSettings
     seed: int
     plant: Plant
-    course: Visits
+    visits: Visits
     physics: Physics
     timeline: Timeline
     skipped: list[Skipped]
@@ -117,7 +118,7 @@ def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str
     poses = np.stack([r.pose for r in readings])
     wrenches = wrench_in_base(
         campaign.plant,
-        campaign.course,
+        campaign.visits,
         campaign.physics,
         sensor=np.stack([r.sensor for r in readings]),
         poses=poses,

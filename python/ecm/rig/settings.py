@@ -16,7 +16,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.settings import read_settings, setting
 from ecm.io.toml import check_keys, closest
-from ecm.rig.arm_table import ArmTable
+from ecm.rig.arm.settings import ArmSettings
 from ecm.rig.hidden.spec import Hidden
 
 TABLES = ("rig", "instrument", "plant", "hidden")
@@ -183,7 +183,7 @@ class RigSettings:
     instrument: Instruments = field(default_factory=Instruments)
     plant: PlantTable = field(default_factory=PlantTable)
     hidden: HiddenTable = field(default_factory=HiddenTable)
-    arm: ArmTable = field(default_factory=ArmTable)
+    arm: ArmSettings = field(default_factory=ArmSettings)
     """Keys of [rig] that mode = "robot" adds."""
 
     def __post_init__(self) -> None:
@@ -218,7 +218,7 @@ class RigSettings:
         check_keys(tables, TABLES, where)
         settings = RigSettings(
             rig=read_settings(Procedure, own, f"{where} [rig]"),
-            arm=read_settings(ArmTable, arm, f"{where} [rig]"),
+            arm=read_settings(ArmSettings, arm, f"{where} [rig]"),
             instrument=read_settings(
                 Instruments, tables.get("instrument", {}), f"{where} [instrument]"
             ),
@@ -249,7 +249,7 @@ def split_arm(table: Mapping[str, Any], where: str) -> tuple[dict[str, Any], dic
     InputError
         A key of the arm where the mode is another.
     """
-    arm_keys = {f.name for f in fields(ArmTable)}
+    arm_keys = {f.name for f in fields(ArmSettings)}
     own_keys = {f.name for f in fields(Procedure)}
     if table.get("mode") == "robot":
         # A misspelt key goes where the likely name is known, which tells it.

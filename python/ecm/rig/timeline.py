@@ -17,42 +17,7 @@ import numpy as np
 from ecm.io.arrays import F
 from ecm.rig.plan import HOME, Request, rest_pose
 from ecm.rig.settings import Procedure
-
-POSE, AT_HOME, UNLOADED, OFFSET = "pose", "home", "unloaded", "offset"
-"""Kinds of reading; `offset` serves the compensation alone and stands in no table."""
-
-
-@dataclass(frozen=True)
-class Visit:
-    """One reading: where, when, how it came there."""
-
-    kind: str
-    row: int
-    """Of the plan; -1 where the rig itself asked for it."""
-    pose: F
-    """Commanded, (6,)."""
-    pose_id: int
-    repeat: int
-    run: int
-    approach: str
-    time_s: float
-    """Middle of the window."""
-    window_s: float
-    travel_s: float
-    """Duration of the last leg."""
-    dwell_s: float
-    way: F
-    """Way points (k, 6) since the visit before, ending at `pose`."""
-    rested: bool
-    """The history of the mechanism begins anew."""
-    mount_rad: float
-    payload_on: bool
-    dead_weight_kg: float
-
-    @property
-    def serial(self) -> tuple[str, int, int]:
-        """What its random streams are named by, whatever the order of visits."""
-        return (self.kind, self.pose_id, self.repeat)
+from ecm.rig.visits import AT_HOME, OFFSET, POSE, UNLOADED, Visit
 
 
 @dataclass

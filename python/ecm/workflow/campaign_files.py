@@ -1,7 +1,7 @@
-"""The measured tables of a job: whose they are, and which of them may be measured again.
+"""The measured tables of a job, and which of them may be measured again.
 
-A job replaces only what it has measured itself, as the sums in its stages tell: a table that was
-edited, or put there from a real rig, stays. `NAME.begun.json` says on which rig a campaign began.
+A job replaces only what it has measured itself, as the checksums in its stages say: a table that
+was edited, or that is from a real rig, stays. `NAME.begun.json` says on which rig a campaign began.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.cache import Stage, file_sha256, hash_of, write_json
 from ecm.io.table import Table, read_table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
+from ecm.rig.arm.run import robot_path
 from ecm.rig.journal import journal_path
 from ecm.rig.run import require_possible
 
@@ -24,7 +25,7 @@ from ecm.rig.run import require_possible
 def require_free(
     out: Path, stages: Path, names: tuple[str, ...], rig: RigSettings, seed: int
 ) -> None:
-    """Before the work: InputError where its campaigns could not be run, or would cost data.
+    """Raise InputError before the work where campaigns could not run, or would replace data.
 
     Parameters
     ----------
@@ -33,13 +34,17 @@ def require_free(
     stages
         Folder of the job's stages.
     names
-        Of all tables, without a suffix.
+        Names of the tables without a suffix.
+    rig
+        Settings of the rig that will measure them.
+    seed
+        Seed of the job.
     """
     for name in names:
         path = out / f"{name}.csv"
         require_possible(rig, path, overwrite=True)
-        _need_own(path, stages)
-        _need_same_rig(path, stages, rig, seed)
+        _require_own(path, stages)
+        _require_same_rig(path, stages, rig, seed)
 
 
 def campaign_table(
@@ -52,51 +57,55 @@ def campaign_table(
     threads: int = 0,
     progress: Callable[..., None] | None = None,
 ) -> Table:
-    """A campaign on the simulated rig; one that is finished is read again.
-
-    Its table may have been replaced by another rig's since then: the sum tells.
+    """Run a campaign on the simulated rig; one that is finished is read again.
 
     Parameters
     ----------
     path
-        Where the table lies.
+        File of the table.
     stage
-        Of this plan, rig and seed, of the table's name.
+        Stage of this plan, rig and seed, with the name of the table.
+    plan
+        The visits.
+    rig
+        Settings of the rig.
+    seed
+        Seed of the campaign.
+    threads
+        0: all cores.
+    progress
+        Called with visits done, their number, and a phase.
 
     Raises
     ------
     InputError
-        Another's table stands at `path`, or half a campaign on another rig.
+        There is another table at `path`, or half a campaign on another rig.
     """
     if not _finished(path, stage, rig):
-        _need_own(path, stage.directory)
-        _need_same_rig(path, stage.directory, rig, seed)
-        if not journal_path(path).exists():  # else it says whose that is
+        _require_own(path, stage.directory)
+        _require_same_rig(path, stage.directory, rig, seed)
+        if not journal_path(path).exists():  # else it says on which rig that campaign began
             write_json(_begun_path(path, stage.directory), {"rig": _identity(rig, seed)})
         run_campaign(
             plan,
             rig,
             path,
             seed=seed,
-            threads=threads,
             progress=progress,
-            folder=stage.directory / "anchors",
             overwrite=True,  # the job's own
+            options=CampaignOptions(threads=threads, folder=stage.directory / "anchors"),
         )
         stage.save({"data": path.name, "sum": file_sha256(path), "rig": _identity(rig, seed)})
     return read_table(path)
 
 
 def _finished(path: Path, stage: Stage, rig: RigSettings) -> bool:
-    whole = path.exists()
-    if rig.rig.mode == "robot":
-        from ecm.rig.arm.run import robot_path
-
-        whole = whole and robot_path(path).exists()
-    return whole and stage.done() and stage.load().get("sum") == file_sha256(path)
+    """Whether all files are there; another rig may have replaced the table since: check its sum."""
+    complete = path.exists() and (rig.rig.mode != "robot" or robot_path(path).exists())
+    return complete and stage.done() and stage.load().get("sum") == file_sha256(path)
 
 
-def _need_own(path: Path, stages: Path) -> None:
+def _require_own(path: Path, stages: Path) -> None:
     if path.exists() and not _records(path, stages):
         raise InputError(
             f"{path}: this table is not the one that the job measured there, and measurements are "
@@ -105,29 +114,30 @@ def _need_own(path: Path, stages: Path) -> None:
 
 
 def _records(path: Path, stages: Path) -> list[dict[str, Any]]:
-    """Of the stages, under whatever settings, that have measured the table that stands there."""
-    total, found = file_sha256(path), []
+    """Records of all stages, under any settings, that have measured this very table."""
+    total, records = file_sha256(path), []
     for file in stages.glob(f"{path.stem}-*.json"):
         with suppress(OSError, ValueError, KeyError, TypeError):
             record: dict[str, Any] = json.loads(file.read_bytes())["result"]
             if record["sum"] == total:
-                found.append(record)
-    return found
+                records.append(record)
+    return records
 
 
-def _need_same_rig(path: Path, stages: Path, rig: RigSettings, seed: int) -> None:
-    journal, asked = journal_path(path), _identity(rig, seed)
+def _require_same_rig(path: Path, stages: Path, rig: RigSettings, seed: int) -> None:
+    journal, identity = journal_path(path), _identity(rig, seed)
     if not journal.exists():
         return
-    if path.exists() and any(record.get("rig") == asked for record in _records(path, stages)):
+    if path.exists() and any(r.get("rig") == identity for r in _records(path, stages)):
         return  # on this rig it is finished
     begun: dict[str, Any] = {}
     with suppress(OSError, ValueError):
         begun = json.loads(_begun_path(path, stages).read_bytes())
-    if begun and begun.get("rig") != asked:
+    if begun and begun.get("rig") != identity:
         raise InputError(
             f"{journal}: a campaign that was interrupted, on another rig or with another seed. "
-            "Finish it with those, remove the journal to measure anew, or choose another --out"
+            "Finish it with those, remove the journal to measure again from the beginning, or "
+            "choose another --out"
         )
 
 
@@ -136,5 +146,5 @@ def _begun_path(path: Path, stages: Path) -> Path:
 
 
 def _identity(rig: RigSettings, seed: int) -> str:
-    """Faults to rehearse and processes may change while a campaign is interrupted."""
+    """Hash of rig and seed; rehearsed faults and processes may change during an interruption."""
     return hash_of(replace(rig, arm=replace(rig.arm, fault="", processes=0)).to_dict(), seed)

@@ -1,4 +1,4 @@
-"""CONFIG: one TOML file that describes a whole identification, from mesh to report.
+"""CONFIG: one TOML file that describes an identification, from mesh to report.
 
 Each table is a frozen dataclass with its defaults; the plain default is the neck of the paper at
 real size. The rig's four tables belong to `ecm.rig.settings`, the workspace to `ecm.fem.simulate`.
@@ -25,7 +25,7 @@ TABLES = ("mechanism", "workspace", "simulate", "select", "design", *RIG_TABLES)
 
 
 @dataclass(frozen=True)
-class SimulateSettings(Checked):
+class SimulateTable(Checked):
     """[simulate]: step 1, wrench-pose pairs by FEM."""
 
     n: int = setting(1700, low=2, doc="pairs to keep, test pairs included")
@@ -38,7 +38,7 @@ class SimulateSettings(Checked):
 
 
 @dataclass(frozen=True)
-class SelectSettings(Checked):
+class SelectTable(Checked):
     """[select]: step 2, which model."""
 
     degrees: tuple[int, ...] = setting(
@@ -75,7 +75,7 @@ class SelectSettings(Checked):
 
 
 @dataclass(frozen=True)
-class DesignSettings(Checked):
+class DesignTable(Checked):
     """[design]: step 2, which poses are worth measuring."""
 
     n: int = setting(200, low=1, doc="poses in each design")
@@ -84,20 +84,27 @@ class DesignSettings(Checked):
 
 @dataclass(frozen=True)
 class Config:
-    """A whole CONFIG file; the default is the neck at the paper's size."""
+    """The tables of a CONFIG file; the default is the neck at the paper's size.
+
+    Examples
+    --------
+    >>> from ecm.workflow.config import Config, DesignTable
+    >>> Config(design=DesignTable(n=60)).mechanism.length_m
+    0.1034
+    """
 
     mechanism: Mechanism = field(default_factory=Mechanism)
     workspace: Workspace = field(default_factory=Workspace)
-    simulate: SimulateSettings = field(default_factory=SimulateSettings)
-    select: SelectSettings = field(default_factory=SelectSettings)
-    design: DesignSettings = field(default_factory=DesignSettings)
+    simulate: SimulateTable = field(default_factory=SimulateTable)
+    select: SelectTable = field(default_factory=SelectTable)
+    design: DesignTable = field(default_factory=DesignTable)
     rig: RigSettings = field(default_factory=RigSettings)
     """The tables [rig] [instrument] [plant] [hidden]."""
     source: str = ""
     """File it was read from, for messages."""
 
     def check_job(self) -> None:
-        """InputError where the tables of the whole job do not fit each other."""
+        """Raise InputError where the tables do not fit each other for the main job."""
         pairs = self.simulate.n - self.simulate.n_test
         if self.design.n > pairs:
             raise InputError(
@@ -120,12 +127,21 @@ class Config:
 def config_from_dict(
     document: Mapping[str, Any], where: str = "CONFIG", *, base: Path | None = None
 ) -> Config:
-    """A parsed CONFIG; InputError naming file, table, key and the nearest known key.
+    """Make a Config of a parsed CONFIG.
 
     Parameters
     ----------
+    document
+        The tables of the file.
+    where
+        Name of the file for messages.
     base
         Directory of a relative mesh file.
+
+    Raises
+    ------
+    InputError
+        Naming file, table, key and the nearest known key.
     """
     check_keys(document, TABLES, where)
     mechanism = Mechanism()
@@ -144,9 +160,9 @@ def config_from_dict(
         return Config(
             mechanism=mechanism,
             workspace=read_settings(Workspace, section("workspace"), f"{where} [workspace]"),
-            simulate=read_settings(SimulateSettings, section("simulate"), f"{where} [simulate]"),
-            select=read_settings(SelectSettings, section("select"), f"{where} [select]"),
-            design=read_settings(DesignSettings, section("design"), f"{where} [design]"),
+            simulate=read_settings(SimulateTable, section("simulate"), f"{where} [simulate]"),
+            select=read_settings(SelectTable, section("select"), f"{where} [select]"),
+            design=read_settings(DesignTable, section("design"), f"{where} [design]"),
             rig=RigSettings.from_dict({k: document[k] for k in RIG_TABLES if k in document}, where),
             source=where,
         )
@@ -156,19 +172,19 @@ def config_from_dict(
 
 
 def read_config(path: str | Path) -> Config:
-    """CONFIG of a TOML file."""
+    """Read a CONFIG file."""
     file = Path(path)
     return config_from_dict(read_toml(file, "configuration"), str(file), base=file.parent)
 
 
 def read_rig(path: str | Path) -> RigSettings:
-    """RIG.toml: the tables [rig] [instrument] [plant] [hidden] of a CONFIG."""
+    """Read a RIG.toml: the tables [rig] [instrument] [plant] [hidden] of a CONFIG."""
     file = Path(path)
     return RigSettings.from_dict(read_toml(file, "rig file"), str(file))
 
 
 def with_rig(config: Config, path: str | Path) -> Config:
-    """The job on the rig of another file; its own [hidden] stays where that file has none."""
+    """Return the job on the rig of another file; [hidden] stays where that file has none."""
     file = Path(path)
     document = read_toml(file, "rig file")
     rig = RigSettings.from_dict(document, str(file))

@@ -34,7 +34,16 @@ _PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan
 
 @dataclass(frozen=True)
 class PlannedDesign:
-    """A design as a plan, with what is known about it before anything is measured."""
+    """A design as a plan, with what is known about it before anything is measured.
+
+    Examples
+    --------
+    >>> import numpy as np, ecm
+    >>> poses = ecm.as_table({"y_m": np.linspace(-0.01, 0.01, 21)})
+    >>> planned = ecm.design(poses, 4, model="linear")
+    >>> planned.to_dict()["rows"]
+    [1, 2, 20, 21]
+    """
 
     plan: Table
     """The rows in visiting order."""

@@ -35,9 +35,9 @@ from ecm.models.physics.map import reach_of
 from ecm.regression.blas import one_blas_thread
 from ecm.report.page import require_report, write_page
 from ecm.rig import HiddenTable, RigSettings
-from ecm.rig.arm.run import need_arm, robot_path
-from ecm.rig.arm.show import pose_on_its_way
-from ecm.rig.arm.summary import digest
+from ecm.rig.arm.pictures import PictureSource, first_pose_trace
+from ecm.rig.arm.run import require_arm, robot_path
+from ecm.rig.arm.summary import read_summary
 from ecm.workflow import paper_selection as selection
 from ecm.workflow import paper_validation as validation
 from ecm.workflow.campaign_files import require_free
@@ -91,8 +91,8 @@ def identify(
 
     Examples
     --------
-    >>> from ecm.workflow.config import Config, SimulateSettings
-    >>> identify(Config(simulate=SimulateSettings(n=60, n_test=10)), "unused")
+    >>> from ecm.workflow.config import Config, SimulateTable
+    >>> identify(Config(simulate=SimulateTable(n=60, n_test=10)), "unused")
     Traceback (most recent call last):
     ...
     ecm.errors.InputError: [design] n = 200: expected at most the 50 training pairs of [simulate] \
@@ -135,7 +135,7 @@ def _check(job: Job) -> None:
     config, out, stages = job.config, job.out, job.out / "stages"
     config.check_job()
     if config.rig.rig.mode == "robot":
-        need_arm(stages / "anchors")
+        require_arm(stages / "anchors")
     clean = tuple(f"measured-{name}" for name in DESIGNS)
     require_free(out, stages, clean, _without_hidden(config.rig), job.seed)
     require_free(out, stages, (_LOOP,), config.rig, job.seed)
@@ -287,15 +287,17 @@ def measure_designs(job: Job, candidates: Table, designs: dict[str, Design]) -> 
 
 def _arm(job: Job, rig: RigSettings) -> dict[str, Any]:
     """What the arm did in the campaigns of all designs, and Fig. 7."""
-    arrays, phases, reason = pose_on_its_way(
-        read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
-        rig,
-        seed=job.seed,
-        threads=job.threads,
-        folder=job.out / "stages" / "anchors",
+    arrays, phases, reason = first_pose_trace(
+        PictureSource(
+            read_table(job.out / f"plan-{DESIGNS[0]}.csv", need="predict"),
+            rig,
+            seed=job.seed,
+            threads=job.threads,
+            folder=job.out / "stages" / "anchors",
+        )
     )
     job.figures |= {f"arm_{name}": values for name, values in arrays.items()}
-    records = {name: digest(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
+    records = {name: read_summary(robot_path(job.out / f"measured-{name}.csv")) for name in DESIGNS}
     return {"records": records, "phases_s": phases, "not_reached": reason}
 
 

@@ -1,4 +1,4 @@
-"""The paper's own figures, to stand beside ours (Deutschmann et al., RA-L).
+"""The paper's own figures, for comparison (Deutschmann et al., IEEE RA-L).
 
 Components in the order fx fy fz (N), taux tauy tauz (N m).
 """
@@ -64,4 +64,4 @@ STIFFNESS_AT_REST: NDArray[np.float64] = np.array(
 SIGNIFICANT: tuple[tuple[int, int], ...] = (
     (0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (1, 5), (2, 4),
 )  # fmt: skip
-"""The entries of equation (11) that stand for something; the rest is measurement noise."""
+"""The entries of equation (11) that are significant; the rest is measurement noise."""

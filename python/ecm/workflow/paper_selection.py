@@ -1,33 +1,34 @@
 """Step 2 of the paper on simulated pairs: which model, which threshold, which poses.
 
 Table II (degrees and PCR thresholds with their condition numbers), Fig. 4 (relative error at
-b = 0.1), the symmetric energy models beside them, and Fig. 5 (what each design gives).
+b = 0.1), the symmetric energy models for comparison, and Fig. 5 (what each design gives).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ecm._native import EnergyModel, PolynomialModel
 from ecm.io.arrays import F, I
+from ecm.io.columns import WRENCH
 from ecm.workflow.paper import TABLE_II_DEGREE, TABLE_II_THRESHOLD
 
-COMPONENTS = ("fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm")
+Pairs = tuple[F, F]
+"""Poses (N, 6) and their wrenches (N, 6)."""
 
 
 def rmse(predicted: F, observed: F) -> F:
     """Root mean square error of each component."""
-    error: F = np.sqrt(np.mean((predicted - observed) ** 2, axis=0))
-    return error
+    return np.asarray(np.sqrt(np.mean((predicted - observed) ** 2, axis=0)))
 
 
 def relative_error(predicted: F, observed: F) -> F:
     """e_rel of equation (7): (predicted - observed) / observed."""
-    error: F = (predicted - observed) / observed
-    return error
+    return np.asarray((predicted - observed) / observed)
 
 
 def split(n: int, n_test: int, seed: int) -> tuple[I, I]:
@@ -37,7 +38,7 @@ def split(n: int, n_test: int, seed: int) -> tuple[I, I]:
 
 
 def table_two(
-    train: tuple[F, F], test: tuple[F, F], degrees: Sequence[int], thresholds: Sequence[float]
+    train: Pairs, test: Pairs, degrees: Sequence[int], thresholds: Sequence[float]
 ) -> dict[str, Any]:
     """RMSE on the test pairs and kappa(X), by degree and by PCR threshold at the last degree."""
     by_degree = []
@@ -70,25 +71,23 @@ def table_two(
 
 def outside(errors: F, predicted: F, observed: F, limit: float) -> list[dict[str, Any]]:
     """Per component: share of |e_rel| > limit, the largest |h| there, and the largest |error|."""
-    found = []
-    for j, name in enumerate(COMPONENTS):
-        far = np.abs(errors[:, j]) > limit
-        found.append(
-            {
-                "component": name,
-                "share": float(far.mean()),
-                "largest_observed": float(np.abs(observed[far, j]).max(initial=0.0)),
-                "largest_error": float(
-                    np.abs(predicted[far, j] - observed[far, j]).max(initial=0.0)
-                ),
-            }
-        )
-    return found
+    far = np.abs(errors) > limit
+    return [
+        {
+            "component": name,
+            "share": float(far[:, j].mean()),
+            "largest_observed": float(np.abs(observed[far[:, j], j]).max(initial=0.0)),
+            "largest_error": float(
+                np.abs(predicted[far[:, j], j] - observed[far[:, j], j]).max(initial=0.0)
+            ),
+        }
+        for j, name in enumerate(WRENCH)
+    ]
 
 
 def energy_learning(
-    train: tuple[F, F],
-    test: tuple[F, F],
+    train: Pairs,
+    test: Pairs,
     *,
     length_m: float,
     degrees: Sequence[int],
@@ -98,42 +97,35 @@ def energy_learning(
 ) -> list[dict[str, Any]]:
     """Median RMSE over random draws of symmetric energy models trained on few poses."""
     rows = []
-    for degree in degrees:
-        for count in counts:
-            errors = []
-            terms = 0
-            for draw in range(draws):
-                rng = np.random.default_rng([seed, 5, degree, count, draw])
-                take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
-                model = EnergyModel.fit(
-                    train[0][take], train[1][take], length_m=length_m, degree=degree
-                )
-                terms = len(model.coefficients)
-                errors.append(rmse(model.predict(test[0]), test[1]))
-            rows.append(
-                {
-                    "model": f"energy{degree}",
-                    "coefficients": terms,
-                    "poses": count,
-                    "rmse": np.median(errors, axis=0).tolist(),
-                    "rmse_worst_draw": np.max(errors, axis=0).tolist(),
-                }
+    for degree, count in product(degrees, counts):
+        errors = []
+        for draw in range(draws):
+            rng = np.random.default_rng([seed, 5, degree, count, draw])
+            take = rng.choice(len(train[0]), size=min(count, len(train[0])), replace=False)
+            model = EnergyModel.fit(
+                train[0][take], train[1][take], length_m=length_m, degree=degree
             )
+            errors.append(rmse(model.predict(test[0]), test[1]))
+        rows.append(
+            {
+                "model": f"energy{degree}",
+                "coefficients": len(model.coefficients),
+                "poses": count,
+                "rmse": np.median(errors, axis=0).tolist(),
+                "rmse_worst_draw": np.max(errors, axis=0).tolist(),
+            }
+        )
     return rows
 
 
 def design_errors(
-    pool: tuple[F, F],
-    test: tuple[F, F],
-    designs: dict[str, I],
-    *,
-    degree: int,
+    train: Pairs, test: Pairs, designs: dict[str, I], *, degree: int
 ) -> tuple[list[dict[str, Any]], dict[str, F]]:
     """Fig. 5: the polynomial trained on each design's poses, on the test pairs."""
     rows = []
     errors = {}
     for name, indices in designs.items():
-        model = PolynomialModel.fit(pool[0][indices], pool[1][indices], degree)
+        model = PolynomialModel.fit(train[0][indices], train[1][indices], degree)
         predicted = model.predict(test[0])
         errors[name] = relative_error(predicted, test[1])
         rows.append(

@@ -68,12 +68,12 @@ def table_three(
 def symmetric_share(stiffness: F) -> F:
     """||K_sym||2 / ||K||2 of each pose (equation (10), Fig. 12), K in SI units."""
     symmetric = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
-    share: F = np.linalg.norm(symmetric, 2, axis=(1, 2)) / np.linalg.norm(stiffness, 2, axis=(1, 2))
-    return share
+    norms = [np.linalg.norm(matrix, 2, axis=(1, 2)) for matrix in (symmetric, stiffness)]
+    return np.asarray(norms[0] / norms[1])
 
 
 def against_equation_11(stiffness: F) -> list[dict[str, Any]]:
-    """The significant entries of a K at rest beside the paper's, by magnitude."""
+    """The significant entries of a K at rest and the paper's, by magnitude."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     names = ("x", "y", "z", "theta_x", "theta_y", "theta_z")
     rows = []

@@ -1,35 +1,41 @@
-"""Section of the loop: residuals before and after, the ranking, the error ladder."""
+"""Section of the loop: residuals before and after, the ranking, the fit history."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ecm.diagnosis.sections import ranking_table
 from ecm.io.arrays import F
 from ecm.report import figures as draw
-from ecm.report.page import FigureBlock, Section, TableBlock, TextBlock, number
+from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
+
+_VERDICTS = {
+    "none": "Nothing is missing that these data could show.",
+    "named": "The missing effect is {names}.",
+    "ambiguous": "Missing is {names}: these data cannot tell which.",
+    "unknown": "Something is missing that no effect of the catalogue explains.",
+}
 
 
 def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
     """Compare, diagnose, refit; and what had been hidden."""
-    diagnosis = step["diagnosis"]
-    blocks: list[Any] = [TextBlock(verdict_sentence(step), strong=True)]
-    blocks.append(TextBlock(step["before"]["sentence"]))
-    blocks.append(component_table(step["before"], step["after"]))
-    blocks.append(ladder_table(step["history"]))
-    if step["history"]:
+    diagnosis, history = step["diagnosis"], step["history"]
+    blocks: list[Block] = [
+        TextBlock(_sentence(step), strong=True),
+        TextBlock(step["before"]["sentence"]),
+        _components(step["before"], step["after"]),
+        _history_table(history),
+    ]
+    if history:
+        errors: dict[str, Sequence[float]] = {
+            "fitted rows": [record["train"] for record in history],
+            "held-out rows": [record["held_out"] for record in history],
+        }
         blocks.append(
             FigureBlock(
-                "The error ladder: root mean square of whitened residuals, 1 is the noise floor.",
-                draw.bars(
-                    {
-                        "fitted rows": [rung["train"] for rung in step["history"]],
-                        "held-out rows": [rung["held_out"] for rung in step["history"]],
-                    },
-                    [rung["name"] for rung in step["history"]],
-                    y_title="error / noise",
-                ),
+                "The fit history: root mean square of whitened residuals, 1 is the noise floor.",
+                draw.bars(errors, [record["name"] for record in history], y_title="error / noise"),
             )
         )
     blocks.append(ranking_table(diagnosis))
@@ -56,47 +62,38 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
     return Section("4 Find the missing effect", blocks)
 
 
-def verdict_sentence(step: Mapping[str, Any]) -> str:
-    """The headline: verdict, what it means for the error, and what had been hidden."""
-    diagnosis = step["diagnosis"]
+def _sentence(step: Mapping[str, Any]) -> str:
+    """Verdict, what it means for the error, and what had been hidden."""
+    diagnosis, history = step["diagnosis"], step["history"]
     names = ", ".join(" or ".join(members) for members in diagnosis["answer"])
-    words = {
-        "none": "Nothing is missing that these data could show.",
-        "named": f"The missing effect is {names}.",
-        "ambiguous": f"Missing is {names}: these data cannot tell which.",
-        "unknown": "Something is missing that no effect of the catalogue explains.",
-    }
-    text = words[diagnosis["verdict"]]
-    if len(step["history"]) > 1:
-        first, last = step["history"][0], step["history"][-1]
+    text = _VERDICTS[diagnosis["verdict"]].format(names=names)
+    if len(history) > 1:
+        first, last = number(history[0]["held_out"]), number(history[-1]["held_out"])
         text += (
-            f" With it the error on held-out poses falls from {number(first['held_out'])} to "
-            f"{number(last['held_out'])} times the noise."
+            f" With it the error on held-out poses falls from {first} to {last} times the noise."
         )
-    score = step.get("score")
-    if score is not None:
-        hidden = ", ".join(score["truth"]) or "nothing"
-        text += f" Hidden in the rig was {hidden}."
+    if step.get("score") is not None:
+        text += f" Hidden in the rig was {', '.join(step['score']['truth']) or 'nothing'}."
     return text
 
 
-def component_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlock:
+def _components(before: Mapping[str, Any], after: Mapping[str, Any]) -> TableBlock:
     """RMSE, floor and excess of each component, before and after."""
-    rows = []
-    for old, new in zip(before["components"], after["components"], strict=True):
-        rows.append(
-            [
-                old["name"],
-                number(old["rmse"]),
-                number(new["rmse"]),
-                number(old["floor"]),
-                f"{number(old['excess'])} ({number(old['excess_low'], 2)} to "
-                f"{number(old['excess_high'], 2)})",
-                f"{number(new['excess'])} ({number(new['excess_low'], 2)} to "
-                f"{number(new['excess_high'], 2)})",
-                number(old["bias"], 2),
-            ]
-        )
+
+    def excess(row: Mapping[str, Any]) -> str:
+        low, high = number(row["excess_low"], 2), number(row["excess_high"], 2)
+        return f"{number(row['excess'])} ({low} to {high})"
+
+    rows = [
+        [
+            old["name"],
+            *(number(value) for value in (old["rmse"], new["rmse"], old["floor"])),
+            excess(old),
+            excess(new),
+            number(old["bias"], 2),
+        ]
+        for old, new in zip(before["components"], after["components"], strict=True)
+    ]
     return TableBlock(
         "Error of the physics base before and after the refit; the floor is what noise alone "
         "gives, pose noise carried through K; excess with its 90 % interval.",
@@ -105,19 +102,19 @@ def component_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Tabl
     )
 
 
-def ladder_table(history: list[Mapping[str, Any]]) -> TableBlock:
-    """The error ladder in numbers."""
+def _history_table(history: Sequence[Mapping[str, Any]]) -> TableBlock:
+    rows = [
+        [
+            record["name"],
+            number(record["train"], 4),
+            number(record["held_out"], 4),
+            "–" if record["ceiling"] is None else number(record["ceiling"], 4),
+        ]
+        for record in history
+    ]
     return TableBlock(
         "Error over noise. The ceiling adds a free cubic of the pose: no effect of the pose can "
         "do better.",
         ("model", "fitted rows", "held-out rows", "ceiling"),
-        [
-            [
-                rung["name"],
-                number(rung["train"], 4),
-                number(rung["held_out"], 4),
-                "–" if rung["ceiling"] is None else number(rung["ceiling"], 4),
-            ]
-            for rung in history
-        ],
+        rows,
     )

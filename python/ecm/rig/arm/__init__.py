@@ -1,5 +1,5 @@
-"""The manipulator of the rig: a 7-axis arm in MuJoCo that carries out the paper's procedure.
+"""The arm of the rig, `[rig] mode = "robot"`: a 7-axis KUKA LWR 4+ in MuJoCo, Fig. 7 of the paper.
 
-`[rig] mode = "robot"`. The world frame of the simulation is the base frame of the mechanism, so
-poses and wrenches need no transformation; the arm stands beside it with its first axis along x.
+The world frame of the simulation is the base frame of the mechanism, so poses and wrenches need no
+transformation; the arm stands beside it with its first axis along x.
 """

@@ -1,7 +1,7 @@
-"""A campaign of the arm: the plan's sorties are simulated, and every pose is read where it came to.
+"""A campaign of the arm: the sorties of a plan are simulated, and a reading is taken at each stop.
 
-Plan, plant, instruments and table are those of the quasi-static rig. What the arm adds is where it
-really came to rest, when, along which way, and which poses it could not reach.
+Plan, plant, instruments and table are those of the quasi-static rig. The arm adds where it really
+came to rest, when, along which path, and which poses it could not reach.
 """
 
 from __future__ import annotations
@@ -15,39 +15,42 @@ import numpy as np
 
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
+from ecm.io.columns import JOINT_SIGNS, JOINTS
 from ecm.rig.arm import faults
-from ecm.rig.arm.feed_forward import build
-from ecm.rig.arm.mechanism import controller_model, fem_pairs, surrogate
-from ecm.rig.arm.procedure import Sortie
-from ecm.rig.arm.record import Line
+from ecm.rig.arm.controller_model import compile_model, controller_document
+from ecm.rig.arm.non_elastic import HiddenPhysics
 from ecm.rig.arm.scene import mujoco, scene
-from ecm.rig.arm.sorties import Tour, tours
-from ecm.rig.arm.surroundings import Effects
-from ecm.rig.arm.worker import Drive, Job, sorties
+from ecm.rig.arm.sorties import PlannedSortie, SortieResult, plan_sorties
+from ecm.rig.arm.surrogate import fem_pairs, fit_surrogate
+from ecm.rig.arm.visit_record import VisitRecord
+from ecm.rig.arm.worker import ArmSetup, RunSorties, run_sorties
 from ecm.rig.arm.workspace_distance import distance_m
+from ecm.rig.camera import Optics
 from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden.spec import Hidden
-from ecm.rig.optics import Optics
-from ecm.rig.physics import Physics
 from ecm.rig.plan import HOME, Skipped, rest_pose
-from ecm.rig.plant import nominal_physics, visits_of
+from ecm.rig.plant import visits_of
 from ecm.rig.readings import Reading
 from ecm.rig.settings import RigSettings
-from ecm.rig.timeline import OFFSET, POSE, Timeline, Visit
+from ecm.rig.timeline import Timeline
+from ecm.rig.visits import OFFSET, POSE, Visit
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
 
 
 _WAY_POINTS = 12
-_SLOW_PROCESSES_S = 3600.0
-"""The air's processes are drawn for so much longer than three times the planned end."""
+_EXTRA_S = 3600.0
+"""Slow processes of the air are drawn for three times the planned duration and this time."""
 
 
 class RobotCampaign(Campaign):
-    """A plan on the rig with the arm; `lines` yields one visit after the other."""
+    """A plan on the rig with the arm; `lines` yields one visit after the other.
+
+    `folder` keeps solved poses and compiled controllers.
+    """
 
     def __init__(
         self,
@@ -57,227 +60,227 @@ class RobotCampaign(Campaign):
         *,
         hide: Sequence[Hidden] = (),
         seed: int = 0,
-        folder: Path | None = None,
-        library_folder: Path,
+        folder: Path,
         progress: Progress = None,
-        drive: Drive = sorties,
+        run: RunSorties = run_sorties,
     ) -> None:
-        mujoco()  # before any work where it is missing
-        self._drive = drive
+        mujoco()  # before any work if it is missing
+        self._run = run
         self._faults = faults.parse(settings.arm.fault)
         super().__init__(
             plan, settings, source, hide=hide, seed=seed, folder=folder, progress=progress
         )
         length = source.length_m
         self.planned: Timeline = self.timeline
-        self.goals = self.course.reached
-        self._anchors = self.course.anchor
+        self.goals = self.visits.reached
+        self._anchors = self.visits.anchor
         poses, wrenches = fem_pairs(source, self.plant.elastic.anchors, folder, progress)
-        self.mechanism = surrogate(poses, wrenches, length)
-        model = controller_model(settings.arm.controller_model, poses, wrenches, length)
-        self.job = Job(settings, self.mechanism, build(model, library_folder), self._effects())
-        self.tours: list[Tour] = tours(self.planned.visits, self.goals, settings.rig, length)
+        self.mechanism = fit_surrogate(poses, wrenches, length)
+        model = controller_document(settings.arm.controller_model, poses, wrenches, length)
+        self.setup = ArmSetup(
+            settings, self.mechanism, compile_model(model, folder), self._hidden_physics()
+        )
+        visits = self.planned.visits
+        self.sorties: list[PlannedSortie] = plan_sorties(visits, self.goals, settings.rig, length)
         self.home_rad = scene(settings, length).home_rad
-        self.taken: list[Line] = []
+        self.records: list[VisitRecord] = []
         self._optics = Optics(settings.instrument)
         self._rest = rest_pose(length)
         self._key = self._key_of(source)
         self._readings: list[Reading] = []
         self._reached: list[F] = []
-        self._where: list[int] = []
+        self._visited: list[int] = []
         self._way: list[list[float]] = [self._rest.tolist()]
         self._shift_s = 0.0
-        self._bad = 0
-        self._heated = 0
-        ids = [v for v in self.planned.visits if v.kind == POSE]
-        self._pose_number = {id(v): k for k, v in enumerate(ids)}
-        self._known = np.stack([v.pose for v in ids])
+        self._bad_in_a_row = 0
+        pose_visits = [i for i, visit in enumerate(visits) if visit.kind == POSE]
+        self._pose_number = {i: k for k, i in enumerate(pose_visits)}
+        self._plan_poses = np.stack([visits[i].pose for i in pose_visits])
         self.timeline = Timeline(runs=self.planned.runs)
-        self._warm(0.0)
+        self._air = self._climate()
+        self._warm_up(0.0)
 
     def key(self, source: Source) -> str:
-        """Hash of all that the readings depend on; faults and processes are not among it."""
+        """Hash of everything that the readings depend on; faults and processes do not count."""
         del source
         return self._key
 
     # --- running ---------------------------------------------------------------
 
-    def lines(self, done: Sequence[Line], processes: int) -> Iterator[Line]:
-        """Visits in order, without those that are done.
+    def lines(self, done: Sequence[VisitRecord], processes: int) -> Iterator[VisitRecord]:
+        """Yield the visits in order, after those that are done.
 
-        Raises
-        ------
-        ComputationError
-            After several useless readings in a row; all finished poses are kept.
+        ComputationError after several unusable readings in a row; all finished poses are kept.
         """
-        for line in done:
-            self._take(line)
-        begun = len(done)
-        remaining = [t for t in self.tours if t.stops[-1].visit >= begun]
-        first = {t.stops[0].visit: t for t in remaining}
-        for tour in remaining:  # one that a kill has cut is driven again as a whole
-            first[max(begun, tour.stops[0].visit)] = tour
-        with self._drive(self.job, [t.stops for t in remaining], processes) as results:
-            for i in range(begun, len(self.planned.visits)):
-                if i in first:
-                    tour, sortie = first[i], next(results)
+        for record in done:
+            self._add(record)
+        begin = len(done)
+        remaining = [s for s in self.sorties if s.stops[-1].visit >= begin]
+        # A sortie that was interrupted is driven again as a whole.
+        by_visit = {max(begin, sortie.stops[0].visit): sortie for sortie in remaining}
+        with self._run(self.setup, [s.stops for s in remaining], processes) as results:
+            for i in range(begin, len(self.planned.visits)):
+                if i in by_visit:
+                    sortie, result = by_visit[i], next(results)
                 if self.planned.visits[i].kind == POSE:
-                    line = self._visited(i, tour, sortie)
+                    record = self._visit_pose(i, sortie, result)
                 else:
-                    line = self._at_home(i)
-                self._take(line)
-                yield line
-                if self._bad >= faults.IN_A_ROW:
+                    record = self._visit_home(i)
+                self._add(record)
+                yield record
+                if self._bad_in_a_row >= faults.MAX_IN_A_ROW:
                     raise ComputationError(
-                        f"{self._bad} poses in a row without a reading, the last because "
-                        f"{line.reason}. The arm stands at home; {self.measured} poses are kept. "
-                        "See to the instrument and run the same command again"
+                        f"{self._bad_in_a_row} poses in a row without a reading, the last because "
+                        f"{record.reason}. The arm is at home; {self.measured} poses are kept. "
+                        "Check the instrument and run the same command again"
                     )
 
     @property
     def minutes(self) -> float:
-        """How long the campaign takes on the rig: as planned, and how late the arm is by now."""
+        """Duration of the campaign on the rig: as planned, plus the delay of the arm so far."""
         return (self.planned.end_s + self._shift_s) / 60.0
 
     @property
     def measured(self) -> int:
-        """Poses that have a reading."""
+        """Number of poses that have a reading."""
         return sum(v.kind == POSE for v in self.timeline.visits)
 
     def finished(self) -> Table:
-        """The measurement table, with the joints of the arm."""
-        self._place(self.timeline.visits)
+        """Return the measurement table, with the joints of the arm."""
+        self._update_visits(self.timeline.visits)
         table = self.table(self._readings)
-        kept = [line for line in self.taken if not line.reason]
-        rows = [k for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
-        joints = np.asarray([kept[k].joints_rad for k in rows])
-        directions = np.asarray([kept[k].directions for k in rows])
+        kept = [record for record in self.records if not record.reason]
+        rows = [kept[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
         columns = dict(table.columns)
-        columns |= {f"q{j + 1}_rad": joints[:, j].copy() for j in range(7)}
-        columns |= {f"q{j + 1}_dir": directions[:, j].copy() for j in range(7)}
+        for names, values in (
+            (JOINTS, [r.joints_rad for r in rows]),
+            (JOINT_SIGNS, [r.directions for r in rows]),
+        ):
+            columns |= zip(names, np.reshape(values, (-1, 7)).T.copy(), strict=True)
         return replace(table, columns=columns)
 
     # --- one visit ---------------------------------------------------------------
 
-    def _at_home(self, i: int) -> Line:
+    def _visit_home(self, i: int) -> VisitRecord:
         planned = self.planned.visits[i]
-        self._heat(planned.time_s)
+        self._warm_up(planned.time_s)
         visit = replace(planned, time_s=planned.time_s + self._shift_s, way=np.asarray(self._way))
-        reading = self._try(visit, self.goals[i], i)
-        return Line(
-            i, "", False, visit.time_s, visit.travel_s, visit.dwell_s, visit.approach, self._way,
-            [self._rest.tolist()], self.goals[i].tolist(), self._shift_s, reading.line(),
-            self.home_rad.tolist(), [0.0] * 7, self.goals[i].tolist(), [], [], 0.0,
+        goal = self.goals[i].tolist()
+        return VisitRecord(
+            i, visit.time_s, visit.travel_s, visit.dwell_s, visit.approach, self._way,
+            after=[self._rest.tolist()], reached=goal, shift_s=self._shift_s,
+            reading=self._read(visit, self.goals[i], i).line(),
+            joints_rad=self.home_rad.tolist(), directions=[0.0] * 7, goal=goal, after_impedance=[],
         )  # fmt: skip
 
-    def _visited(self, i: int, tour: Tour, sortie: Sortie) -> Line:
+    def _visit_pose(self, i: int, sortie: PlannedSortie, result: SortieResult) -> VisitRecord:
         planned = self.planned.visits[i]
-        self._heat(planned.time_s)
-        stop = next(k for k, s in enumerate(tour.stops) if s.visit == i)
-        outcome = sortie.outcomes[stop]
-        way = [*self._way, *_thinned(outcome.trace), outcome.reached.tolist()]
-        last = stop == len(tour.stops) - 1
-        after = _thinned(sortie.home.trace) if last else []
-        late = tour.home_s - tour.depart_s
-        shift = self._shift_s + (sortie.duration_s - late if last else 0.0)
-        time_s = tour.depart_s + self._shift_s + outcome.reading_s
-        alone = outcome.from_home and not tour.stops[stop].via
-        approach = HOME if alone else planned.approach
-        reason, fault, text = outcome.reason, False, ""
-        if reason:
-            way = [*self._way, *_thinned(outcome.trace)]
-        else:
-            visit = replace(
-                planned, time_s=time_s, travel_s=outcome.travel_s, dwell_s=outcome.rest_s,
-                approach=approach, way=np.asarray(way),
-            )  # fmt: skip
-            leds = int(self._optics.visible(outcome.reached[None]).sum())
-            taken = faults.Taken(self._try(visit, outcome.reached, i), leds=leds)
-            number = self._pose_number[id(planned)]
-            for rehearsed in self._faults:
-                if rehearsed.at(number):
-                    taken = faults.with_fault(taken, rehearsed, self.settings.instrument)
-            reason = faults.useless(taken, self.settings.instrument)
-            fault, text = bool(reason), taken.reading.line()
-        off = distance_m(outcome.trace[::5], self._known, self._rest, self.plant.length_m)
-        return Line(
-            i, reason, fault, time_s, outcome.travel_s, outcome.rest_s, approach, way, after,
-            outcome.reached.tolist(), shift, text, outcome.joints_rad.tolist(),
-            outcome.directions.tolist(), self.goals[i].tolist(), outcome.after_impedance.tolist(),
-            [list(phase) for phase in outcome.phases], float(off.max(initial=0.0)),
-        )  # fmt: skip
+        self._warm_up(planned.time_s)
+        k = next(k for k, stop in enumerate(sortie.stops) if stop.visit == i)
+        stop, stopped = sortie.stops[k], result.stops[k]
+        last = k == len(sortie.stops) - 1
+        planned_s = sortie.home_s - sortie.depart_s
+        trace = _thinned(stopped.trace)
+        record = VisitRecord(
+            i,
+            time_s=sortie.depart_s + self._shift_s + stopped.reading_s,
+            travel_s=stopped.travel_s,
+            dwell_s=stopped.rest_s,
+            approach=HOME if stopped.from_home and not stop.via else planned.approach,
+            way=[*self._way, *trace, *([] if stopped.reason else [stopped.reached.tolist()])],
+            after=_thinned(result.home.trace) if last else [],
+            reached=stopped.reached.tolist(),
+            shift_s=self._shift_s + (result.duration_s - planned_s if last else 0.0),
+            reading="",
+            joints_rad=stopped.joints_rad.tolist(),
+            directions=stopped.directions.tolist(),
+            goal=self.goals[i].tolist(),
+            after_impedance=stopped.after_impedance.tolist(),
+            reason=stopped.reason,
+            phases=[list(phase) for phase in stopped.phases],
+            off_known_m=float(
+                distance_m(
+                    stopped.trace[::5], self._plan_poses, self._rest, self.plant.length_m
+                ).max(initial=0.0)
+            ),
+        )
+        if record.reason:
+            return record
+        instrument = self.settings.instrument
+        leds = int(self._optics.visible(stopped.reached[None]).sum())
+        reading = self._read(_carried_out(planned, record), stopped.reached, i)
+        output = faults.InstrumentOutput(reading, leds=leds)
+        output = output.with_faults(self._faults, self._pose_number[i], instrument)
+        reason = output.unusable(instrument)
+        return replace(record, reason=reason, fault=bool(reason), reading=output.reading.line())
 
-    def _take(self, line: Line) -> None:
-        """What a visit leaves behind for those after it, also when it comes from the journal."""
-        planned = self.planned.visits[line.visit]
-        self._heat(planned.time_s)
-        self.taken.append(line)
-        self._shift_s = line.shift_s
-        if line.reason:
-            self._way = [*line.way, *line.after]
-            self.skipped = [*self.skipped, Skipped(planned.row, planned.pose_id, line.reason)]
-            self._bad = self._bad + 1 if line.fault else 0
+    def _add(self, record: VisitRecord) -> None:
+        """Update the state for the next visits, also from a record of the journal."""
+        planned = self.planned.visits[record.visit]
+        self._warm_up(planned.time_s)
+        self.records.append(record)
+        self._shift_s = record.shift_s
+        if record.reason:
+            self._way = [*record.way, *record.after]
+            self.skipped = [*self.skipped, Skipped(planned.row, planned.pose_id, record.reason)]
+            self._bad_in_a_row = self._bad_in_a_row + 1 if record.fault else 0
             return
-        self._way = [line.reached, *line.after]
+        self._way = [record.reached, *record.after]
         if planned.kind == POSE:
-            self._bad = 0
-        visit = replace(
-            planned, time_s=line.time_s, travel_s=line.travel_s, dwell_s=line.dwell_s,
-            approach=line.approach, way=np.asarray(line.way),
-        )  # fmt: skip
-        self.timeline.visits.append(visit)
-        self._reached.append(np.asarray(line.reached))
-        self._where.append(line.visit)
-        self._readings.append(Reading.parse(line.reading, "journal"))
+            self._bad_in_a_row = 0
+        self.timeline.visits.append(_carried_out(planned, record))
+        self._reached.append(np.asarray(record.reached))
+        self._visited.append(record.visit)
+        self._readings.append(Reading.parse(record.reading, "journal"))
 
-    def _try(self, visit: Visit, reached: F, i: int) -> Reading:
-        """A reading at the end of all visits so far, which stay as they are."""
+    def _read(self, visit: Visit, reached: F, i: int) -> Reading:
+        """Take a reading after all visits so far, which do not change."""
         before = self.timeline
         self._reached.append(reached)
-        self._where.append(i)
-        visits = [*before.visits, visit]
-        self.timeline = Timeline(visits, runs=before.runs)
-        self._place(visits)
-        self._truth = self.plant.anew().truth(self.course, self.physics, self._offset)
-        reading = self.measure(len(visits) - 1)
+        self._visited.append(i)
+        self.timeline = Timeline([*before.visits, visit], runs=before.runs)
+        self._update_visits(self.timeline.visits)
+        self._truth = self.plant.truth(self.visits, self.physics, self._offset)
+        reading = self.measure(len(self.timeline.visits) - 1)
         self._reached.pop()
-        self._where.pop()
+        self._visited.pop()
         self.timeline = before
         return reading
 
-    def _place(self, visits: Sequence[Visit]) -> None:
-        self.course = visits_of(
-            tuple(visits), np.stack(self._reached), self._anchors[self._where], self._air
+    def _update_visits(self, visits: Sequence[Visit]) -> None:
+        self.visits = visits_of(
+            tuple(visits), np.stack(self._reached), self._anchors[self._visited], self._air
         )
 
     # --- the air ---------------------------------------------------------------
 
-    def _heat(self, planned_s: float) -> None:
-        """Warm-ups of the plan that have begun by now, as late as the arm is."""
-        if sum(begin <= planned_s for begin, _ in self.planned.heating) > self._heated:
-            self._warm(planned_s)
+    @property
+    def _air_end_s(self) -> float:
+        return 3.0 * self.planned.end_s + _EXTRA_S
 
-    def _warm(self, planned_s: float) -> None:
-        begun = [(b, e) for b, e in self.planned.heating if b <= planned_s]
-        shifted = [(b + self._shift_s, e + self._shift_s) for b, e in begun[self._heated :]]
-        self.timeline.heating.extend(shifted)
-        self._heated = len(begun)
-        end = 3.0 * self.planned.end_s + _SLOW_PROCESSES_S
-        self._air = Climate.build(self.settings, self.seed, end, self.timeline.heating)
+    def _warm_up(self, planned_s: float) -> None:
+        """Start the warm-ups of the plan that have begun by now, with the delay of the arm."""
+        begun = [times for times in self.planned.heating if times[0] <= planned_s]
+        new = begun[len(self.timeline.heating) :]
+        if new:
+            self.timeline.heating.extend((b + self._shift_s, e + self._shift_s) for b, e in new)
+            self._air = self._climate()
 
-    def _effects(self) -> Effects | None:
-        """What moves with the arm beside the bare mechanism; None where nothing is hidden."""
-        if not self.secrets:
+    def _climate(self) -> Climate:
+        return Climate.build(self.settings, self.seed, self._air_end_s, self.timeline.heating)
+
+    def _hidden_physics(self) -> HiddenPhysics | None:
+        """Return what acts on the platform beyond the bare mechanism; None if nothing is hidden."""
+        if not self.injected:
             return None
-        return Effects(
+        return HiddenPhysics(
             anchors=self.plant.elastic.anchors,
             gradings=self.plant.gradings,
             physics=self.physics,
-            bare=nominal_physics(self.settings, Physics(), np.zeros(6)),
             visits=tuple(self.planned.visits),
             anchor=self._anchors,
             seed=self.seed,
-            end_s=3.0 * self.planned.end_s + _SLOW_PROCESSES_S,
+            end_s=self._air_end_s,
             heating=tuple(self.planned.heating),
         )
 
@@ -286,13 +289,21 @@ class RobotCampaign(Campaign):
         try:
             self.settings = replace(own, arm=replace(own.arm, fault="", processes=0))
             # The controller's model is named by the hash of its code.
-            return f"{super().key(source)}-{self.job.library.stem}"
+            return f"{super().key(source)}-{self.setup.library.stem}"
         finally:
             self.settings = own
 
 
+def _carried_out(planned: Visit, record: VisitRecord) -> Visit:
+    """Return the visit with the times and the path of the arm."""
+    return replace(
+        planned, time_s=record.time_s, travel_s=record.travel_s, dwell_s=record.dwell_s,
+        approach=record.approach, way=np.asarray(record.way),
+    )  # fmt: skip
+
+
 def _thinned(trace: F) -> list[list[float]]:
-    """At most some points of a way, the last one among them; none where it diverged."""
+    """Return a few points of a path, the last one included; none if it diverged at once."""
     trace = trace[np.isfinite(trace).all(axis=1)]
     if len(trace) == 0:
         return []

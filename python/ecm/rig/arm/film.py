@@ -1,7 +1,7 @@
-"""A film of the first poses of a campaign: MuJoCo draws the arm, and the mechanism from near.
+"""A film of the first poses of a campaign: the arm, and a close view of the mechanism, by MuJoCo.
 
-The mechanism is no body of the scene; it is drawn as a row of capsules along the cubic that leaves
-the base and meets the top frame straight on.
+The mechanism is no body of the scene; it is drawn as a row of cylinders along the cubic curve that
+is tangent to the axes of the base and of the top frame.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.rig.arm.procedure import Stop
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.simulation import Simulation
-from ecm.rig.arm.worker import Job
+from ecm.rig.arm.sorties import Stop
+from ecm.rig.arm.worker import ArmSetup
 from ecm.rig.elastic import Progress
 
 WIDTH, HEIGHT = 480, 400
 NEAR_WIDTH = 260
-"""Of the view of the mechanism, right of the arm's."""
+"""Width of the view of the mechanism, right of the arm."""
 FRAMES_PER_S = 12
 FASTER = 4.0
-"""Simulated over filmed time."""
+"""Simulated time divided by filmed time."""
 _PIECES = 12
-_CLEAR, _LOADED = np.array([0.55, 0.75, 0.95, 1.0]), np.array([0.95, 0.35, 0.25, 1.0])
+_UNLOADED, _LOADED = np.array([0.55, 0.75, 0.95, 1.0]), np.array([0.95, 0.35, 0.25, 1.0])
 _FULL_N = 120.0
 """Force at which the mechanism is drawn red."""
 
 
 class Film:
-    """Collects frames; `frame` is the callback of a machine."""
+    """Collects frames; `frame` is the callback of a `SimulatedArm`."""
 
     def __init__(self, length_m: float, radius_m: float) -> None:
         self._library = mujoco()
@@ -49,12 +49,12 @@ class Film:
         self.images: list[NDArray[np.uint8]] = []
 
     def begin(self, title: str = "") -> None:
-        """A sortie begins: its clock starts again."""
+        """Begin a sortie, whose clock starts again."""
         self._last_s = -1.0
         self._title = title
 
     def frame(self, simulation: Simulation, phase: str) -> None:
-        """One more frame where enough time has passed."""
+        """Add a frame if enough time has passed."""
         if simulation.time_s - self._last_s < FASTER / FRAMES_PER_S - 1e-9:
             return
         self._last_s = simulation.time_s
@@ -62,7 +62,7 @@ class Film:
         if self._drawing is None:
             self._drawing = self._begin_drawing(simulation)
         scene, option, canvas, views = self._drawing
-        whole = library.MjrRect(0, 0, WIDTH + NEAR_WIDTH, HEIGHT)
+        image_area = library.MjrRect(0, 0, WIDTH + NEAR_WIDTH, HEIGHT)
         for camera, place in views:
             library.mjv_updateScene(
                 simulation.model, simulation.data, option, None, camera,
@@ -78,11 +78,11 @@ class Film:
             f" \n{phase}\n{simulation.time_s:.1f} s\n{force:.0f} N", canvas,
         )  # fmt: skip
         image = np.zeros((HEIGHT, WIDTH + NEAR_WIDTH, 3), dtype=np.uint8)
-        library.mjr_readPixels(image, None, whole, canvas)
+        library.mjr_readPixels(image, None, image_area, canvas)
         self.images.append(image[::-1].copy())
 
     def write(self, path: Path) -> None:
-        """As an animated GIF."""
+        """Write an animated GIF."""
         pillow = require("PIL.Image", "robot", "--film")
         frames = [pillow.fromarray(image).quantize(96) for image in self.images]
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,7 @@ class Film:
             raise ComputationError(f"{path}: the film cannot be written: {error}") from None
 
     def close(self) -> None:
-        """Gives the graphics context back."""
+        """Release the graphics context."""
         self._drawing = None
         self._context.free()
 
@@ -103,7 +103,7 @@ class Film:
         library = self._library
         canvas = library.MjrContext(simulation.model, library.mjtFontScale.mjFONTSCALE_100.value)
         library.mjr_setBuffer(library.mjtFramebuffer.mjFB_OFFSCREEN.value, canvas)
-        # MuJoCo's cameras stand upright along z; here up is x, so the cameras are given by axes.
+        # MuJoCo's free cameras have z up; here x is up, so the scene has cameras of its own.
         views = []
         for number, (left, width) in enumerate(((0, WIDTH), (WIDTH, NEAR_WIDTH))):
             camera = library.MjvCamera()
@@ -116,7 +116,7 @@ class Film:
     def _draw_mechanism(self, scene: Any, simulation: Simulation) -> None:
         library = self._library
         load = min(1.0, float(np.linalg.norm(simulation.wrench[:3])) / _FULL_N)
-        colour = ((1.0 - load) * _CLEAR + load * _LOADED).astype(np.float32)
+        colour = ((1.0 - load) * _UNLOADED + load * _LOADED).astype(np.float32)
         points = centre_line(
             simulation.position, simulation.data.site_xmat[0].reshape(3, 3), self._length_m
         )
@@ -131,39 +131,36 @@ class Film:
 
 
 def centre_line(top_m: F, top_axes: F, length_m: float) -> F:
-    """Points (n, 3) of the cubic from the base along x to the top along its own x."""
+    """Points (n, 3) of the cubic curve from the base, along x, to the top, along its own x."""
     u = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
     begin, end = length_m * np.array([1.0, 0.0, 0.0]), length_m * top_axes[:, 0]
     line: F = (u**3 - 2 * u**2 + u) * begin + (3 * u**2 - 2 * u**3) * top_m + (u**3 - u**2) * end
     return line
 
 
-def film(
-    job: Job, stops: Sequence[Stop], path: Path, radius_m: float, progress: Progress = None
+def write_film(
+    setup: ArmSetup, stops: Sequence[Stop], path: Path, radius_m: float, progress: Progress = None
 ) -> int:
-    """Films each stop as a sortie of its own; returns the number of frames.
+    """Film each stop as a sortie of its own; return the number of frames.
 
-    Raises
-    ------
-    ComputationError
-        Where no way to draw without a screen is found.
+    ComputationError if this machine cannot draw without a screen.
     """
-    picture = Film(job.surrogate.length_m, radius_m)
+    film = Film(setup.surrogate.length_m, radius_m)
     try:
-        machine = job.machine(picture.frame)
+        arm = setup.build(film.frame)
         for i, stop in enumerate(stops):
-            picture.begin(f"pose {i + 1} of {len(stops)}")
-            machine.sortie([stop])
+            film.begin(f"pose {i + 1} of {len(stops)}")
+            arm.sortie([stop])
             if progress is not None:
                 progress(i + 1, len(stops), "filming")
-        picture.write(path)
+        film.write(path)
     finally:
-        picture.close()
-    return len(picture.images)
+        film.close()
+    return len(film.images)
 
 
 def _gl_context() -> Any:
-    """A context for drawing without a screen: EGL, OSMesa, or a hidden window."""
+    """Create a context for drawing without a screen: EGL, OSMesa, or a hidden window."""
     tried = []
     for name in ("egl", "osmesa", "glfw"):
         try:
@@ -173,6 +170,6 @@ def _gl_context() -> Any:
         except Exception as error:  # whatever a graphics driver raises
             tried.append(f"{name}: {error}")
     raise ComputationError(
-        "the film needs a way to draw without a screen and found none; install libegl1 or "
+        "the film needs a graphics library that draws without a screen; install libegl1 or "
         f"libosmesa6 ({'; '.join(tried)[:300]})"
     )

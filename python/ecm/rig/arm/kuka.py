@@ -13,9 +13,9 @@ Sources, figure by figure (docs/robot.md says how they were read and what is ass
   the Kuka LWR robot using motor torques and joint torque sensors data", IFAC Proceedings Volumes
   47(3), 2014, pp. 8391-8396.
 
-Assumed: each link's inertia about its centre is that of a uniform cylinder, since the published
-tensors are not those of bodies (four of seven have a negative or no smallest moment); so are the
-plates and the sensor under the flange.
+Assumed: the inertia of each link about its centre is that of a uniform cylinder, since the
+published tensors are not physical (four of seven have a negative or vanishing smallest moment); the
+same for the plates and the sensor under the flange.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ ROTOR_KG_M2: F = np.array([3.19, 3.05, 1.98, 2.05, 0.787, 0.391, 0.394])
 
 VISCOUS_NMS: F = np.array([14.4, 15.3, 6.55, 11.0, 4.29, 2.26, 1.60])
 COULOMB_NM: F = np.array([11.9, 11.5, 8.98, 8.35, 8.31, 4.72, 6.04])
-"""Friction of motor and gear; the arm's torque control works against it."""
+"""Friction of motor and gear, which the arm's torque control compensates in part or in full."""
 
 AXES = ("0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1")
 FOOT_M = 0.1105
 ORIGINS_M = (FOOT_M, 0.2, 0.2, 0.2, 0.2, 0.19, 0.0)
-"""Height of each body's frame above the one before; they add up to d1, d3, d5."""
+"""Height of each body's frame above the previous one; the sums are d1, d3, d5."""
 _CENTRE_DH_M: F = np.array(
     [
         [-0.0216, 0.0100, -0.0377],
@@ -54,27 +54,27 @@ _CENTRE_DH_M: F = np.array(
         [-0.0005, 0.0015, 0.0716],
     ]
 )
-"""Centres of mass as published, in the Denavit-Hartenberg frame at the end of each link: origins
-in shoulder, shoulder, elbow, elbow, wrist, wrist, wrist, its y turned into the link where odd."""
+"""Centres of mass as published, in the Denavit-Hartenberg frame at the end of each link. Its
+origins are shoulder, shoulder, elbow, elbow, wrist, wrist, wrist; y is along links 1, 3 and 5."""
 QUARTERS = (1, 0, -1, 0, 1, 0, 0)
-"""Quarter turns about x from the axes here to those of that frame."""
+"""Quarter turns about x from the axes of the body to those of the Denavit-Hartenberg frame."""
 _END_M = (0.2, 0.0, 0.2, 0.0, 0.19, 0.0, 0.0)
-"""Height of that frame over the body's own."""
+"""Height of the Denavit-Hartenberg frame above the body's own."""
 _LENGTH_M = (0.2, 0.2, 0.2, 0.2, 0.19, 0.06, FLANGE_M)
 _RADIUS_M = (0.06, 0.06, 0.06, 0.055, 0.05, 0.045, 0.035)
 
 HOME_RAD: F = np.deg2rad([0.0, -30.0, 0.0, 85.0, 0.0, -65.0, 0.0])
-"""Flange straight down, wrist far from stretched and from its limit for tilts up to 45 degrees."""
+"""Flange straight down; arm far from stretched and from all limits for tilts up to 45 degrees."""
 
 _ADAPTER = ("adapter", 0.045, 0.020, 0.25, "0.75 0.75 0.78 1")
 _SENSOR = ("sensor", 0.050, 0.040, 0.80, "0.20 0.22 0.25 1")
 _TARGET = ("target", 0.055, 0.010, 0.20, "0.85 0.85 0.85 1")
 TOOL = (_ADAPTER, _SENSOR, _TARGET)
-"""Name, radius m, thickness m, mass kg, colour of the plates and the sensor under the flange."""
+"""Name, radius in m, thickness in m, mass in kg, colour of the parts under the flange."""
 
 
 def link_centre_m(link: int) -> F:
-    """Centre of mass (3,) in the frame of a body, links counted from 0."""
+    """Centre of mass (3,) of a link, counted from 0, in the frame of its body."""
     x, y, z = _CENTRE_DH_M[link]
     turned = {1: (x, -z, y), 0: (x, y, z), -1: (x, z, -y)}[QUARTERS[link]]
     centre: F = np.array(turned) + np.array([0.0, 0.0, _END_M[link]])
@@ -82,25 +82,22 @@ def link_centre_m(link: int) -> F:
 
 
 def link_inertia(link: int) -> tuple[float, float]:
-    """(transverse, axial) kg m2 about the centre of mass, links counted from 0."""
+    """Transverse and axial moment of inertia about the centre of mass of a link, kg m2."""
     mass, length, radius = float(MASS_KG[link]), _LENGTH_M[link], _RADIUS_M[link]
     return mass * (3.0 * radius**2 + length**2) / 12.0, 0.5 * mass * radius**2
 
 
 def tool_length_m() -> float:
-    """From the flange to the top frame: adapter, sensor, target plate."""
+    """Distance from the flange to the top frame: adapter, sensor, target plate."""
     return _ADAPTER[2] + _SENSOR[2] + _TARGET[2]
 
 
 def chain_text(
     payload_mass_kg: float, payload_centre_m: tuple[float, ...], friction: float = 0.0
 ) -> str:
-    """MJCF of the seven bodies and what the flange carries, in the axes of the arm's foot.
+    """MJCF of the seven links and the parts under the flange, in the axes of the arm's foot.
 
-    Parameters
-    ----------
-    friction
-        Share of the identified friction that the joints have.
+    `friction` is the share of the published friction that acts in the joints.
     """
     text, indent = "", "    "
     for i in range(7):
@@ -128,9 +125,9 @@ def chain_text(
 
 
 def tool_text(indent: str, payload_mass_kg: float, payload_centre_m: tuple[float, ...]) -> str:
-    """Plates and sensor under the flange, and the site `top`: the mechanism's top frame.
+    """MJCF of plates, sensor and payload, and of the site `top`: the mechanism's top frame.
 
-    x of the top frame points back into the flange: x -> -z, y -> -y, z -> -x (w x y z).
+    x of the top frame points into the flange: x -> -z, y -> -y, z -> -x.
     """
     text, height = "", FLANGE_M
     for name, radius, thick, mass, colour in TOOL:

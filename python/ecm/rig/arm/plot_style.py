@@ -1,9 +1,9 @@
-"""How the arm's work is shown, on the page, in the picture and in words: colours, titles, sizes."""
+"""Titles, colours and units of the arm's plots and messages."""
 
 from __future__ import annotations
 
 PANELS = ("x - L [mm]", "y [mm]", "z [mm]", "θx [mrad]", "θy [mrad]", "θz [mrad]")
-"""Components of a pose less the rest pose, in the unit of `thousandths`."""
+"""Components of a pose minus the rest pose."""
 
 COLOURS = {
     "impedance": "#cfe3f7",
@@ -13,9 +13,9 @@ COLOURS = {
     "reading": "#f6b8b0",
     "return": "#dff0d8",
 }
-"""Behind the way of a pose, phase by phase in their order."""
+"""Background colour of each phase of the procedure, in their order."""
 
 
 def thousandths(value: float) -> str:
-    """In mm or mrad, from m or rad; rounding errors of the simulation are no figures."""
+    """Text of a length or angle in mm or mrad, from m or rad; rounding errors as `< 1e-6`."""
     return f"{1e3 * value:.3g}" if value >= 1e-9 else "< 1e-6"

@@ -1,7 +1,6 @@
 """The scene as MJCF: the world is the base frame of the mechanism, the arm stands beside it.
 
-The mechanism itself is no body: it acts as a wrench on the site `top` (`simulation.py`). What is
-drawn of it is a capsule that moves along, for films alone.
+The mechanism itself is no body: it acts as a wrench on the site `top` (`simulation.py`).
 """
 
 from __future__ import annotations
@@ -13,43 +12,44 @@ import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.extras import require
-from ecm.rig.arm.inverse import flange, solve, swivel
+from ecm.rig.arm.kinematics import flange_pose, inverse_kinematics, swivel_angle
 from ecm.rig.arm.kuka import HOME_RAD, chain_text, tool_length_m
 from ecm.rig.settings import RigSettings
 
 _TOP_FROM_TOOL: F = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
 """Axes of the flange in the top frame: its z points down the mechanism."""
 _WORLD_FROM_FOOT: F = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-"""Axes of the arm's foot in the world: up is x, it reaches along z."""
+"""Axes of the arm's foot in the world: x is up, the arm extends along z."""
 _RIM_M = 0.055
 
 
 def mujoco() -> Any:
-    """The library, or an error that names the extra."""
+    """Return the module mujoco; MissingExtra if it is not installed."""
     return require("mujoco", "robot", '[rig] mode = "robot"')
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where the arm stands, how it stands at home, and the text of the whole."""
+    """MJCF of the scene, the home configuration, and the place of the arm."""
 
     text: str
     home_rad: F
     foot_m: F
-    """Origin of the arm's foot in the world."""
+    """Origin of the arm's foot in the world, (3,)."""
 
     def flange_goal(self, top_m: F, top_axes: F) -> tuple[F, F]:
-        """Flange (position, axes) in the foot's axes for a top frame given in the world."""
+        """Flange position and axes in the foot's axes for a top frame in the world."""
         axes = top_axes @ _TOP_FROM_TOOL
         position = top_m - tool_length_m() * axes[:, 2]
         return _WORLD_FROM_FOOT.T @ (position - self.foot_m), _WORLD_FROM_FOOT.T @ axes
 
 
 def scene(settings: RigSettings, length_m: float) -> Scene:
-    """The arm with its flange over the undeformed mechanism, elbow as chosen."""
+    """Place the arm with its flange over the undeformed mechanism and the elbow as chosen."""
     arm = settings.arm
-    position, axes = flange(HOME_RAD)
-    home = solve(position, axes, swivel(HOME_RAD) + arm.elbow_rad, HOME_RAD, arm.joint_margin_rad)
+    position, axes = flange_pose(HOME_RAD)
+    psi = swivel_angle(HOME_RAD) + arm.elbow_rad
+    home = inverse_kinematics(position, axes, psi, HOME_RAD, arm.joint_margin_rad)
     top = np.array([length_m, 0.0, 0.0])
     tool = _WORLD_FROM_FOOT @ (position + tool_length_m() * axes[:, 2])
     foot: F = top - tool
@@ -59,7 +59,7 @@ def scene(settings: RigSettings, length_m: float) -> Scene:
     place = " ".join(f"{x:.17g}" for x in foot)
     stop = ""
     if arm.stop_m > 0.0:
-        # A wall whose face stands stop_m beside the rim of the target plate.
+        # A wall at the distance stop_m from the rim of the target plate.
         face = _RIM_M + arm.stop_m
         stop = (
             f'    <geom name="stop" class="touch" type="box" size="0.03 0.01 0.06" '

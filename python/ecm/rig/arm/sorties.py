@@ -1,50 +1,102 @@
-"""The planned timeline as sorties of the arm, and what time they take against the plan."""
+"""Sorties: motions from home to one or more poses and back, as planned and as carried out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.arm.procedure import Stop
-from ecm.rig.arm.timing import duration_s
+from ecm.rig.arm.timing import duration_s, motion_s
 from ecm.rig.plan import rest_pose
 from ecm.rig.settings import Procedure
-from ecm.rig.timeline import POSE, Visit
+from ecm.rig.visits import POSE, Visit
 
 _SETTLE_S = 0.35
 _AT_HOME_S = 0.4
 
 
 @dataclass(frozen=True)
-class Tour:
-    """The stops of one sortie, and when the plan lets it begin and end."""
+class Stop:
+    """A pose at which readings are taken."""
+
+    visit: int
+    """Index in the planned timeline."""
+    goal: F
+    """Commanded pose (6,), calibration error of the arm included."""
+    via: tuple[F, ...]
+    """Poses to pass on the way."""
+    dwell_s: float
+    window_s: float
+    depart_s: float = 0.0
+    """Planned time at which the sortie leaves home."""
+
+
+@dataclass(frozen=True)
+class PlannedSortie:
+    """The stops of one sortie, and when it leaves home and returns by the plan."""
 
     stops: tuple[Stop, ...]
     depart_s: float
     home_s: float
 
 
-def tours(visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float) -> list[Tour]:
-    """Groups the pose visits of a timeline into sorties.
+@dataclass
+class StopResult:
+    """What happened at a stop; poses are the true ones, times count from the sortie's start."""
 
-    Parameters
-    ----------
-    goals
-        (N, 6) poses as the arm is told to reach them, one per visit.
-    """
+    visit: int
+    reason: str = ""
+    """Why it was skipped; empty if it was reached."""
+    from_home: bool = True
+    """Whether the last leg began at home."""
+    reached: F = field(default_factory=lambda: np.zeros(6))
+    """Mean pose over the reading window."""
+    after_impedance: F = field(default_factory=lambda: np.zeros(6))
+    reading_s: float = 0.0
+    """Middle of the reading window."""
+    travel_s: float = 0.0
+    rest_s: float = 0.0
+    joints_rad: F = field(default_factory=lambda: np.zeros(7))
+    directions: F = field(default_factory=lambda: np.zeros(7))
+    """Sign of the last motion of each joint."""
+    trace_s: F = field(default_factory=lambda: np.zeros(0))
+    trace: F = field(default_factory=lambda: np.zeros((0, 6)))
+    """Poses since the previous stop, every tenth step."""
+    phases: list[tuple[str, float, float]] = field(default_factory=list)
+    """Name, begin and end in s."""
+
+
+@dataclass(frozen=True)
+class SortieResult:
+    """All stops of a sortie, and the phases and trace of the return to home."""
+
+    stops: tuple[StopResult, ...]
+    duration_s: float
+    home: StopResult
+
+
+def full_trace(sortie: SortieResult) -> tuple[F, F]:
+    """Times (n,) and poses (n, 6) of a sortie with one stop, from home and back."""
+    parts = (sortie.stops[0], sortie.home)
+    return np.concatenate([p.trace_s for p in parts]), np.concatenate([p.trace for p in parts])
+
+
+def plan_sorties(
+    visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: float
+) -> list[PlannedSortie]:
+    """Group the pose visits of a timeline into sorties; `goals` (N, 6) has one row per visit."""
     rest = rest_pose(length_m)
-    found: list[Tour] = []
-    open_stops: list[Stop] = []
+    sorties: list[PlannedSortie] = []
+    stops: list[Stop] = []
     depart = last = 0.0
 
     def close() -> None:
-        if open_stops:
-            found.append(Tour(tuple(open_stops), depart, last))
-            open_stops.clear()
+        if stops:
+            sorties.append(PlannedSortie(tuple(stops), depart, last))
+            stops.clear()
 
     for i, visit in enumerate(visits):
         if visit.kind != POSE:
@@ -55,20 +107,20 @@ def tours(visits: Sequence[Visit], goals: F, procedure: Procedure, length_m: flo
         if at_home:
             close()
             points = points[at_home[-1] :]
-        legs = sum(_leg(a, b, procedure) for a, b in pairwise(points))
+        legs = sum(_leg_s(a, b, procedure) for a, b in pairwise(points))
         if at_home:
             depart = visit.time_s - 0.5 * visit.window_s - visit.dwell_s - legs
         via = tuple(points[1:-1])
-        open_stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart))
-        last = visit.time_s + 0.5 * visit.window_s + _leg(visit.pose, rest, procedure)
+        stops.append(Stop(i, goals[i], via, visit.dwell_s, visit.window_s, depart))
+        last = visit.time_s + 0.5 * visit.window_s + _leg_s(visit.pose, rest, procedure)
     close()
-    return found
+    return sorties
 
 
 def extra_s(visit: Visit, procedure: Procedure) -> float:
-    """What the arm needs beyond the timeline, by experience: settling and the position phase.
+    """Estimated time that the arm needs beyond the timeline, for settling and exact positioning.
 
-    Impedance control leaves about a quarter of the way; the way home repeats every motion.
+    Impedance control leaves about a quarter of the distance; the return repeats every motion.
     """
     if visit.kind != POSE:
         return 0.0
@@ -76,10 +128,6 @@ def extra_s(visit: Visit, procedure: Procedure) -> float:
     return 2.0 * (_SETTLE_S + duration_s(left, procedure.speed_m_s)) + _AT_HOME_S
 
 
-def _leg(start: F, end: F, procedure: Procedure) -> float:
-    """As the timeline plans it."""
-    way = end - start
-    return max(
-        duration_s(float(np.linalg.norm(way[:3])), procedure.speed_m_s),
-        duration_s(float(np.linalg.norm(way[3:])), procedure.speed_rad_s),
-    )
+def _leg_s(start: F, end: F, procedure: Procedure) -> float:
+    """Duration of a leg in the planned timeline."""
+    return motion_s(end[:3] - start[:3], float(np.linalg.norm((end - start)[3:])), procedure)

@@ -5,15 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.rig.settings import Procedure
 
 
 def duration_s(distance: float, peak_speed: float) -> float:
-    """Time for a distance whose peak speed is given: 3/2 distance/speed."""
+    """Time for a distance (m or rad) with a peak speed (m/s or rad/s): 3/2 distance/speed."""
     return 1.5 * distance / peak_speed
 
 
-def progress(duration: float, step_s: float) -> tuple[F, F]:
-    """Share of the way (n,) and its rate (n,) in 1/s at steps 1..n; the last one is 1 exactly."""
+def motion_s(shift_m: F, angle_rad: float, procedure: Procedure) -> float:
+    """Time for a shift (3,) and a rotation at the speeds of the rig's settings."""
+    return max(
+        duration_s(float(np.linalg.norm(shift_m)), procedure.speed_m_s),
+        duration_s(float(angle_rad), procedure.speed_rad_s),
+    )
+
+
+def cubic_profile(duration: float, step_s: float) -> tuple[F, F]:
+    """Share of the motion (n,) and its rate (n,) in 1/s at steps 1..n; the last share is 1."""
     count = max(1, int(np.ceil(duration / step_s)))
     u = np.arange(1, count + 1) / count
     rate: F = 6.0 * u * (1.0 - u) / (count * step_s)

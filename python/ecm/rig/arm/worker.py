@@ -1,7 +1,7 @@
-"""Sorties in other processes: `python -m ecm.rig.arm.worker` reads tasks and writes outcomes.
+"""Sorties in other processes, which read sorties and write results.
 
 A sortie begins and ends at home at rest, so none depends on another: any number of processes gives
-the same numbers. A worker ends when its input does, also when the campaign is killed.
+the same numbers. A worker ends with its input, also if the campaign is killed.
 """
 
 from __future__ import annotations
@@ -12,72 +12,72 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
 
 from ecm.errors import ComputationError
-from ecm.rig.arm.mechanism import Surrogate
-from ecm.rig.arm.procedure import Frame, Machine, Sortie, Stop
-from ecm.rig.arm.surroundings import Effects
+from ecm.rig.arm.non_elastic import HiddenPhysics
+from ecm.rig.arm.procedure import OnFrame, SimulatedArm
+from ecm.rig.arm.sorties import SortieResult, Stop
+from ecm.rig.arm.surrogate import Surrogate
 from ecm.rig.settings import RigSettings
 
 
 @dataclass(frozen=True)
-class Job:
-    """All that a machine is built from."""
+class ArmSetup:
+    """Everything that a simulated arm is built from; can be sent to another process."""
 
     settings: RigSettings
     surrogate: Surrogate
     library: Path
-    effects: Effects | None = None
+    hidden: HiddenPhysics | None = None
 
-    def machine(self, frame: Frame = None) -> Machine:
-        """A machine of this process."""
-        around = None
-        if self.effects is not None:
-            around = self.effects.around(self.settings, self.surrogate)
-        return Machine(
+    def build(self, on_frame: OnFrame = None) -> SimulatedArm:
+        """Build the arm in this process."""
+        hidden = self.hidden
+        return SimulatedArm(
             self.settings,
             self.surrogate.length_m,
             self.surrogate.model().predict,
             self.library,
-            frame=frame,
-            around=around,
+            on_frame=on_frame,
+            non_elastic=hidden.wrench(self.settings, self.surrogate) if hidden else None,
         )
 
 
-Drive = Callable[[Job, Sequence[Sequence[Stop]], int], AbstractContextManager[Iterator[Sortie]]]
-"""How `sorties` is called; a benchmark passes one that keeps what it has driven."""
+RunSorties = Callable[
+    [ArmSetup, Sequence[Sequence[Stop]], int], AbstractContextManager[Iterator[SortieResult]]
+]
+"""Type of `run_sorties`; a benchmark passes one that reuses the results of another campaign."""
 
 
 class _Worker:
-    def __init__(self, job: Job) -> None:
+    def __init__(self, setup: ArmSetup) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "ecm.rig.arm.worker"],
+            [sys.executable, "-c", "from ecm.rig.arm.worker import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
         self._in = cast("IO[bytes]", self._process.stdin)
         self._out = cast("IO[bytes]", self._process.stdout)
-        self._send(job)
+        self._send(setup)
 
-    def _send(self, thing: object) -> None:
-        pickle.dump(thing, self._in)
+    def _send(self, value: object) -> None:
+        pickle.dump(value, self._in)
         self._in.flush()
 
-    def sortie(self, stops: Sequence[Stop]) -> Sortie:
+    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
         try:
             self._send(tuple(stops))
-            result = pickle.load(self._out)
+            return cast("SortieResult", pickle.load(self._out))
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
                 "a process that simulates the arm ended before its answer; all finished poses are "
-                "kept. Run the same command again, with [rig] processes = 1 if it stays so"
+                "kept. Run the same command again, with [rig] processes = 1 if it happens again"
             ) from None
-        return cast("Sortie", result)
 
     def close(self) -> None:
         self._process.kill()
@@ -87,20 +87,20 @@ class _Worker:
 
 
 @contextmanager
-def sorties(
-    job: Job, tasks: Sequence[Sequence[Stop]], processes: int
-) -> Iterator[Iterator[Sortie]]:
-    """The sorties in order, simulated side by side."""
+def run_sorties(
+    setup: ArmSetup, tasks: Sequence[Sequence[Stop]], processes: int
+) -> Iterator[Iterator[SortieResult]]:
+    """Yield an iterator over the results of sorties, in order; they are simulated in parallel."""
     if processes <= 1 or len(tasks) < 2:
-        machine = job.machine() if tasks else None
-        yield (machine.sortie(task) for task in tasks if machine is not None)
+        arm = setup.build() if tasks else None
+        yield (arm.sortie(task) for task in tasks if arm is not None)
         return
-    workers = [_Worker(job) for _ in range(min(processes, len(tasks)))]
+    workers = [_Worker(setup) for _ in range(min(processes, len(tasks)))]
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
     for worker in workers:
         free.put(worker)
 
-    def run(task: Sequence[Stop]) -> Sortie:
+    def run(task: Sequence[Stop]) -> SortieResult:
         worker = free.get()
         try:
             return worker.sortie(task)
@@ -108,30 +108,25 @@ def sorties(
             free.put(worker)
 
     pool = ThreadPoolExecutor(len(workers))
-    waiting: list[Future[Sortie]] = [pool.submit(run, task) for task in tasks]
     try:
-        yield (future.result() for future in waiting)
+        yield pool.map(run, tasks)
     finally:
-        for future in waiting:
-            future.cancel()
+        pool.shutdown(wait=False, cancel_futures=True)
         for worker in workers:
             worker.close()
         pool.shutdown()
 
 
-def _serve() -> None:
-    # Ctrl-C goes to the whole group; the campaign decides and closes the input.
+def serve() -> None:
+    """Read a setup and sorties from standard input, write results to standard output."""
+    # Ctrl-C goes to the whole process group; the campaign decides and closes the input.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     source, sink = sys.stdin.buffer, sys.stdout.buffer
-    machine = cast("Job", pickle.load(source)).machine()
+    arm = cast("ArmSetup", pickle.load(source)).build()
     while True:
         try:
             task = pickle.load(source)
         except EOFError:
             return
-        pickle.dump(machine.sortie(task), sink)
+        pickle.dump(arm.sortie(task), sink)
         sink.flush()
-
-
-if __name__ == "__main__":
-    _serve()

@@ -1,8 +1,7 @@
-"""How far a path leaves the known workspace.
+"""How far a path leaves the known workspace: the straight lines from the rest pose to each pose.
 
-Known are the ways that the paper's procedure drives: straight from the rest pose to each pose of
-the plan. A point's distance to them is the smallest of |M^(1/2)(p - s)|, M = diag(1, 1, 1, L^2,
-L^2, L^2), over all points s of all these ways.
+The distance of a pose p to these lines is the smallest of |M^(1/2)(p - s)|, with
+M = diag(1, 1, 1, L^2, L^2, L^2), over all points s of all lines.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ from ecm.io.arrays import F
 
 
 def distance_m(path: F, poses: F, rest: F, length_m: float) -> F:
-    """(n,) distance of each point of a path (n, 6) from the ways to (N, 6) poses."""
+    """(n,) distance of each pose of a path (n, 6) from the lines to (N, 6) poses, m."""
     metric = np.array([1.0, 1.0, 1.0, length_m, length_m, length_m])
-    ways = (poses - rest) * metric
+    lines = (poses - rest) * metric
     points = (path - rest) * metric
-    square = np.maximum((ways**2).sum(axis=1), 1e-18)
-    share = np.clip(points @ ways.T / square, 0.0, 1.0)
-    away = points[:, None, :] - share[:, :, None] * ways[None, :, :]
-    nearest: F = np.sqrt((away**2).sum(axis=2).min(axis=1))
+    square = np.maximum((lines**2).sum(axis=1), 1e-18)
+    share = np.clip(points @ lines.T / square, 0.0, 1.0)
+    gaps = points[:, None, :] - share[:, :, None] * lines[None, :, :]
+    nearest: F = np.sqrt((gaps**2).sum(axis=2).min(axis=1))
     return nearest

@@ -14,8 +14,9 @@ from ecm.io.arrays import F
 from ecm.rig.calibration.frame_fit import FrameFit
 from ecm.rig.calibration.sensor_frame import sensor_frame
 from ecm.rig.calibration.target_frame import target_frame
+from ecm.rig.camera import Camera
+from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
-from ecm.rig.instruments import Camera, ForceTorqueSensor
 from ecm.rig.settings import Instruments
 from ecm.rig.streams import stream
 

@@ -1,4 +1,4 @@
-"""Hides an effect in a plant: its shape is drawn, its size found from the wanted strength."""
+"""Injects an effect into a plant: its shape is drawn, its size follows from the wanted strength."""
 
 from __future__ import annotations
 
@@ -10,20 +10,17 @@ import numpy as np
 from ecm.io.arrays import F
 from ecm.rig.frames import rotation, transpose, turn_wrench
 from ecm.rig.hidden.calibrate import CannotHide, Whitener, calibrate
-from ecm.rig.hidden.draw import MOVING, Scale, draw, put
-from ecm.rig.hidden.limits import LARGEST, check_size
+from ecm.rig.hidden.limits import check_size
 from ecm.rig.hidden.spec import Hidden
 from ecm.rig.measurement import residual, row_covariance
-from ecm.rig.physics import Physics
+from ecm.rig.physics import TRUE_EFFECTS, Physics, TrueEffect
+from ecm.rig.physics.true_effect import RigScale
 from ecm.rig.plan import rest_pose
-from ecm.rig.plant import REST_ANCHOR, Plant, Visits
+from ecm.rig.plant import Plant
 from ecm.rig.raw_stream import RawStream
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
-from ecm.rig.timeline import POSE
-
-PLAY = "fts_hysteresis"
-"""Remembers the wrenches that were passed, not only the poses."""
+from ecm.rig.visits import Visits
 
 
 @dataclass(frozen=True)
@@ -31,11 +28,13 @@ class RigState:
     """A plant with its visits, before something is hidden in it."""
 
     plant: Plant
-    course: Visits
+    visits: Visits
     physics: Physics
     offset: F
     """Constant zero of the sensor, (6,) in sensor axes."""
     settings: RigSettings
+    duration_s: float
+    """How long the campaign takes."""
     base_columns: Callable[[F], F] | None = None
     """(N, 6) poses to the (N, 6, k) change of the wrench per base parameter; None: E alone."""
     raw: RawStream | None = None
@@ -43,7 +42,38 @@ class RigState:
 
     def residual(self, physics: Physics) -> F:
         """What a measurement without noise has beyond the elastic map, (N, 6)."""
-        return residual(self.plant, self.course, physics, self.offset, self.settings)
+        return residual(self.plant, self.visits, physics, self.offset, self.settings)
+
+    def scale(self) -> RigScale:
+        """What a draw and a largest size need to know of this rig."""
+        plant, visits, rows = self.plant, self.visits, self.visits.at_poses
+        reached = visits.reached[rows]
+        h = plant.elastic.wrench(visits.anchor[rows], reached)
+        moved = reached - rest_pose(plant.length_m)
+        turn = rotation(reached[:, 3:])
+        in_sensor = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
+        metric = np.repeat([1.0, plant.length_m], 3)
+        return RigScale(
+            length_m=plant.length_m,
+            duration_s=self.duration_s,
+            mean_temperature_degC=float(visits.temperature_degC[rows].mean()),
+            mean_sensor_degC=float(visits.sensor_temperature_degC[rows].mean()),
+            energy_J=float(np.mean(0.5 * np.abs(np.sum(h * moved, axis=1)))),
+            tilts_rad=tuple(np.sort(np.arccos(np.clip(turn[:, 0, 0], -1.0, 1.0))).tolist()),
+            far_m=float(np.median(np.linalg.norm(moved * metric, axis=1))),
+            loads=tuple(np.abs(in_sensor).max(axis=0).tolist()),
+            ranges=self.settings.instrument.fts_range,
+            rest_stiffness=tuple(np.diag(plant.elastic.rest_stiffness).tolist()),
+        )
+
+    def whitener(self) -> Whitener:
+        """Whitens rows of poses and takes out what the base absorbs."""
+        rows = self.visits.at_poses
+        reached = self.visits.reached[rows]
+        base = self.plant.elastic.wrench(self.visits.anchor[rows], reached)[:, :, None]
+        if self.base_columns is not None:
+            base = np.concatenate([base, self.base_columns(reached)], axis=2)
+        return Whitener(row_covariance(self.plant, self.visits, self.settings), base)
 
 
 @dataclass(frozen=True)
@@ -52,86 +82,70 @@ class InjectedEffect:
 
     effect: str
     strength: float
-    name: str
-    """Field of `Physics`."""
-    size: float
+    truth: TrueEffect
+
+    @property
+    def size(self) -> float:
+        """Size of the true effect in its unit."""
+        return self.truth.size
+
+    def sealed(self) -> dict[str, object]:
+        """Its entry in the sealed file."""
+        return {
+            "id": self.effect,
+            "s": self.strength,
+            "size": self.truth.size,
+            "physics": self.truth.name,
+            "parameters": self.truth.parameters(),
+        }
 
 
-def inject(
-    hide: Hidden, world: RigState, duration_s: float, seed: int
-) -> tuple[Physics, InjectedEffect]:
-    """The physics with the effect in it, and what it is.
+def inject(hide: Hidden, rig: RigState, seed: int) -> InjectedEffect:
+    """The effect that is to be hidden, at the size that gives the wanted strength.
 
-    A hidden warm-up of the sensor takes the place of the rig's own; every other truth is added.
+    Put into the physics, a hidden warm-up of the sensor takes the place of the rig's own; every
+    other effect is added.
 
     Raises
     ------
     CannotHide
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
-    course, plant = world.course, world.plant
-    if hide.effect == PLAY and world.settings.rig.mode == "robot" and plant.elastic.smooth is None:
+    kind = TRUE_EFFECTS[hide.effect]
+    wish = f"--hide {hide.effect}={hide.strength:g}"
+    arm = rig.settings.rig.mode == "robot"
+    if kind.follows_the_way and arm and rig.plant.elastic.smooth is None:
         raise CannotHide(
-            f"--hide {hide.effect}={hide.strength:g}: the arm's own way leads between the solved "
+            f"{wish}: the arm's own way leads between the solved "
             "poses, and this plan has too few of them for a smooth map. Plan 20 or more, or set "
             '[rig] mode = "quasi_static"'
         )
-    raw = _raw(hide, world) if hide.effect in MOVING else None
-    rows = np.asarray([v.kind == POSE for v in course.visits])
-    h = plant.elastic.wrench(course.anchor[rows], course.reached[rows])
-    moved = course.reached[rows] - rest_pose(plant.length_m)
-    turn = rotation(course.reached[rows][:, 3:])
-    metric = np.repeat([1.0, plant.length_m], 3)
-    felt = turn_wrench(transpose(turn), h) @ np.linalg.inv(plant.top_from_sensor).T
-    scale = Scale(
-        tilts_rad=tuple(np.sort(np.arccos(np.clip(turn[:, 0, 0], -1.0, 1.0))).tolist()),
-        far_m=float(np.median(np.linalg.norm(moved * metric, axis=1))),
-        loads=tuple(np.abs(felt).max(axis=0).tolist()),
-        ranges=world.settings.instrument.fts_range,
-        rest_stiffness=tuple(np.diag(plant.elastic.anchors.stiffness[REST_ANCHOR]).tolist()),
-        length_m=plant.length_m,
-        duration_s=duration_s,
-        mean_temperature_degC=float(course.temperature_degC[rows].mean()),
-        mean_sensor_degC=float(course.sensor_temperature_degC[rows].mean()),
-        energy_J=float(np.mean(0.5 * np.abs(np.sum(h * moved, axis=1)))),
-    )
-    name, first = draw(hide.effect, stream(seed, "hidden shape", hide.effect), scale)
-    if hide.shape:
-        known = first.with_parameters(dict(hide.shape)).afterwards()
-        return put(world.physics, name, known), InjectedEffect(
-            hide.effect, hide.strength, name, known.size
+    if kind.only_in_motion and rig.raw is None:
+        raise CannotHide(
+            f"{wish}: it acts only while the arm moves, and this "
+            "rig keeps readings at rest alone. Set [rig] stream_Hz (5, say), which writes the raw "
+            "stream"
         )
-    if raw is not None:
-        whitener = Whitener(raw.covariance(), raw.elastic_wrench()[:, :, None])
-        left = raw.residual
-    else:
-        free = h[:, :, None]
-        if world.base_columns is not None:
-            free = np.concatenate([free, world.base_columns(course.reached[rows])], axis=2)
-        whitener = Whitener(row_covariance(plant, course, world.settings), free)
-        left = world.residual
-    plain = left(world.physics)
+    scale = rig.scale()
+    first = kind.draw(stream(seed, "hidden shape", hide.effect), scale)
+    if hide.shape:
+        truth = first.with_parameters(dict(hide.shape)).afterwards()
+        return InjectedEffect(hide.effect, hide.strength, truth)
+    raw = rig.raw if kind.only_in_motion else None
+    whitener, residual_of = (
+        (rig.whitener(), rig.residual) if raw is None else (raw.whitener(), raw.residual)
+    )
+    plain = residual_of(rig.physics)
 
     def effect(size: float) -> F:
-        return left(put(world.physics, name, first.resized(size))) - plain
+        return residual_of(rig.physics.put(first.resized(size))) - plain
 
     try:
         size = calibrate(effect, whitener, first.size, hide.strength)
     except CannotHide as error:
-        more = "" if raw is None else f" More shows it: {LARGEST[hide.effect][1]}"
-        raise CannotHide(f"--hide {hide.effect}={hide.strength:g}: {error}{more}") from None
+        more = "" if raw is None else f" More shows it: {kind.limit.remedy}"
+        raise CannotHide(f"{wish}: {error}{more}") from None
+    truth = first.resized(size)
     if hide.plausible:
-        check_size(hide.effect, hide.strength, size, first.unit, scale)
-    physics = put(world.physics, name, first.resized(size))
-    return physics, InjectedEffect(hide.effect, hide.strength, name, size)
-
-
-def _raw(hide: Hidden, world: RigState) -> RawStream:
-    """The stream that shows what acts in motion alone."""
-    if world.raw is None:
-        raise CannotHide(
-            f"--hide {hide.effect}={hide.strength:g}: it acts only while the arm moves, and this "
-            "rig keeps readings at rest alone. Set [rig] stream_Hz (5, say), which writes the raw "
-            "stream"
-        )
-    return world.raw
+        check_size(truth, hide.strength, size, scale)
+    return InjectedEffect(hide.effect, hide.strength, truth)

@@ -8,8 +8,9 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.toml import did_you_mean
-from ecm.rig.hidden.draw import DRAWS, MOVING, Random
 from ecm.rig.hidden.truth import reveal
+from ecm.rig.physics import TRUE_EFFECTS
+from ecm.rig.physics.true_effect import Random
 
 RANDOM_STRENGTHS = (0.5, 1.0, 3.0)
 """`--hide random` takes one of these."""
@@ -68,11 +69,10 @@ class Hidden:
     def _one(text: str) -> Hidden:
         name, equals, rest = text.strip().partition("=")
         name = name.strip()
-        known = {**DRAWS, **MOVING}
-        if name not in (*known, "random", NOTHING):
+        if name not in (*TRUE_EFFECTS, "random", NOTHING):
             raise InputError(
                 f"--hide {text}: the plant has no effect '{name}', "
-                f"{did_you_mean(name, ('random', NOTHING, *sorted(known)))}"
+                f"{did_you_mean(name, ('random', NOTHING, *sorted(TRUE_EFFECTS)))}"
             )
         if not equals:
             return Hidden(name, 0.0 if name in ("random", NOTHING) else 1.0, plausible=True)
@@ -103,12 +103,15 @@ class Hidden:
         """
         if self.effect != "random":
             return self
-        known = {*DRAWS, *(MOVING if streamed else ())}
-        left = sorted(known - set(taken) - set(impossible))
+        possible = {
+            name for name, kind in TRUE_EFFECTS.items() if streamed or not kind.only_in_motion
+        }
+        possible -= set(taken)
+        left = sorted(possible - set(impossible))
         if not left:
             wish = f"random={self.strength:g}" if self.strength else "random"
             raise InputError(
-                f"--hide {wish}: this plan can show none of {len(known - set(taken))} effects at "
+                f"--hide {wish}: this plan can show none of {len(possible)} effects at "
                 f"{f's = {self.strength:g}' if self.strength else 'the strengths drawn'}: each "
                 "leaves no trace beside the modulus, or only at a size that nothing real has. "
                 "Hide a weaker one (`random=0.5`), name one (`--hide EFFECT=S` says what hinders "

@@ -1,0 +1,99 @@
+"""Stages classify and verdict: which names stand alone, and the headline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ecm.diagnosis.accept import Accepted
+from ecm.diagnosis.confusion import widened_class
+from ecm.diagnosis.gate import Gate, Leftover, residual_after
+from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.models.physics.map import PhysicsMap
+
+Headline = Literal["none", "named", "ambiguous", "unknown"]
+Describe = Callable[..., Unknown]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The headline, and what it rests on."""
+
+    headline: Headline
+    accepted: Accepted
+    """Effects that count: none of them where the stated body is wrong."""
+    unknown: Unknown | None
+    """What is left without a name."""
+
+
+def classify(problem: Problem, accepted: Accepted, left: Leftover) -> Accepted:
+    """Widen the class of each effect where its form is in doubt, or several effects are named.
+
+    Two names that stand in for a third leave little: each needs its rivals far away.
+    """
+    settings = problem.settings
+    if left.remains or modulus_warning(problem) or is_noisy(problem):
+        return accepted
+    doubtful = left.share > settings.doubtful_share and left.p < settings.doubtful_p
+    if not doubtful and len(accepted.effects) < 2:
+        return accepted
+    near = settings.near_share_in_doubt if doubtful else settings.near_share
+    classes = tuple(
+        tuple(widened_class(problem, accepted.effects, item, members, near))
+        for item, members in zip(accepted.effects, accepted.classes, strict=True)
+    )
+    return replace(accepted, classes=classes)
+
+
+def verdict(
+    problem: Problem,
+    gate: Gate,
+    accepted: Accepted,
+    left: Leftover,
+    *,
+    describe: Describe = describe_residual,
+) -> Verdict:
+    """Give the headline.
+
+    Parameters
+    ----------
+    describe
+        Function that puts what is left into words.
+    """
+    strange = modulus_warning(problem)
+    if strange:
+        unknown = describe(problem, problem.response, (), gate.structure)
+        nothing = Accepted(checks=accepted.checks)
+        return Verdict("unknown", nothing, replace(unknown, words=strange))
+    noisy = is_noisy(problem)
+    if accepted.effects and not left.remains and not noisy:
+        single = all(len(members) == 1 for members in accepted.classes)
+        return Verdict("named" if single else "ambiguous", accepted, None)
+    if not accepted.effects and not (left.remains and gate.rejected):
+        return Verdict("none", accepted, None)
+    residual = residual_after(problem, accepted.effects)
+    unknown = describe(problem, residual, accepted.effects, gate.structure)
+    if noisy:
+        far = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
+        unknown = replace(unknown, words=f"{far}; {unknown.words}")
+    return Verdict("unknown", accepted, unknown)
+
+
+def is_noisy(problem: Problem) -> bool:
+    """Whether what no column explains is too large for noise, so that nothing can be named."""
+    return problem.scale > problem.settings.most_scale(problem.noise.source)
+
+
+def modulus_warning(problem: Problem) -> str:
+    """Return what is wrong with the factor on E of a physics base; empty where it may be true."""
+    if not isinstance(problem.base, PhysicsMap):
+        return ""
+    factor, most = problem.base.factor, problem.settings.most_modulus_factor
+    if 1.0 / most < factor < most:
+        return ""
+    guess = "a sign" if factor < 0.0 else "a unit"
+    return f"the wrench is {factor:.3g} times that of the stated body: {guess} is likely wrong"

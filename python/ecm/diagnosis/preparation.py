@@ -1,0 +1,89 @@
+"""What is diagnosed: the rows of a table that count, and the effects that are tested on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ecm.effects import Effect, Missing, Rows, all_effects, get_effect
+from ecm.errors import InputError
+from ecm.io.arrays import I
+from ecm.regression.folds import distinct_rows, rows_without_zero_readings
+from ecm.regression.sensor_zero import zero_times
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.model import Model
+
+_LEAST_ROWS = 8
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Rows and effects of one diagnosis."""
+
+    table: Table
+    """Distinct rows, readings of the sensor's zero left out."""
+    unexplained: Table
+    """The same without what the effects of the model explain already."""
+    rows: I
+    """(N,) their places in the table that was given."""
+    copies: int
+    """Rows left out because they repeat an earlier one."""
+    effects: tuple[Effect, ...]
+    """Effects to test."""
+    carried: dict[str, Missing]
+    """Effects that the model has already."""
+
+
+def prepare(model: Model, table: Table, effects: Sequence[str | Effect] | None = None) -> Prepared:
+    """Select the rows and the effects of a diagnosis.
+
+    Parameters
+    ----------
+    effects
+        Ids or effects; default: all that are registered.
+
+    Raises
+    ------
+    InputError
+        If fewer than 8 rows are measured, or an id is unknown.
+    """
+    if len(table.measured()) < _LEAST_ROWS:
+        raise InputError(
+            f"{table.source}: {len(table.measured())} measured rows; a diagnosis needs at least "
+            f"{_LEAST_ROWS}"
+        )
+    table = table.with_length(model.base.length_m or model.length_m)
+    rows = rows_without_zero_readings(table)
+    distinct = distinct_rows(table.select(rows))
+    copies, rows = len(rows) - len(distinct), rows[distinct]
+    table = replace(table.select(rows), zeros_s=zero_times(table))
+    given = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
+    of_model = {item.id for item in model.effects}
+    why = Missing("the model holds it already", "refit without it first")
+    return Prepared(
+        table=table,
+        unexplained=_without_effects(model, table),
+        rows=rows,
+        copies=copies,
+        effects=tuple(effect for effect in given if effect.id not in of_model),
+        carried={effect.id: why for effect in given if effect.id in of_model},
+    )
+
+
+def _without_effects(model: Model, table: Table) -> Table:
+    """Return the table without what the model's effects explain."""
+    if not model.effects:
+        return table
+    rows = Rows(table, model.base)
+    correction = sum(item.effect.correction(rows, item.values) for item in model.effects)
+    return table.with_columns(
+        {
+            name: table.column(name) - np.asarray(correction)[:, j]
+            for j, name in enumerate(model.outputs)
+        }
+    )

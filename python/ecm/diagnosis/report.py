@@ -1,0 +1,207 @@
+"""The report of a decision: sizes, limits, errors, warnings and the next experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import optimize, special
+
+from ecm.comparison.covariates import confounded_with_order, derived_columns
+from ecm.comparison.run_outliers import run_outliers
+from ecm.comparison.signature import signature_shares
+from ecm.diagnosis.check import NotTestable, never_excited
+from ecm.diagnosis.classify import modulus_warning
+from ecm.diagnosis.confusion import confusable_pairs
+from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.detection_limits import detection_limits
+from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
+from ecm.diagnosis.next_experiment import next_experiments
+from ecm.diagnosis.noise_effects import tested_noise
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.refinement import refinements
+from ecm.diagnosis.result import (
+    BaseSummary,
+    ComponentErrors,
+    Diagnosis,
+    HeldOut,
+    NoiseSummary,
+    RankedEffect,
+    RunError,
+)
+from ecm.diagnosis.search import Ranked, estimate
+from ecm.models.history import Ceiling, ceiling_rms
+from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.model import Model
+from ecm.regression.f_test import FTest
+from ecm.regression.folds import held_out_by
+
+
+def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
+    """Work out the sizes, limits, errors and experiments of a decision.
+
+    Parameters
+    ----------
+    model
+        The model that was diagnosed; gives the errors before.
+    seed
+        Seed that the decision was made with.
+    """
+    problem, prepared = decision.problem, decision.prepared
+    accepted = decision.accepted.effects
+    final = joint_fit(
+        problem.base,
+        [item.effect for item in accepted],
+        problem.table,
+        problem.noise,
+        row_weights=problem.weights,
+    )
+    ceiling = ceiling_rms(problem.fit, problem.table, problem.noise)
+    tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
+    return Diagnosis(
+        seed=seed,
+        base=BaseSummary(problem.base.kind, problem.base_error),
+        noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
+        gate=decision.gate,
+        verdict=decision.verdict,
+        effects=final.effects,
+        answer=decision.answer,
+        ranking=tuple(_ranked(problem, item) for item in decision.ranking),
+        checks=decision.accepted.checks,
+        confusable=tuple(confusable_pairs(problem)),
+        not_testable=tuple(
+            NotTestable(id, lacking.reason, lacking.record)
+            for id, lacking in decision.not_testable.items()
+        ),
+        detection_limits=detection_limits(problem),
+        unknown=decision.unknown,
+        rmse=_component_errors(model, decision, final, ceiling),
+        held_out=_held_out(problem, accepted, ceiling),
+        signature=signature_shares(
+            problem.rows, problem.response, problem.whitener, problem.weights, problem.scale
+        ),
+        next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
+        outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
+        upper_bound=upper_bound(decision.gate.smooth, problem.size),
+        left_over=decision.left,
+        refinements=refinements(problem, accepted),
+        warnings=(*_warnings(problem, prepared.copies), *decision.warnings),
+    )
+
+
+def upper_bound(test: FTest, size: int) -> float:
+    """Return the 95 % bound on the rms strength that a test leaves possible.
+
+    At least the bound of an F as noise alone gives on the average: a small F is chance, and would
+    rule out a strength that the test cannot see.
+
+    Parameters
+    ----------
+    size
+        Rows times components.
+    """
+    if not np.isfinite(test.F) or test.dof_error <= 2.0:
+        return float("inf")
+    squares = max(test.F, test.dof_error / (test.dof_error - 2.0)) * test.dof
+
+    def chance(value: float) -> float:
+        # Not a number far out, where the chance is 0.
+        return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
+
+    bound = optimize.bisect(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
+    return float(np.sqrt(bound / size))
+
+
+def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
+    """Return one line of the ranking; the best determined parameter stands for the size."""
+    candidate = item.candidate
+    fit = estimate(problem, [candidate])
+    theta = fit.of(candidate)
+    at = [fit.columns.index(c) for c in candidate.columns]
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))[at]
+    best = int(np.argmax(np.abs(theta) / sd))
+    parameter, norm = candidate.effect.parameters[best], problem.norms[candidate.columns[best]]
+    n = problem.size
+    _, _, total = problem.normal.total()
+    now = total / problem.scale
+    return RankedEffect(
+        id=item.id,
+        p=item.p,
+        delta_bic=item.delta_bic,
+        parameter=parameter.name,
+        size=float(theta[best] / norm),
+        sd=float(sd[best] / norm),
+        unit=parameter.unit,
+        expected_fall=float(np.sqrt(now / n) - np.sqrt(max(now - item.drop, 0.0) / n)),
+    )
+
+
+def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling | None) -> HeldOut:
+    """Return the held-out errors, those of a continuous test also run by run."""
+    by_run: tuple[RunError, ...] = ()
+    blocks = problem.settings.held_out == "blocks"
+    if blocks and held_out_by(problem.table, "time") == "run":
+        before = held_out_by_fold(problem, ())
+        after = held_out_by_fold(problem, accepted)
+        runs = np.unique(problem.table.column("run")).astype(int).tolist()
+        by_run = tuple(
+            RunError(run, float(b), float(a)) for run, b, a in zip(runs, before, after, strict=True)
+        )
+    return HeldOut(
+        before=held_out_rms(problem, (), kind_of(accepted)),
+        after=held_out_rms(problem, accepted),
+        ceiling=None if ceiling is None else ceiling.whitened,
+        by_run=by_run,
+    )
+
+
+def _component_errors(
+    model: Model, decision: Decision, final: JointFit, ceiling: Ceiling | None
+) -> ComponentErrors:
+    """Return the errors of the model as given, after the accepted effects, floor and ceiling."""
+    problem, table = decision.problem, decision.prepared.table
+    scored, names = problem.scored, problem.base.outputs
+    measured = np.stack([table.column(name) for name in model.outputs], axis=1)
+    before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
+    after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
+    covariance = problem.noise.covariance(problem.rows, problem.base.error)
+    floor = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
+    reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
+    return ComponentErrors(
+        before=dict(zip(model.outputs, before.tolist(), strict=True)),
+        after=dict(zip(names, after.tolist(), strict=True)),
+        floor=dict(zip(names, floor.tolist(), strict=True)),
+        ceiling=reached,
+    )
+
+
+def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
+    own = (problem.table, problem.base.inputs, problem.base.outputs)
+    warnings = [run.sentence() for run in run_outliers(*own)]
+    if derived := derived_columns(*own):
+        warnings.append(
+            f"not offered as causes, computed from pose and reading: {', '.join(derived)}"
+        )
+    if together := confounded_with_order(*own):
+        warnings.append(
+            f"{' and '.join(together)} and time cannot be separated: rows come in that order"
+        )
+    if silent := never_excited(problem.table):
+        warnings.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
+    if copies:
+        warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
+    if strange := modulus_warning(problem):
+        warnings.append(strange)
+    if problem.noise.source == "assumed":
+        warnings.append("the noise is assumed: record repeats, or give [instrument] figures")
+    if problem.scale > 1.5:
+        warnings.append(
+            f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
+            f"{problem.noise.source}: every p allows for it"
+        )
+    if problem.base_error > 0.15:
+        warnings.append(
+            f"the base's own error is {problem.base_error:.2f} of the noise, above 0.15: "
+            "names are less sure"
+        )
+    return tuple(warnings)

@@ -1,0 +1,206 @@
+"""The result of a diagnosis: it prints, plots, and becomes a report (interfaces.md) or a table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from ecm.diagnosis.accept import AcceptanceCheck
+from ecm.diagnosis.check import NotTestable
+from ecm.diagnosis.classify import Headline
+from ecm.diagnosis.detection_limits import DetectionLimit
+from ecm.diagnosis.gate import Gate, Leftover
+from ecm.diagnosis.next_experiment import Proposal
+from ecm.diagnosis.noise_effects import NoiseFinding
+from ecm.diagnosis.refinement import Refinement
+from ecm.diagnosis.to_json import fields_json, to_json
+from ecm.diagnosis.unexplained import Unknown
+from ecm.io.extras import require
+from ecm.models.joint_fit import FittedEffect
+from ecm.regression.noise import Noise
+
+
+@dataclass(frozen=True)
+class BaseSummary:
+    """The base that effects are named against."""
+
+    kind: str
+    """physics, energy or polynomial."""
+    error_over_noise: float
+    """Whitened rms of its own error."""
+
+
+@dataclass(frozen=True)
+class NoiseSummary:
+    """Noise of the rows, and the effects of the noise."""
+
+    figures: Noise
+    effects: tuple[NoiseFinding, ...]
+    """Effects of the noise that are seen."""
+    tested: tuple[str, ...]
+    """Ids of all that were tested."""
+
+    @property
+    def source(self) -> str:
+        """repeats, declared or assumed."""
+        return self.figures.source
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the part of the report."""
+        found = {"effects": to_json(self.effects), "tested": list(self.tested)}
+        return self.figures.to_dict() | found
+
+
+@dataclass(frozen=True)
+class RankedEffect:
+    """One line of the ranking; the best determined parameter stands for the size."""
+
+    id: str
+    p: float
+    delta_bic: float
+    parameter: str
+    size: float
+    sd: float
+    unit: str
+    expected_fall: float
+    """Expected fall of the error, in noise units."""
+
+
+@dataclass(frozen=True)
+class ComponentErrors:
+    """Root mean square error of each component, in the unit of its column."""
+
+    before: dict[str, float]
+    """Of the model as given."""
+    after: dict[str, float]
+    """With the accepted effects."""
+    floor: dict[str, float]
+    """Of the noise."""
+    ceiling: dict[str, float]
+    """Of the base with a free cubic of the pose, held out; empty where poses are not complete."""
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Held-out error of one run of a continuous test."""
+
+    run: int
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Whitened root mean square on held-out rows."""
+
+    before: float
+    after: float
+    ceiling: float | None = field(default=None, metadata={"optional": True})
+    by_run: tuple[RunError, ...] = field(default=(), metadata={"optional": True})
+    """Of a continuous test, run by run."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is missing, what this rests on, and what cannot be told.
+
+    `print` shows one sentence, `plot` draws the ranking, `to_pandas` gives it as a table, and
+    `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
+    """
+
+    seed: int
+    base: BaseSummary
+    noise: NoiseSummary
+    gate: Gate
+    verdict: Headline
+    effects: tuple[FittedEffect, ...]
+    """The accepted effects, fitted jointly; of a class its best member."""
+    answer: tuple[tuple[str, ...], ...]
+    """One tuple per missing effect: one id when named, the class when ambiguous."""
+    ranking: tuple[RankedEffect, ...]
+    checks: tuple[AcceptanceCheck, ...]
+    confusable: tuple[tuple[str, str], ...]
+    """Pairs that these data cannot tell apart."""
+    not_testable: tuple[NotTestable, ...]
+    detection_limits: dict[str, DetectionLimit]
+    unknown: Unknown | None
+    rmse: ComponentErrors
+    held_out: HeldOut
+    signature: dict[str, float]
+    """Share of the residual by the look of it: proportional to the wrench, even, ..."""
+    next_experiment: tuple[Proposal, ...]
+    outliers: tuple[int, ...]
+    """Rows of the table whose robust weight is below one half."""
+    upper_bound: float
+    """95 % bound on the strength of what smooth functions could still hide."""
+    left_over: Leftover
+    """What is left after the accepted effects."""
+    refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
+    """Richer forms of the accepted effects that were tried."""
+    warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return self.sentence()
+
+    def sentence(self) -> str:
+        """Return one plain sentence."""
+        return self._headline() + {
+            "repeats": "",
+            "declared": " The noise is as declared, not measured.",
+            "assumed": " The noise is assumed: give repeats or [instrument] figures.",
+        }.get(self.noise.source, "")
+
+    def _headline(self) -> str:
+        if self.verdict == "none":
+            bounded = math.isfinite(self.upper_bound)
+            bound = f"s < {self.upper_bound:.2f}" if bounded else "too few rows to bound s"
+            return f"Nothing is missing that these data could show ({bound})."
+        if self.verdict == "unknown":
+            nearest = self.unknown.nearest if self.unknown else None
+            near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
+            words = self.unknown.words if self.unknown else ""
+            listed = ", ".join(item.id for item in self.effects)
+            already = f" beside {listed}" if listed else ""
+            return f"Something is missing{already} that no known effect explains: {words}{near}."
+        names = " and ".join(" or ".join(members) for members in self.answer)
+        before, after = self.held_out.before, self.held_out.after
+        return f"Missing: {names}; held-out error {before:.2f} -> {after:.2f} times the noise."
+
+    def to_pandas(self) -> Any:
+        """Return the ranking as a DataFrame; needs pandas.
+
+        Raises
+        ------
+        MissingExtra
+            If pandas is not installed.
+        """
+        pandas = require("pandas", "data", "The ranking as a DataFrame")
+        return pandas.DataFrame(to_json(self.ranking))
+
+    def plot(self, most: int = 12) -> Any:
+        """Return a plotly figure of the fall of BIC that each effect would bring alone.
+
+        Parameters
+        ----------
+        most
+            Number of effects that are shown, the best first.
+
+        Raises
+        ------
+        MissingExtra
+            If plotly is not installed.
+        """
+        plotly = require("plotly.graph_objects", "report", "The figure of the ranking")
+        shown = self.ranking[:most][::-1]
+        figure = plotly.Figure(
+            plotly.Bar(
+                x=[one.delta_bic for one in shown], y=[one.id for one in shown], orientation="h"
+            )
+        )
+        return figure.update_layout(title=self.sentence(), xaxis_title="fall of BIC")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report of interfaces.md."""
+        document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
+        return document | fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}

@@ -1,0 +1,194 @@
+"""The camera: three lenses, nine LEDs on the top target, and a second target at the base.
+
+An LED is located where at least two lenses see it, and a lens sees it while the LED's direction
+and the line of sight are within an angle. Errors of localisation are common to all LEDs of a
+target (then they shift and turn it as a whole) or independent (then a rigid fit to the LEDs that
+are seen averages them). The camera creeps on its stand; what the base target shows of that is
+taken off again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ecm.io.arrays import B, F
+from ecm.rig.frames import displaced, left_jacobian_inverse, rigid_design, rotate, rotation
+from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
+from ecm.rig.settings import Instruments
+
+LENSES_NEEDED = 2
+DOME_RAD = 0.5
+"""Eight of the LEDs look away from the target's normal by this angle, one along it."""
+
+
+@lru_cache(maxsize=1)
+def _directions() -> F:
+    angle = 2.0 * np.pi * np.arange(LEDS - 1) / (LEDS - 1)
+    ring = np.stack(
+        [
+            np.sin(DOME_RAD) * np.cos(angle),
+            np.sin(DOME_RAD) * np.sin(angle),
+            np.full(LEDS - 1, np.cos(DOME_RAD)),
+        ],
+        axis=1,
+    )
+    return np.concatenate([[[0.0, 0.0, 1.0]], ring])
+
+
+class Optics:
+    """Where lenses and LEDs are, and which see which."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+        middle = np.asarray(settings.camera_place_m)
+        self.sight = middle / np.linalg.norm(middle)
+        """Unit vector from the mechanism to the middle lens, base axes."""
+        # The target looks at the camera when the mechanism is at rest: its normal is the sight.
+        self._target = _frame_of(self.sight)
+        along = self._target[:, 0]
+        spread = settings.lens_spread_m
+        self._lenses = np.stack([middle - spread * along, middle, middle + spread * along])
+
+    @property
+    def directions(self) -> F:
+        """Unit directions (9, 3) of the LEDs in axes that are the base's at rest."""
+        directions: F = _directions() @ self._target.T
+        return directions
+
+    @property
+    def places_m(self) -> F:
+        """Places (9, 3) of the LEDs about the target's centre, in the same axes."""
+        places: F = self._settings.led_radius_m * self.directions
+        return places
+
+    def visible(self, poses: F) -> B:
+        """Whether each LED of the top target is located at poses (N, 6): (N, 9)."""
+        turned = np.einsum("nij,kj->nki", rotation(poses[:, 3:]), self.directions)
+        seen = np.zeros(turned.shape[:2], dtype=np.int64)
+        limit = np.cos(self._settings.led_angle_rad)
+        for lens in self._lenses:
+            sight = lens - poses[:, :3]
+            sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
+            seen += np.einsum("nki,ni->nk", turned, sight) > limit
+        visible: B = seen >= LENSES_NEEDED
+        return visible
+
+    def rigid(self, pose: F, errors: F) -> F:
+        """Shift and turn (6,) in base axes that errors (9, 3) of the LEDs cause at a pose."""
+        seen = self.visible(pose[None])[0]
+        if seen.sum() < LEDS_NEEDED:
+            seen = np.ones(LEDS, dtype=np.bool_)
+        arms = self.places_m[seen] @ rotation(pose[None, 3:])[0].T
+        fitted = np.linalg.lstsq(
+            rigid_design(arms).reshape(-1, 6), errors[seen].ravel(), rcond=None
+        )[0]
+        return np.asarray(fitted, dtype=np.float64)
+
+    def independent_sd(self) -> tuple[float, float]:
+        """Standard deviations of `rigid` for LEDs of 1 m error each, all seen: 1, rad/m."""
+        flat = rigid_design(self.places_m).reshape(-1, 6)
+        variance = np.diag(np.linalg.inv(flat.T @ flat))
+        return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
+
+
+def _frame_of(normal: F) -> F:
+    """A rotation whose third column is the normal, the first across the axis of the base."""
+    first = np.cross([1.0, 0.0, 0.0], normal)
+    size = np.linalg.norm(first)
+    first = first / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
+    return np.stack([first, np.cross(normal, first), normal], axis=1)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Mean and spread of the samples of one window."""
+
+    mean: F
+    spread: F
+
+
+class Camera:
+    """Pose of the target in base axes: an error common to all LEDs, and jitter per image."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+        self._optics = Optics(settings)
+
+    def images(self, window_s: float) -> int:
+        """Number of images in a window."""
+        return max(1, round(window_s * self._settings.camera_rate_Hz))
+
+    def read(self, true: F, window_s: float, random: np.random.Generator) -> Window:
+        """Mean pose (6,) and spread over a window.
+
+        Errors are a translation and a rotation in base axes about the target: the rotation
+        error w turns R into exp(w) R, which is J^-1 w in the rotation vector.
+        """
+        settings = self._settings
+        if settings.led_errors == "common":
+            common = random.standard_normal(6) * np.repeat(
+                [settings.camera_error_m, settings.camera_error_rad], 3
+            )
+        else:
+            each = settings.camera_error_m * random.standard_normal((LEDS, 3))
+            common = self._optics.rigid(true, each)
+        if random.random() < settings.outlier_share:
+            common = common * settings.outlier_scale
+        count = self.images(window_s)
+        jitter = random.standard_normal((count, 6)) * np.repeat(
+            [settings.camera_jitter_m, settings.camera_jitter_rad], 3
+        )
+        mean = displaced(true[None, :], (common + jitter.mean(axis=0))[None, :])[0]
+        spread = (
+            rotate_errors(true, jitter - jitter.mean(axis=0)).std(axis=0, ddof=1)
+            if count > 1
+            else np.zeros(6)
+        )
+        return Window(mean, spread)
+
+    def row_sd(self, window_s: float) -> tuple[float, float]:
+        """Standard deviation of a window's mean: m per axis, rad about each base axis."""
+        settings = self._settings
+        images = self.images(window_s)
+        position, angle = settings.camera_error_m, settings.camera_error_rad
+        if settings.led_errors == "independent":
+            shift, turn = self._optics.independent_sd()
+            position, angle = shift * settings.camera_error_m, turn * settings.camera_error_m
+        return (
+            float(np.hypot(position, settings.camera_jitter_m / np.sqrt(images))),
+            float(np.hypot(angle, settings.camera_jitter_rad / np.sqrt(images))),
+        )
+
+
+class CameraStand:
+    """The camera's stand, which creeps; the base target shows how far, up to its own noise."""
+
+    def __init__(self, settings: Instruments) -> None:
+        self._settings = settings
+
+    def apparent_pose(self, true: F, walk: F, random: np.random.Generator) -> F:
+        """The pose (6,) as the moved camera sees it; walk (6,) is the stand's unit process."""
+        settings = self._settings
+        moved = walk * np.repeat([settings.camera_drift_m, settings.camera_drift_rad], 3)
+        if not moved.any():
+            return true
+        if settings.base_target:
+            # The base target shows the motion but for the jitter of its images.
+            images = np.sqrt(settings.base_target_images)
+            jitter = np.repeat([settings.camera_jitter_m, settings.camera_jitter_rad], 3)
+            moved = jitter / images * random.standard_normal(6)
+        # The camera's own motion by x shows as the target's by -x, turned about the camera.
+        back = -moved
+        place = true[:3] + back[:3] + np.cross(back[3:], true[:3])
+        turned = displaced(true[None], np.concatenate([np.zeros(3), back[3:]])[None])[0]
+        return np.concatenate([place, turned[3:]])
+
+
+def rotate_errors(pose: F, errors: F) -> F:
+    """Small errors (n, 6) in base axes as changes of the pose vector."""
+    inverse = left_jacobian_inverse(pose[None, 3:])[0]
+    turned = rotate(np.broadcast_to(inverse, (len(errors), 3, 3)), errors[:, 3:])
+    return np.concatenate([errors[:, :3], turned], axis=1)

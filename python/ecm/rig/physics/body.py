@@ -1,0 +1,245 @@
+"""A body that is not the drawn one, or not where it is drawn: tilt, bend, gap, taper, anisotropy.
+
+Largest sizes: 9 degrees, a tenth of the length or a fifth of the diameter do not pass the eye; a
+clamp that slips by more than a twentieth of the length lets go.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.rig.elastic import COS2, SIN2, STIFF, TAPER, THICK
+from ecm.rig.frames import compose, rotation, seen_from, turn_wrench
+from ecm.rig.physics.true_effect import (
+    MOTION_SCALE,
+    BodyPose,
+    BodyVariation,
+    Conditions,
+    Limit,
+    Random,
+    RigScale,
+    balanced_direction,
+    random_sign,
+)
+
+
+@dataclass(frozen=True)
+class PlatformSlip(BodyPose):
+    """The platform slips on the mechanism once: a rigid jump between the two, exact in SE(3).
+
+    `size` is the translation of the jump.
+    """
+
+    direction: tuple[float, ...] = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    """Direction of translation, and of rotation times 0.1 m, in the platform's axes."""
+    at_s: float = 1800.0
+
+    effect: ClassVar[str] = "platform_slip"
+    name: ClassVar[str] = "platform_slip"
+    unit: ClassVar[str] = "m"
+    limit: ClassVar[Limit] = Limit(0.05, "poses measured again at the end")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> PlatformSlip:
+        at_s = float(random.uniform(0.3, 0.7)) * rig.duration_s
+        return cls(1e-4, direction=balanced_direction(random), at_s=at_s)
+
+    def afterwards(self) -> PlatformSlip:
+        """Slipped from the beginning."""
+        return replace(self, at_s=0.0)
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        jump = self.size * MOTION_SCALE * np.asarray(self.direction)
+        return compose(poses, (at.time_s > self.at_s)[:, None] * jump)
+
+    def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
+        moments = wrenches[:, 3:] + np.cross(body[:, :3] - poses[:, :3], wrenches[:, :3])
+        return np.concatenate([wrenches[:, :3], moments], axis=1)
+
+
+@dataclass(frozen=True)
+class FaceTilt(BodyPose):
+    """The clamped face is not square to the axis: the mechanism stands tilted, exact in SE(3).
+
+    The face is the mechanism's own: a remount turns the tilt about x. `size` is the tilt.
+    """
+
+    azimuth_rad: float = 0.0
+    """Direction of its axis from y, in the body."""
+
+    effect: ClassVar[str] = "face_tilt"
+    name: ClassVar[str] = "face_tilt"
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> FaceTilt:
+        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        return seen_from(self.size * _lateral_turn(self.azimuth_rad, at), poses)
+
+    def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
+        tilt = self.size * _lateral_turn(self.azimuth_rad, at)
+        return turn_wrench(rotation(tilt[:, 3:]), wrenches)
+
+
+@dataclass(frozen=True)
+class NaturalBend(BodyPose):
+    """A body that is bent when nothing acts on it: an arc instead of a straight line.
+
+    Half of the bend sits at either end: T_top = A T_body A with A the rotation by half the bend,
+    which is exact for a uniform body to the first order of the bend. A remount turns the bend about
+    x. `size` is the whole bend from base to top.
+    """
+
+    azimuth_rad: float = 0.0
+    """Direction of the bend's axis from y, in the body."""
+
+    effect: ClassVar[str] = "pre_curvature"
+    name: ClassVar[str] = "natural_bend"
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> NaturalBend:
+        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+
+    def _half(self, at: Conditions) -> F:
+        return 0.5 * self.size * _lateral_turn(self.azimuth_rad, at)
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        half = self._half(at)
+        return seen_from(half, compose(poses, -half))
+
+    def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
+        return turn_wrench(rotation(self._half(at)[:, 3:]), wrenches)
+
+
+def _lateral_turn(azimuth_rad: float, at: Conditions) -> F:
+    """Turns (N, 6) by 1 rad about a lateral axis of the body, which a remount turns about x."""
+    angle = azimuth_rad + at.mount_rad
+    turn = np.zeros((len(angle), 6))
+    turn[:, 4], turn[:, 5] = np.cos(angle), np.sin(angle)
+    return turn
+
+
+@dataclass(frozen=True)
+class MountingGap(BodyPose):
+    """The mechanism is longer than the drawing says, by what stands under its clamped face.
+
+    It is deformed by the pose T(gap)^-1 T_top: a preload at home that a free length measured with a
+    calliper would show. `size` is the gap along the axis.
+    """
+
+    effect: ClassVar[str] = "length_error"
+    name: ClassVar[str] = "mounting_gap"
+    unit: ClassVar[str] = "m"
+    limit: ClassVar[Limit] = Limit(0.1, "poses at which the axial force differs")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> MountingGap:
+        return cls(random_sign(random) * 1e-4)
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        body: F = np.array(poses)
+        body[:, 0] -= self.size
+        return body
+
+
+@dataclass(frozen=True)
+class Anisotropy(BodyVariation):
+    """A cross-section that is stiffer in one direction: a modulus graded with twice the azimuth.
+
+    E -> E (1 + c rho^2/R^2 cos 2(phi - phi0)), through two FEM solutions (cos 2 phi and sin 2 phi)
+    whose difference to the plain one is scaled linearly. On a fine mesh the bending stiffnesses of
+    a full cylinder are EI (1 +- c/3); the grade is constant in each element, which takes from that
+    on a coarse one. A mechanism remounted by alpha has phi0 + alpha. `size` is the contrast c of
+    the modulus at the rim.
+    """
+
+    angle_rad: float = 0.0
+    """phi0: azimuth of the stiffest fibre, from y."""
+
+    effect: ClassVar[str] = "anisotropy"
+    name: ClassVar[str] = "anisotropy"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.5, "a remount by 90 degrees")
+    grades: ClassVar[tuple[str, ...]] = (COS2, SIN2)
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Anisotropy:
+        return cls(0.03, angle_rad=float(random.uniform(0.0, np.pi)))
+
+    def wrench(self, step: F, at: Conditions) -> F:
+        twice = 2.0 * (self.angle_rad + at.mount_rad)[:, None]
+        cos2, sin2 = (at.gradings[grade].wrench(at.anchor, step) for grade in self.grades)
+        return self.size * (np.cos(twice) * cos2 + np.sin(twice) * sin2)
+
+
+@dataclass(frozen=True)
+class GradedBody(BodyVariation):
+    """A body that is not quite the drawn one, through one further FEM solution of its own.
+
+    The difference of that solution to the plain one, per unit of the change, is scaled linearly.
+    `size` is the change over that of the solution.
+    """
+
+    def wrench(self, step: F, at: Conditions) -> F:
+        (grade,) = self.grades
+        return self.size * at.gradings[grade].wrench(at.anchor, step)
+
+
+@dataclass(frozen=True)
+class Taper(GradedBody):
+    """A modulus that grows along the axis."""
+
+    grade: str = TAPER
+
+    effect: ClassVar[str] = "taper"
+    name: ClassVar[str] = "taper"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.5, "bending and shear on all sides")
+    grades: ClassVar[tuple[str, ...]] = (TAPER,)
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Taper:
+        return cls(random_sign(random) * 0.02)
+
+
+@dataclass(frozen=True)
+class Thickness(GradedBody):
+    """A body that is thicker than drawn."""
+
+    grade: str = THICK
+
+    effect: ClassVar[str] = "diameter_error"
+    name: ClassVar[str] = "thickness"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.2, "bending and shear as well as stretch")
+    grades: ClassVar[tuple[str, ...]] = (THICK,)
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Thickness:
+        return cls(random_sign(random) * 0.01)
+
+
+@dataclass(frozen=True)
+class Stiffening(GradedBody):
+    """A rubber that stiffens with strain (Yeoh)."""
+
+    grade: str = STIFF
+
+    effect: ClassVar[str] = "strain_stiffening"
+    name: ClassVar[str] = "stiffening"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.5, "larger poses")
+    grades: ClassVar[tuple[str, ...]] = (STIFF,)
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Stiffening:
+        return cls(0.05)

@@ -1,0 +1,235 @@
+"""Errors of the camera's poses, and of the clocks of camera and sensor.
+
+Largest sizes: 6 degrees in a frame, a fifth of the scale or an LED off by a tenth of the length do
+not survive the first look at the data; half a second is seen against the arm's own encoders.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.rig.frames import compose, rigid_design, seen_from
+from ecm.rig.physics.true_effect import (
+    MOTION_SCALE,
+    CameraPose,
+    Clock,
+    Conditions,
+    Limit,
+    Random,
+    RigScale,
+    balanced_direction,
+    random_sign,
+    unit_vector,
+)
+
+LEDS = 9
+"""Number of LEDs on a target."""
+LEDS_NEEDED = 4
+"""Number of LEDs that a pose needs."""
+
+
+@dataclass(frozen=True)
+class Leds(CameraPose):
+    """LEDs that are not quite where the target's file says, once some turn away from the camera.
+
+    With all in sight the calibration has taken the mean error out; with some hidden the mean error
+    of the others comes back as a shift and a turn of the target. `size` is how far an LED is off
+    its place.
+    """
+
+    errors: tuple[tuple[float, ...], ...] = ()
+    """Errors (9, 3) of unit size; empty: none."""
+
+    effect: ClassVar[str] = "led_occlusion"
+    name: ClassVar[str] = "leds"
+    unit: ClassVar[str] = "m"
+    limit: ClassVar[Limit] = Limit(0.1, "larger tilts")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Leds:
+        errors = random.standard_normal((LEDS, 3))
+        return cls(1e-3, errors=tuple(tuple(row) for row in errors.tolist()))
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        if at.camera is None or not self.errors:
+            return poses
+        visible = at.camera.visible(poses)
+        design = rigid_design(at.camera.places_m)
+        errors = np.asarray(self.errors)
+        flat = design.reshape(-1, 6)
+        errors = errors - (design @ np.linalg.lstsq(flat, errors.ravel(), rcond=None)[0])
+        # A pattern of LEDs occurs many times; with too few there is no pose and no error.
+        moves = np.zeros((len(poses), 6))
+        for pattern in np.unique(visible, axis=0):
+            if LEDS_NEEDED <= pattern.sum() < LEDS:
+                rows = (visible == pattern).all(axis=1)
+                part = design[pattern].reshape(-1, 6)
+                moves[rows] = np.linalg.lstsq(part, errors[pattern].ravel(), rcond=None)[0]
+        return compose(poses, self.size * moves)
+
+
+@dataclass(frozen=True)
+class TipTarget(CameraPose):
+    """The target sits askew on the platform: a rigid transform, exact in SE(3).
+
+    The camera reports T_top exp(xi): every measured pose carries the same small motion, constant
+    in the platform's axes. `size` is the rotation of the target.
+    """
+
+    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Unit direction of the rotation, in the platform's axes."""
+    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Translation per rad of rotation, in the platform's axes."""
+
+    effect: ClassVar[str] = "tip_frame_misalignment"
+    name: ClassVar[str] = "tip_target"
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> TipTarget:
+        axis = unit_vector(random)
+        shift = _shift(random, rig.length_m)
+        return cls(2e-3, axis=axis, shift_m_rad=shift)
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        offset = self.size * np.concatenate([self.shift_m_rad, self.axis])
+        return compose(poses, offset[None, :])
+
+
+@dataclass(frozen=True)
+class CameraScale(CameraPose):
+    """The camera's scale is off, by an error that fades away from where it was calibrated.
+
+    Positions are seen as r0 + (r - r0) (1 + s (1 - |r - r0|^2/(4 L^2))): a radial distortion of the
+    calibrated volume, not a pure factor. `size` is the relative error of scale at the rest pose.
+    """
+
+    effect: ClassVar[str] = "camera_scale"
+    name: ClassVar[str] = "camera_scale"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.2, "larger translations")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> CameraScale:
+        return cls(random_sign(random) * 0.005)
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        shift = poses[:, :3] - at.rest[:3]
+        far = np.sum(shift**2, axis=1, keepdims=True) / (4.0 * at.length_m**2)
+        seen: F = np.array(poses)
+        seen[:, :3] += self.size * shift * (1.0 - far)
+        return seen
+
+
+@dataclass(frozen=True)
+class BaseFrame(CameraPose):
+    """The base frame that the camera was calibrated to is not the mechanism's: exact in SE(3).
+
+    Every pose is seen as T_error T_top, and the wrenches, turned with the measured rotation, are
+    turned along with it. `size` is the rotation of the frame.
+    """
+
+    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Unit direction of the rotation, base axes."""
+    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Translation per rad of rotation."""
+
+    effect: ClassVar[str] = "base_frame_misalignment"
+    name: ClassVar[str] = "base_frame"
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> BaseFrame:
+        axis = unit_vector(random)
+        shift = _shift(random, rig.length_m)
+        return cls(2e-3, axis=axis, shift_m_rad=shift)
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        error = self.size * np.concatenate([self.shift_m_rad, self.axis])
+        return compose(np.tile(error, (len(poses), 1)), poses)
+
+
+@dataclass(frozen=True)
+class MarkerMotion(CameraPose):
+    """The base marker creeps in its clamp: log(1 + t/tau) along one fixed small motion.
+
+    The camera takes the marker for fixed, so all poses seem to move the other way; a step comes
+    where the clamp gives way at step_s. `size` is the translation of the marker after end_s.
+    """
+
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """Direction of translation, and of rotation times 0.1 m."""
+    time_s: float = 1800.0
+    """tau."""
+    end_s: float = 3600.0
+    step_s: float = 1e12
+    """Time at which half of the motion happens at once; beyond the end: no step."""
+
+    effect: ClassVar[str] = "marker_motion"
+    name: ClassVar[str] = "marker_motion"
+    unit: ClassVar[str] = "m"
+    limit: ClassVar[Limit] = Limit(0.05, "a longer campaign, poses measured again at its end")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> MarkerMotion:
+        end = rig.duration_s
+        step = float(random.uniform(0.3, 0.7)) * end if random.random() < 0.5 else 1e12
+        direction = balanced_direction(random)
+        time = float(random.uniform(0.3, 2.0)) * end
+        return cls(1e-4, direction=direction, time_s=time, end_s=end, step_s=step)
+
+    def afterwards(self) -> MarkerMotion:
+        """A step has happened before the campaign begins; creep starts again."""
+        return replace(self, step_s=-1.0) if self.step_s < self.end_s else self
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        creep = np.log1p(at.time_s / self.time_s) / np.log1p(self.end_s / self.time_s)
+        if self.step_s < self.end_s:
+            creep = 0.5 * creep + 0.5 * (at.time_s > self.step_s)
+        moved = self.size * creep[:, None] * (MOTION_SCALE * np.asarray(self.direction))
+        return seen_from(moved, poses)
+
+
+@dataclass(frozen=True)
+class TimeSkew(Clock):
+    """Two clocks: the sensor's readings carry another moment's stamp than the camera's images.
+
+    A row that the recorder stamps t holds the pose at t and the wrench at
+
+        t' = t + delay (1 + creep t/end)
+
+    the delay of a bus and the skew of the clock that stamps it. At rest nothing shows; in motion
+    the wrench is that of another place on the way. `size` is the delay when the campaign begins.
+    """
+
+    creep: float = 0.0
+    """Growth of the delay until the end, as a share of it."""
+    end_s: float = 1.0
+
+    effect: ClassVar[str] = "time_skew"
+    name: ClassVar[str] = "time_skew"
+    unit: ClassVar[str] = "s"
+    limit: ClassVar[Limit] = Limit(
+        0.5, "faster ways ([rig] speed_m_s) and more samples ([rig] stream_Hz)"
+    )
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> TimeSkew:
+        delay = random_sign(random) * 0.02
+        return cls(delay, creep=float(random.uniform(-0.3, 0.3)), end_s=rig.duration_s)
+
+    def read_s(self, stamp_s: F) -> F:
+        moments: F = stamp_s + self.size * (1.0 + self.creep * stamp_s / self.end_s)
+        return moments
+
+
+def _shift(random: Random, length_m: float) -> tuple[float, float, float]:
+    """Translation per rad of an askew frame."""
+    shift = 0.3 * length_m * random.uniform(0.2, 1.0) * np.asarray(unit_vector(random))
+    return shift[0], shift[1], shift[2]

@@ -1,0 +1,207 @@
+"""What acts on the platform besides mechanism and sensor: weights, a cable, a stop.
+
+Largest sizes: a quarter of the sensor's range in weight does not pass the eye; stiffnesses are
+multiples of the mechanism's own (a stop of 300 is a wall).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.rig.frames import left_jacobian_inverse, rotate, rotation
+from ecm.rig.physics.true_effect import (
+    Conditions,
+    Limit,
+    PlatformLoad,
+    Random,
+    RigScale,
+    TrueEffect,
+)
+
+_STEP = 1e-6
+_DEPTH_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Payload(TrueEffect):
+    """Weight that hangs between sensor and mechanism: point masses under gravity.
+
+    The sensor carries platform and masses: what it exerts is the mechanism's wrench minus the
+    weight, sum of m_i g at R c_i. A plan takes payloads off, and a sensor may be zeroed with them,
+    so the plant applies them by `weight`. `size` is the whole mass.
+    """
+
+    shares: tuple[float, ...] = (1.0,)
+    """Share of the mass at each point; they sum to 1."""
+    places_m: tuple[tuple[float, float, float], ...] = ((0.03, 0.0, 0.0),)
+    """Places of the points, in the top frame."""
+
+    effect: ClassVar[str] = "payload"
+    name: ClassVar[str] = "payload"
+    unit: ClassVar[str] = "kg"
+    limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Payload:
+        share = float(random.uniform(0.5, 0.8))
+        first = (float(random.uniform(0.01, 0.05)), *random.uniform(-0.01, 0.01, 2).tolist())
+        second = (float(random.uniform(0.0, 0.03)), *random.uniform(-0.03, 0.03, 2).tolist())
+        return cls(
+            0.1,
+            shares=(share, 1.0 - share),
+            places_m=((first[0], first[1], first[2]), (second[0], second[1], second[2])),
+        )
+
+    def weight(self, poses: F, gravity_m_s2: F) -> F:
+        """Wrench (N, 6) of the weight on the platform, base axes, about the top frame's origin."""
+        turn = rotation(poses[:, 3:])
+        wrench = np.zeros((len(poses), 6))
+        for share, place in zip(self.shares, self.places_m, strict=True):
+            force = np.broadcast_to(self.size * share * gravity_m_s2, (len(poses), 3))
+            arm = rotate(turn, np.broadcast_to(np.asarray(place), (len(poses), 3)))
+            wrench += np.concatenate([force, np.cross(arm, force)], axis=1)
+        return wrench
+
+
+@dataclass(frozen=True)
+class Cable(PlatformLoad):
+    """A cable that pulls the platform towards a clamp: a slack spring that stiffens when taut.
+
+    force = k l0 softplus((|d| - l0)/(0.1 l0)) 0.1 along d, from the platform to the clamp. `size`
+    is k, the stiffness of the taut cable.
+    """
+
+    place_m: tuple[float, float, float] = (0.02, 0.03, 0.0)
+    """Where it leaves the platform, top frame."""
+    clamp_m: tuple[float, float, float] = (0.1, 0.3, 0.1)
+    """Where it is clamped, base frame."""
+    free_m: float = 0.25
+    """l0: its free length."""
+
+    effect: ClassVar[str] = "cable_drag"
+    name: ClassVar[str] = "cable"
+    unit: ClassVar[str] = "N/m"
+    limit: ClassVar[Limit] = Limit(0.3, "larger poses on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Cable:
+        length = rig.length_m
+        azimuth = float(random.uniform(0.0, 2.0 * np.pi))
+        side = np.array([np.cos(azimuth), np.sin(azimuth)])
+        place, clamp = 0.3 * length * side, float(random.uniform(2.0, 3.0)) * length * side
+        height = float(random.uniform(0.3, 1.2)) * length
+        return cls(
+            20.0,
+            place_m=(0.1 * length, float(place[0]), float(place[1])),
+            clamp_m=(height, float(clamp[0]), float(clamp[1])),
+            free_m=float(np.linalg.norm(clamp - place)) * float(random.uniform(0.9, 1.05)),
+        )
+
+    def load(self, at: Conditions) -> F:
+        arm = rotate(rotation(at.poses[:, 3:]), np.tile(self.place_m, (len(at.poses), 1)))
+        along = np.asarray(self.clamp_m) - (at.poses[:, :3] + arm)
+        distance = np.linalg.norm(along, axis=1, keepdims=True)
+        width = 0.1 * self.free_m
+        tension = self.size * width * np.logaddexp(0.0, (distance - self.free_m) / width)
+        force = tension * along / distance
+        return np.concatenate([force, np.cross(arm, force)], axis=1)
+
+
+@dataclass(frozen=True)
+class Stop(PlatformLoad):
+    """A stop: a ring that the platform's rim meets beyond a tilt; a true kink, with friction.
+
+    Depth d = R (tilt - limit) where positive. The ring pushes the rim back along the axis of the
+    base with k d^(3/2) (Hertz), and Coulomb friction of mu times that acts against the platform's
+    last motion. `size` is the contact stiffness at a depth of 1 mm.
+    """
+
+    limit_rad: float = 0.3
+    """Tilt of the platform's axis at which the rim touches."""
+    radius_m: float = 0.035
+    """R."""
+    friction: float = 0.2
+    """mu."""
+
+    effect: ClassVar[str] = "contact_stop"
+    name: ClassVar[str] = "stop"
+    unit: ClassVar[str] = "N/m"
+    limit: ClassVar[Limit] = Limit(300.0, "larger tilts")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Stop:
+        limit = float(np.quantile(rig.tilts_rad, random.uniform(0.5, 0.75)))
+        return cls(1e3, limit_rad=limit, friction=float(random.uniform(0.1, 0.3)))
+
+    def load(self, at: Conditions) -> F:
+        axis = rotation(at.poses[:, 3:])[:, :, 0]
+        tilt = np.arctan2(np.linalg.norm(axis[:, 1:], axis=1), axis[:, 0])
+        depth = self.radius_m * np.maximum(0.0, tilt - self.limit_rad)
+        normal = self.size * np.sqrt(depth / _DEPTH_M) * depth
+        # The lowest point of the rim lies where the axis leans to.
+        lean = _across(axis)
+        lean = lean / _length(lean)
+        down = lean - np.sum(lean * axis, axis=1, keepdims=True) * axis
+        arm = self.radius_m * down / _length(down)
+        force = np.zeros_like(arm)
+        force[:, 0] = normal
+        side = _across(at.arrival_m)
+        force -= self.friction * normal[:, None] * side / _length(side)
+        return np.concatenate([force, np.cross(arm, force)], axis=1)
+
+
+def _across(vectors: F) -> F:
+    """The parts of vectors (N, 3) across x."""
+    side = np.array(vectors)
+    side[:, 0] = 0.0
+    return side
+
+
+def _length(vectors: F) -> F:
+    """Lengths (N, 1); 1 where it is 0, for divisions."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 0.0, length, 1.0)
+
+
+@dataclass(frozen=True)
+class OwnWeight(PlatformLoad):
+    """Own weight: point masses along the bent backbone, by virtual work.
+
+    The backbone is a cubic between base and top with both end tangents; mass i at share s_i along
+    it lies at r_i(p). The top carries Q = -sum m_i (dr_i/dp)' g, a generalised force, turned into a
+    moment by J(theta)^-T. The base carries the rest. `size` is the mass of the body.
+    """
+
+    points: int = 8
+
+    effect: ClassVar[str] = "own_weight"
+    name: ClassVar[str] = "own_weight"
+    unit: ClassVar[str] = "kg"
+    limit: ClassVar[Limit] = Limit(0.25, "poses that bend on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> OwnWeight:
+        return cls(0.3)
+
+    def load(self, at: Conditions) -> F:
+        slope = np.empty((len(at.poses), 6))
+        for j, step in enumerate(_STEP * np.eye(6)):
+            up, down = (self._heights(at.poses + s, at) for s in (step, -step))
+            slope[:, j] = (up - down) / (2 * _STEP)
+        moment = np.einsum("nji,nj->ni", left_jacobian_inverse(at.poses[:, 3:]), slope[:, 3:])
+        return np.concatenate([slope[:, :3], moment], axis=1)
+
+    def _heights(self, poses: F, at: Conditions) -> F:
+        """Sum of m_i r_i . g, (N,)."""
+        s = (np.arange(self.points) + 0.5) / self.points
+        end = at.length_m * rotation(poses[:, 3:])[:, :, 0]
+        mean = (
+            (3.0 * s**2 - 2.0 * s**3).mean() * poses[:, :3]
+            + (s**3 - 2.0 * s**2 + s).mean() * at.rest[:3]
+            + (s**3 - s**2).mean() * end
+        )
+        return np.asarray(self.size * (mean @ at.gravity_m_s2))

@@ -1,0 +1,363 @@
+"""The material beyond elasticity: temperature, ageing, relaxation, softening, friction, set.
+
+Largest sizes: a rubber that lost or gained much more than half of its stiffness or stress, by time
+or strain, would be another material; 10 % per kelvin is a glass transition. Friction that holds a
+twentieth of the length, or a set of a third of the excess, is seen without any measurement.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import B, F
+from ecm.rig.physics.true_effect import (
+    BodyPose,
+    Conditions,
+    Limit,
+    MaterialFactor,
+    MaterialMemory,
+    Random,
+    RigScale,
+    random_sign,
+)
+
+_KELVIN = 273.15
+_STEP = 0.2
+"""Largest increment of the integration of friction, in yield lengths."""
+_MOST_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Temperature(MaterialFactor):
+    """Stiffness against temperature: an Arrhenius softening, not a straight line in T.
+
+        h -> h exp(A (1/T - 1/T0)) (T/T0),   T absolute
+
+    The factor T/T0 is the entropic modulus of a rubber network. `size` is the relative change of
+    the modulus per kelvin at T0, from which A follows: d ln h/dT = -A/T0^2 + 1/T0.
+    """
+
+    reference_degC: float = 22.0
+    """T0."""
+
+    effect: ClassVar[str] = "temperature_modulus"
+    name: ClassVar[str] = "temperature"
+    unit: ClassVar[str] = "1/K"
+    limit: ClassVar[Limit] = Limit(0.1, "a warm-up between the poses")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Temperature:
+        return cls(random_sign(random) * 0.01, reference_degC=rig.mean_temperature_degC)
+
+    def factor(self, at: Conditions) -> F:
+        absolute = at.temperature_degC + _KELVIN
+        reference = self.reference_degC + _KELVIN
+        activation = reference**2 * (1.0 / reference - self.size)
+        factor: F = np.exp(activation * (1.0 / absolute - 1.0 / reference)) * absolute / reference
+        return factor
+
+
+@dataclass(frozen=True)
+class Ageing(MaterialFactor):
+    """Slow stiffening of the material (post-curing): logarithmic in time, not linear.
+
+    h -> h (1 + a log(1 + t/tau) / log 2): `size` is a, the relative change at t = tau.
+    """
+
+    time_s: float = 3600.0
+    """tau."""
+
+    effect: ClassVar[str] = "ageing"
+    name: ClassVar[str] = "ageing"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.5, "a longer campaign, the first poses again at its end")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Ageing:
+        return cls(0.02, time_s=float(random.uniform(0.5, 2.0)) * rig.duration_s)
+
+    def factor(self, at: Conditions) -> F:
+        factor: F = 1.0 + self.size * np.log1p(at.time_s / self.time_s) / np.log(2.0)
+        return factor
+
+
+@dataclass(frozen=True)
+class Relaxation(MaterialFactor, MaterialMemory):
+    """Stress relaxation: generalised Maxwell chains loaded by a ramp, then held.
+
+    A chain of share g and time tau that is stretched over the travel time T and rests d more
+    carries
+
+        g (1 - exp(-T/tau)) tau/T exp(-d/tau)
+
+    of the elastic wrench, the solution for a linear ramp; several chains spread over decades stand
+    for the spectrum of a real rubber. Along a motion in straight pieces of time dt and change dh
+    each chain continues from its state:
+
+        s <- s exp(-dt/tau) + g tau/dt (1 - exp(-dt/tau)) dh
+
+    `size` is the sum of the shares of all chains.
+    """
+
+    shares: tuple[float, ...] = (0.4, 0.35, 0.25)
+    times_s: tuple[float, ...] = (1.0, 8.0, 60.0)
+
+    effect: ClassVar[str] = "stress_relaxation"
+    name: ClassVar[str] = "relaxation"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.6, "several dwells, from 2 to 60 s")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Relaxation:
+        shares = random.dirichlet([4.0, 4.0, 4.0])
+        times = np.array([1.0, 8.0, 60.0]) * random.uniform(0.6, 1.6, 3)
+        return cls(0.05, shares=tuple(shares.tolist()), times_s=tuple(times.tolist()))
+
+    def factor(self, at: Conditions) -> F:
+        """Factor (N,) after a ramp and a rest; a motion carries its own history."""
+        factor = np.ones_like(at.dwell_s)
+        if at.moving:
+            return factor
+        travel = np.maximum(at.travel_s, 1e-9)
+        for share, tau in zip(self.shares, self.times_s, strict=True):
+            loaded = -np.expm1(-travel / tau) * tau / travel
+            factor = factor + self.size * share * loaded * np.exp(-at.dwell_s / tau)
+        return factor
+
+    def memory_wrench(self, at: Conditions) -> F:
+        if not at.moving:
+            return np.zeros_like(at.poses)
+        return at.from_all(self._along_the_motion)
+
+    def carried(self, wrenches: F, time_s: F, restart: B) -> F:
+        """Wrench (N, 6) beside the elastic wrenches (N, 6) at the moments (N,) of one motion.
+
+        It is 0 at the first moment and wherever the history restarts.
+        """
+        steps = np.maximum(np.diff(time_s), 1e-9)
+        changes = np.diff(wrenches, axis=0)
+        carried = np.zeros_like(wrenches)
+        for share, tau in zip(self.shares, self.times_s, strict=True):
+            decay = np.exp(-steps / tau)
+            loaded = -np.expm1(-steps / tau) * tau / steps
+            state = np.zeros(wrenches.shape[1])
+            for i, fresh in enumerate(restart[1:].tolist()):
+                state = 0.0 * state if fresh else decay[i] * state + loaded[i] * changes[i]
+                carried[i + 1] += self.size * share * state
+        return carried
+
+    def _along_the_motion(self, at: Conditions) -> F:
+        """Relaxing wrenches (N, 6) of all visits of a motion; the states go on through rests."""
+        parts = at.per_way(lambda points, wrenches: wrenches)
+        wrenches, times, restart, own = list[F](), list[float](), list[bool](), list[int]()
+        now = zip(at.time_s.tolist(), at.travel_s.tolist(), at.dwell_s.tolist(), strict=True)
+        for i, ((time, travel, dwell), h) in enumerate(
+            zip(now, at.elastic_wrenches(), strict=True)
+        ):
+            way = at.ways[i]
+            departures = [time - travel - dwell]
+            for start, end in zip(way[-3::-1], way[-2:0:-1], strict=True):
+                departures.append(departures[-1] - at.leg_s(end - start))
+            begins = len(times)
+            # Where it rests until it departs; the samples of one leg follow each other.
+            for moment, there in zip(departures[::-1], parts[i][:-1], strict=True):
+                if not times or moment > times[-1]:
+                    times.append(moment)
+                    wrenches.append(there)
+                    restart.append(at.rested[i] and len(times) == begins + 1)
+            own.append(len(times))
+            times.append(time)
+            wrenches.append(h)
+            restart.append(False)
+        return self.carried(np.stack(wrenches), np.asarray(times), np.asarray(restart))[own]
+
+
+@dataclass(frozen=True)
+class Softening(MaterialFactor):
+    """Mullins softening after Ogden and Roxburgh: an error function of the energy deficit.
+
+        factor = 1 - (1/r) erf((W_max - W)/m)
+
+    with W_max the largest energy that the mechanism has held since it was made, W the energy at the
+    pose, estimated by half the work of the wrench on the way from rest. First visits are untouched.
+    `size` is 1/r, the share that is lost far below the largest energy.
+    """
+
+    energy_J: float = 0.5
+    """m: width of the transition."""
+
+    effect: ClassVar[str] = "mullins_softening"
+    name: ClassVar[str] = "softening"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.6, "small poses again after large ones")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Softening:
+        return cls(0.05, energy_J=float(random.uniform(0.3, 1.0)) * rig.energy_J)
+
+    def factor(self, at: Conditions) -> F:
+        work = np.sum(at.elastic_wrenches() * (at.poses - at.rest), axis=1)
+        return self.factor_of(0.5 * np.abs(work))
+
+    def factor_of(self, energy_J: F) -> F:
+        """Factor (N,) for elastic energies (N,) in the order of visits."""
+        largest = np.maximum.accumulate(energy_J)
+        deficit = (largest - energy_J) / self.energy_J
+        return 1.0 - self.size * np.asarray([math.erf(d) for d in deficit])
+
+
+@dataclass(frozen=True)
+class Hysteresis(MaterialMemory):
+    """Internal friction of the material: a multi-axial Bouc-Wen element along the approach path.
+
+    In x = M^(1/2) (p - p0), M = diag(1, 1, 1, L^2, L^2, L^2), the internal state z follows
+
+        dz = (dx - z |z|^(n-2) [beta |z.dx| + (1 - beta) z.dx]) / u
+
+    so that |z| -> 1 after a path of a few u in one direction, and turns over when the direction
+    does. The wrench is c K0 M^(-1/2) z with the stiffness K0 at rest (Wen 1976; Park, Wen, Ang 1986
+    for the multi-axial form). Rate independent: speed and time do not enter. `size` is c, the
+    displacement whose elastic wrench friction can hold.
+    """
+
+    yield_m: float = 3e-3
+    """u: path after which friction has turned over."""
+    exponent: float = 1.5
+    """n: how sharp the transition is."""
+    beta: float = 0.6
+    """Share of the symmetric part: 1/2 makes unloading as stiff as loading."""
+
+    effect: ClassVar[str] = "hysteresis"
+    name: ClassVar[str] = "hysteresis"
+    unit: ClassVar[str] = "m"
+    limit: ClassVar[Limit] = Limit(0.05, "approaches from several sides, poses measured twice")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> Hysteresis:
+        return cls(
+            1e-4,
+            yield_m=float(random.uniform(0.02, 0.05)) * rig.length_m,
+            exponent=float(random.uniform(1.2, 2.0)),
+            beta=float(random.uniform(0.5, 0.8)),
+        )
+
+    def memory_wrench(self, at: Conditions) -> F:
+        # The states do not depend on the size, which the calibration of a strength varies.
+        states = at.from_history(
+            self.resized(1.0),
+            lambda whole: self.states(
+                list(zip(whole.ways, whole.rested, strict=True)), whole.length_m
+            ),
+        )
+        assert at.elastic is not None
+        return self.wrench(states, at.elastic.rest_stiffness, at.length_m)
+
+    def wrench(self, states: F, rest_stiffness: F, length_m: float) -> F:
+        """c K0 M^(-1/2) z for states (N, 6)."""
+        wrench: F = self.size * (states / _metric_root(length_m)) @ rest_stiffness.T
+        return wrench
+
+    def states(self, legs: Sequence[tuple[F, bool]], length_m: float) -> F:
+        """Internal state z after each leg, (N, 6).
+
+        Parameters
+        ----------
+        legs
+            Way points (k, 6) of each leg, from the pose before on; True where the mechanism
+            has rested and the history restarts.
+        """
+        metric = _metric_root(length_m)
+        z = np.zeros(6)
+        states = np.zeros((len(legs), 6))
+        for i, (points, restart) in enumerate(legs):
+            if restart:
+                z = np.zeros(6)
+            for start, end in itertools.pairwise(points):
+                z = self._along(z, (end - start) * metric)
+            states[i] = z
+        return states
+
+    def _along(self, z: F, way: F) -> F:
+        distance = float(np.linalg.norm(way))
+        if distance == 0.0:
+            return z
+        # After many yield lengths in one direction the state no longer changes, so the steps of a
+        # long leg may be longer.
+        count = min(int(np.ceil(distance / (_STEP * self.yield_m))), _MOST_STEPS)
+        dx = way / (count * self.yield_m)
+        for _ in range(count):
+            # Midpoint rule: the vector field is not smooth where z.dx changes sign.
+            half = z + 0.5 * self._rate(z, dx)
+            z = z + self._rate(half, dx)
+            size = float(np.sqrt(z @ z))
+            if size > 1.0:
+                z = z / size
+        return z
+
+    def _rate(self, z: F, dx: F) -> F:
+        size = float(np.sqrt(z @ z))
+        if size < 1e-12:
+            return dx
+        work = float(z @ dx)
+        pull = size ** (self.exponent - 2.0) * (self.beta * abs(work) + (1.0 - self.beta) * work)
+        rate: F = dx - z * pull
+        return rate
+
+
+@dataclass(frozen=True)
+class PermanentSet(BodyPose):
+    """Permanent set: beyond a yield length the rest pose creeps after the platform (Perzyna).
+
+    In x = M^(1/2) (p - p0), at each visit with excess e = |x| - y > 0 the set grows towards x by
+    s e/|x| (1 - exp(-d/tau)), d the dwell; it never recovers. Mechanism and platform then differ by
+    the set, as if the rest pose had moved. `size` is s, the share of the excess that stays after a
+    long visit.
+    """
+
+    yield_m: float = 0.02
+    """y."""
+    time_s: float = 10.0
+    """tau."""
+
+    effect: ClassVar[str] = "permanent_set"
+    name: ClassVar[str] = "permanent_set"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.3, "home checks, small poses after large ones")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> PermanentSet:
+        yield_m = float(random.uniform(0.8, 1.1)) * rig.far_m
+        return cls(1e-4, yield_m=yield_m, time_s=float(random.uniform(3.0, 20.0)))
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        return poses - at.from_all(self._sets)
+
+    def _sets(self, at: Conditions) -> F:
+        """Set (N, 6) at each of all visits, before the visit itself has added to it."""
+        from_s, until_s = np.zeros_like(at.dwell_s), at.dwell_s
+        if at.moving:
+            # A sample adds what creeps until the next one, or until its rest ends.
+            from_s = at.dwell_s
+            arrived = at.time_s - at.dwell_s
+            departed = arrived - at.travel_s
+            later = departed[1:] > departed[:-1] + 1e-6
+            rests = at.dwell_s[:-1] > 0.0
+            ends = np.where(later & rests, departed[1:] - arrived[:-1], at.dwell_s[:-1])
+            ends = np.append(np.where(later, ends, at.dwell_s[1:]), at.dwell_s[-1])
+            until_s = np.maximum(ends, at.dwell_s)
+        away = at.poses - at.rest
+        far = np.linalg.norm(away * _metric_root(at.length_m), axis=1)
+        excess = np.maximum(0.0, far - self.yield_m) / np.maximum(far, 1e-12)
+        crept = np.exp(-from_s / self.time_s) - np.exp(-until_s / self.time_s)
+        total = np.cumsum((self.size * excess * crept)[:, None] * away, axis=0)
+        return np.concatenate([np.zeros((1, 6)), total[:-1]])
+
+
+def _metric_root(length_m: float) -> F:
+    return np.repeat([1.0, length_m], 3)

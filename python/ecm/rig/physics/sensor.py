@@ -1,0 +1,293 @@
+"""Errors of the force-torque sensor: frame, cross-talk, gain, saturation, hysteresis, zero.
+
+Largest sizes: a third in gain, a tenth in cross-talk, a quarter of the range in the zero or nearly
+half of the hysteresis are beyond any data sheet; such a sensor is repaired, not modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ecm.io.arrays import F
+from ecm.rig.frames import rotation, transpose, turn_wrench
+from ecm.rig.physics.true_effect import (
+    SENSOR_SCALE,
+    Conditions,
+    Limit,
+    Random,
+    RigScale,
+    SensorFrame,
+    SensorReading,
+    balanced_direction,
+    unit_vector,
+)
+
+
+@dataclass(frozen=True)
+class SensorSeat(SensorFrame):
+    """The sensor sits askew: its frame is not where the rig file says, exact in SE(3).
+
+    `size` is the rotation of the sensor's frame.
+    """
+
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of its origin per rad, sensor axes."""
+
+    effect: ClassVar[str] = "fts_frame"
+    name: ClassVar[str] = "sensor_seat"
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.2, "larger forces")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorSeat:
+        shift = random.uniform(0.05, 0.2) * np.asarray(unit_vector(random))
+        return cls(5e-3, axis=unit_vector(random), shift_m_rad=(shift[0], shift[1], shift[2]))
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        back = rotation(-self.size * np.asarray(self.axis)[None])
+        moved = np.array(wrenches)
+        moved[:, 3:] -= np.cross(self.size * np.asarray(self.shift_m_rad), wrenches[:, :3])
+        return turn_wrench(back, moved)
+
+
+@dataclass(frozen=True)
+class SensorCrosstalk(SensorReading):
+    """Axes that read each other, with a part that grows with the load of the other axis.
+
+    r_i -> r_i + sum over j of c_ij r_j (1 + r_j/(10 range_j)), where a torque counts over LEVER_M.
+    `size` is a typical entry of the matrix.
+    """
+
+    matrix: tuple[tuple[float, ...], ...] = ()
+    """Pattern (6, 6) with an empty diagonal; empty: none."""
+
+    effect: ClassVar[str] = "fts_crosstalk"
+    name: ClassVar[str] = "sensor_crosstalk"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.1, "loads on every axis")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorCrosstalk:
+        matrix = random.standard_normal((6, 6)) * (1.0 - np.eye(6))
+        return cls(0.005, matrix=tuple(tuple(row) for row in matrix.tolist()))
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        if not self.matrix:
+            return wrenches
+        bent = wrenches * (1.0 + wrenches / (10.0 * at.fts_range)) / SENSOR_SCALE
+        matrix = np.asarray(self.matrix)
+        talk: F = self.size * SENSOR_SCALE * np.einsum("ij,nj->ni", matrix, bent)
+        return wrenches + talk
+
+
+@dataclass(frozen=True)
+class SensorGain(SensorReading):
+    """Gain errors of the axes, with a slight compression towards the range.
+
+    r_i -> r_i (1 + g_i) / (1 + (g_i r_i / (4 range_i))^2): not a pure factor. `size` is a typical
+    gain error.
+    """
+
+    pattern: tuple[float, ...] = (1.0, -1.0, 0.5, -0.5, 1.0, -1.0)
+    """Gain error of each axis over `size`."""
+
+    effect: ClassVar[str] = "fts_gain"
+    name: ClassVar[str] = "sensor_gain"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.3, "loads on every axis")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorGain:
+        pattern = np.sqrt(6.0) * np.asarray(balanced_direction(random))
+        return cls(0.01, pattern=tuple(pattern.tolist()))
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        gain = self.size * np.asarray(self.pattern)
+        return wrenches * (1.0 + gain) / (1.0 + (gain * wrenches / (4.0 * at.fts_range)) ** 2)
+
+
+@dataclass(frozen=True)
+class SensorKnee(SensorReading):
+    """An amplifier that saturates softly: beyond a knee the reading grows ever less.
+
+    r -> r below the knee k of an axis, and sign(r) (k + u/(1 + s u)) above it, with u = |r| - k:
+    s = 0 is straight, and k + 1/s is never reached. `size` is s.
+    """
+
+    axis: int = 0
+    knee: float = 50.0
+    """Load in N or N m."""
+
+    effect: ClassVar[str] = "fts_saturation"
+    name: ClassVar[str] = "sensor_knee"
+    unit: ClassVar[str] = "1/N or 1/(N m)"
+    limit: ClassVar[Limit] = Limit(4.0, "larger loads")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorKnee:
+        axis = int(random.choice(3))
+        return cls(1e-3, axis=axis, knee=float(random.uniform(0.1, 0.4)) * rig.loads[axis])
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        readings = np.array(wrenches)
+        load = wrenches[:, self.axis]
+        over = np.maximum(0.0, np.abs(load) - self.knee)
+        lost = self.size * over**2 / (1.0 + self.size * over)
+        readings[:, self.axis] = load - np.sign(load) * lost
+        return readings
+
+
+@dataclass(frozen=True)
+class SensorPlay(SensorReading):
+    """Hysteresis of the sensor: a Preisach model with a few play operators per axis.
+
+    Each operator follows the load at a distance of its width; the reading lags by `size` times the
+    mean lag of the operators. It acts without the mechanism as well (dead weights).
+    """
+
+    widths: tuple[tuple[float, ...], ...] = ((1.0,), (1.0,), (1.0,), (0.03,), (0.03,), (0.03,))
+    """Widths of the operators of each axis, N and N m."""
+
+    effect: ClassVar[str] = "fts_hysteresis"
+    name: ClassVar[str] = "sensor_play"
+    unit: ClassVar[str] = "1"
+    limit: ClassVar[Limit] = Limit(0.4, "approaches from several sides")
+    follows_the_way: ClassVar[bool] = True
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorPlay:
+        share = random.uniform(0.05, 0.5, (6, 3)) * np.asarray(rig.loads)[:, None]
+        return cls(0.05, widths=tuple(tuple(row) for row in share.tolist()))
+
+    def lag(self, loads: Sequence[F]) -> F:
+        """Mean lag (N, 6) after the loads (k, 6) on the sensor since the reading before.
+
+        The first load of each entry may be the last one of the entry before.
+        """
+        widths = np.asarray(self.widths)
+        state = np.zeros_like(widths)
+        lags = np.zeros((len(loads), 6))
+        for i, passed in enumerate(loads):
+            for load in passed:
+                state = np.clip(state, load[:, None] - widths, load[:, None] + widths)
+            lags[i] = state.mean(axis=1) - passed[-1]
+        return lags
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        # The lag does not depend on the size, which the calibration of a strength varies.
+        lag: F = self.size * at.from_history(self.resized(1.0), self._lag_on_the_way)
+        return wrenches + lag
+
+    def _lag_on_the_way(self, at: Conditions) -> F:
+        def in_sensor_axes(points: F, wrenches: F) -> F:
+            turned = turn_wrench(transpose(rotation(points[:, 3:])), wrenches)
+            return np.asarray(turned @ at.sensor_from_top.T)
+
+        loads = at.per_way(in_sensor_axes)
+        return self.lag(
+            [np.where(on, load, 0.0) for load, on in zip(loads, at.loaded, strict=True)]
+        )
+
+
+@dataclass(frozen=True)
+class SensorStrain(SensorReading):
+    """Strain that fastening puts into the sensor: a constant reading in its own frame.
+
+    It comes when the sensor is bolted to the platform, so no unloaded reading shows it, and the
+    zero that is subtracted does not contain it. `size` is the force part; the torque part is
+    scaled by LEVER_M.
+    """
+
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """In sensor axes: force directions, then torque directions over LEVER_M."""
+
+    effect: ClassVar[str] = "fts_offset"
+    name: ClassVar[str] = "sensor_strain"
+    unit: ClassVar[str] = "N"
+    limit: ClassVar[Limit] = Limit(0.25, "poses that turn on all sides")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorStrain:
+        return cls(0.5, direction=balanced_direction(random))
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        strain: F = self.size * SENSOR_SCALE * np.asarray(self.direction)
+        reading: F = wrenches + at.loaded[:, None] * strain
+        return reading
+
+
+@dataclass(frozen=True)
+class SensorWarmUp(SensorReading):
+    """Zero of the sensor while it warms up: saturating, with a slow random part on top.
+
+        b(t) = d (1 - exp(-t/tau)) + wander
+
+    The rig reads the unloaded sensor before and after and subtracts the straight line between the
+    readings; what is left then is the curvature. Hidden as an effect, the later readings are lost:
+    only the first is subtracted, and the whole drift stays in the data. `size` is the force part
+    of the change when warm.
+    """
+
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """In sensor axes: force directions, then torque directions over LEVER_M."""
+    time_s: float = 3600.0
+    """tau."""
+    wander: float = 0.0
+    """Standard deviation of the slow random part as a share of the change."""
+    later_readings_lost: bool = False
+    """Only the first unloaded reading is subtracted."""
+
+    effect: ClassVar[str] = "fts_drift"
+    name: ClassVar[str] = "sensor_warm_up"
+    unit: ClassVar[str] = "N"
+    limit: ClassVar[Limit] = Limit(0.25, "a longer campaign")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorWarmUp:
+        return cls(
+            1.0,
+            direction=balanced_direction(random),
+            time_s=float(random.uniform(1.0, 3.0)) * rig.duration_s,
+            wander=float(random.uniform(0.0, 0.05)),
+            later_readings_lost=True,
+        )
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        warm = -np.expm1(-at.time_s / self.time_s)[:, None] * np.asarray(self.direction)
+        drift: F = self.size * SENSOR_SCALE * (warm + self.wander * at.walk)
+        return wrenches + drift
+
+
+@dataclass(frozen=True)
+class SensorThermal(SensorReading):
+    """Zero of the sensor against its own temperature: a bent curve, not a straight line.
+
+        b(T) = d (exp((T - T0)/S) - 1) S,   with S some tens of kelvin
+
+    No unloaded reading corrects it. `size` is the force part per kelvin at T0.
+    """
+
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """In sensor axes: force directions, then torque directions over LEVER_M."""
+    reference_degC: float = 28.0
+    bend_K: float = 25.0
+
+    effect: ClassVar[str] = "fts_thermal_drift"
+    name: ClassVar[str] = "sensor_thermal"
+    unit: ClassVar[str] = "N/K"
+    limit: ClassVar[Limit] = Limit(0.05, "a warm-up between the poses")
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> SensorThermal:
+        return cls(0.3, direction=balanced_direction(random), reference_degC=rig.mean_sensor_degC)
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        warm = (at.sensor_temperature_degC - self.reference_degC) / self.bend_K
+        bent = self.size * (self.bend_K * np.expm1(warm))[:, None]
+        drift: F = at.loaded[:, None] * (bent * (SENSOR_SCALE * np.asarray(self.direction)))
+        return wrenches + drift

@@ -1,0 +1,388 @@
+"""What every physical effect of the plant declares: size and shape, draw, largest size, stage.
+
+A true effect is one class in one file of this folder and one line of `registry.py`. The base class
+that it derives from is its stage: where the plant applies it (`ecm.rig.plant` goes through the
+stages in order and knows no effect by name).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+
+from ecm.errors import ComputationError, InputError
+from ecm.io.arrays import B, F, I
+from ecm.rig.elastic import Elastic, Grading
+from ecm.rig.frames import rotation, seen_from, turn_wrench
+
+T = TypeVar("T", bound="TrueEffect")
+Random = np.random.Generator
+Mechanism = Callable[[F], F]
+"""Wrenches (N, 6) of the mechanism at poses (N, 6) of its top."""
+
+LEVER_M = 0.033
+"""Scales a force into a torque wherever one size stands for both: N m per N."""
+SENSOR_SCALE: F = np.repeat([1.0, LEVER_M], 3)
+"""Units of a direction in sensor axes: forces, and torques over LEVER_M."""
+MOTION_SCALE: F = np.repeat([1.0, 1.0 / 0.1], 3)
+"""Units of a direction of motion: translations, and rotations times 0.1 m."""
+
+
+@dataclass(frozen=True)
+class RigScale:
+    """What a draw and a largest size need to know of the rig and its plan."""
+
+    length_m: float
+    duration_s: float
+    mean_temperature_degC: float
+    mean_sensor_degC: float
+    energy_J: float
+    """Elastic energy of a typical pose."""
+    tilts_rad: tuple[float, ...] = (0.3,)
+    """Tilts of the platform's axis at the poses, in increasing order."""
+    far_m: float = 0.02
+    """Median distance from rest, rotation times the length."""
+    loads: tuple[float, ...] = (50.0, 30.0, 30.0, 1.0, 2.0, 2.0)
+    """Largest load of each axis of the sensor, N and N m."""
+    ranges: tuple[float, ...] = (400.0, 200.0, 200.0, 20.0, 20.0, 20.0)
+    """Range of the sensor, N and N m."""
+    rest_stiffness: tuple[float, ...] = (24585.0, 3461.0, 3468.0, 4.0, 16.0, 16.0)
+    """Diagonal of K of the mechanism at rest, N/m and N m/rad."""
+
+
+class LedCamera(Protocol):
+    """The camera's view of the target on the platform."""
+
+    @property
+    def places_m(self) -> F:
+        """Places (9, 3) of the LEDs about the target's centre."""
+        ...
+
+    def visible(self, poses: F) -> B:
+        """Whether each of the nine LEDs is located at poses (N, 6): (N, 9)."""
+        ...
+
+
+_PER_VISIT = {"per_visit": True}
+
+
+def _no_rows() -> Any:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What true effects may depend on: one row per visit, and the rig; unused parts stay empty."""
+
+    length_m: float
+    poses: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """True poses of the platform; the rest pose where it is not connected to the sensor."""
+    anchor: I = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Index of the anchor (solved pose) of each visit."""
+    time_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    temperature_degC: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Temperature of the mechanism."""
+    sensor_temperature_degC: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    walk: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Random process of unit variance of the sensor's zero."""
+    loaded: B = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Whether the mechanism is connected to the sensor."""
+    mount_rad: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Angle about x at which the mechanism is mounted."""
+    travel_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    dwell_s: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    arrival_m: F = field(default_factory=_no_rows, metadata=_PER_VISIT)
+    """Last translation of the way to each visit."""
+    ways: tuple[F, ...] = ()
+    """Way points (k, 6) of each visit, from the one before on; always of all visits."""
+    rested: tuple[bool, ...] = ()
+    """Whether the mechanism's history starts again with that way; always of all visits."""
+    moving: bool = False
+    """The visits are samples of one motion in the order of time."""
+    leg_s: Callable[[F], float] = lambda leg: 0.0
+    """Duration of a leg (6,) of a way."""
+    gravity_m_s2: F = field(default_factory=lambda: np.zeros(3))
+    fts_range: F = field(default_factory=lambda: np.full(6, np.inf))
+    sensor_from_top: F = field(default_factory=lambda: np.eye(6))
+    """Adjoint (6, 6) that moves a wrench from the top frame to the sensor's."""
+    elastic: Elastic | None = None
+    gradings: Mapping[str, Grading] = field(default_factory=dict)
+    camera: LedCamera | None = None
+    whole: Conditions | None = None
+    """All visits, where this is a selection of them."""
+    selected: B | None = None
+    """Which visits of `whole` these are."""
+    memory: dict[Any, F] = field(default_factory=dict)
+    """Histories that were computed before for the same visits, by their key."""
+
+    def select(self, rows: B) -> Conditions:
+        """The conditions of some visits."""
+        names = [item.name for item in fields(self) if item.metadata == _PER_VISIT]
+        parts = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, **parts, whole=self, selected=rows)
+
+    def from_all(self, states: Callable[[Conditions], F]) -> F:
+        """Rows of these visits, of states that are computed for all visits."""
+        if self.whole is None or self.selected is None:
+            return states(self)
+        return states(self.whole)[self.selected]
+
+    def from_history(self, effect: TrueEffect, states: Callable[[Conditions], F]) -> F:
+        """The same for slow states that belong to an effect: they are computed only once."""
+
+        def computed_once(whole: Conditions) -> F:
+            key = (effect, self.elastic)
+            if key not in self.memory:
+                self.memory[key] = states(whole)
+            return self.memory[key]
+
+        return self.from_all(computed_once)
+
+    @property
+    def rest(self) -> F:
+        """Top frame of the undeformed mechanism, (6,)."""
+        return np.array([self.length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def elastic_wrenches(self) -> F:
+        """Wrenches (N, 6) of the elastic mechanism at the true poses."""
+        assert self.elastic is not None
+        return self.elastic.wrench(self.anchor, self.poses)
+
+    def per_way(self, wrenches: Callable[[F, F], F]) -> list[F]:
+        """For each visit `wrenches` of its way points (k, 6) and of the elastic wrenches there."""
+        assert self.elastic is not None
+        points = np.concatenate(self.ways)
+        ends = np.cumsum([len(way) for way in self.ways], dtype=np.int64)
+        return np.split(wrenches(points, self.elastic.at_points(points)), ends[:-1])
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest size that something real could have, and what would show the effect better."""
+
+    share: float
+    """In shares of the unit's measure (`ecm.rig.hidden.limits.measure`)."""
+    remedy: str
+    """What to plan instead of a larger size."""
+
+
+@dataclass(frozen=True)
+class TrueEffect:
+    """A physical effect of the plant: `size` scales it, the other fields are its shape."""
+
+    size: float
+
+    effect: ClassVar[str]
+    """Id in the catalogue of effects, for `--hide`."""
+    name: ClassVar[str]
+    """Name in the sealed file."""
+    unit: ClassVar[str]
+    """Unit of `size`."""
+    limit: ClassVar[Limit]
+    grades: ClassVar[tuple[str, ...]] = ()
+    """Further FEM solutions of the mechanism that the effect needs."""
+    only_in_motion: ClassVar[bool] = False
+    """Only the raw stream shows it."""
+    follows_the_way: ClassVar[bool] = False
+    """It depends on the wrenches at all way points, not only at the visits."""
+
+    @classmethod
+    def draw(cls, random: Random, rig: RigScale) -> TrueEffect:
+        """A random shape with a first guess of the size; only its sign is kept."""
+        raise NotImplementedError
+
+    def resized(self: T, size: float) -> T:
+        """The same shape at another size."""
+        return replace(self, size=size)
+
+    def parameters(self) -> dict[str, Any]:
+        """Unit, size and shape for the sealed file."""
+        return {"unit": self.unit, **asdict(self)}
+
+    def with_parameters(self: T, parameters: Mapping[str, Any]) -> T:
+        """The effect that `parameters` describe, which may have gone through JSON.
+
+        Raises
+        ------
+        InputError
+            Where the names are not those of this effect.
+        """
+        own = {item.name for item in fields(self)}
+        names = set(parameters) - {"unit"}
+        if names != own:
+            raise InputError(
+                f"sealed parameters {', '.join(sorted(names))}, expected "
+                f"{', '.join(sorted(own))}: the truth was sealed by another version"
+            )
+        return replace(self, **{name: _tuples(parameters[name]) for name in own})
+
+    def afterwards(self: T) -> T:
+        """The same effect in a later campaign: what happened once stays.
+
+        Processes of time and memory (ageing, creep, set, softening) start again.
+        """
+        return self
+
+
+# --- the stages, in the order in which the plant applies them ----------------------------------
+
+
+class BodyPose(TrueEffect):
+    """Stage 1: the body is deformed by another pose than that of the platform."""
+
+    def body_pose(self, poses: F, at: Conditions) -> F:
+        """Poses (N, 6) of the body for poses (N, 6) of the platform."""
+        raise NotImplementedError
+
+    def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
+        """Wrenches (N, 6) of the body at the platform; `body` is `body_pose` of `poses`."""
+        return wrenches
+
+
+class BodyVariation(TrueEffect):
+    """Stage 2: the body has another shape or modulus, known from further FEM solutions."""
+
+    def wrench(self, step: F, at: Conditions) -> F:
+        """Added wrench (N, 6) at `step` (N, 6) from the anchors."""
+        raise NotImplementedError
+
+
+class MaterialFactor(TrueEffect):
+    """Stage 3: the elastic wrench is multiplied by a factor."""
+
+    def factor(self, at: Conditions) -> F:
+        """Factor (N,) on the elastic wrench."""
+        raise NotImplementedError
+
+
+class MaterialMemory(TrueEffect):
+    """Stage 4: the material adds a wrench that depends on its history."""
+
+    def memory_wrench(self, at: Conditions) -> F:
+        """Added wrench (N, 6)."""
+        raise NotImplementedError
+
+
+class Clamp(TrueEffect):
+    """Stage 5: the base gives way; mechanism and base are in equilibrium, exact in SE(3)."""
+
+    part: ClassVar[str]
+    """Words for error messages."""
+    iterations: ClassVar[int] = 100
+    tolerance: ClassVar[float] = 1e-12
+    tilt_limit_rad: ClassVar[float] = 0.5
+    half_steps: ClassVar[bool] = False
+
+    def motion(self, wrenches: F, length_m: float) -> F:
+        """Motion (N, 6) of the base under wrenches (N, 6) about the base origin."""
+        raise NotImplementedError
+
+    def solve(self, poses: F, length_m: float, mechanism: Mechanism) -> F:
+        """World wrench at top poses given in the world, by fixed-point iteration.
+
+        Parameters
+        ----------
+        poses
+            Top frames in the world (N, 6).
+        mechanism
+            Its wrenches in the axes of the base at top poses relative to the base.
+
+        Returns
+        -------
+        ndarray
+            Wrenches (N, 6) at the top in world axes.
+
+        Raises
+        ------
+        ComputationError
+            Where the base is so soft that it does not hold the mechanism.
+        """
+        base = np.zeros_like(poses)
+        for _ in range(self.iterations):
+            if not np.max(np.abs(base[:, 3:]), initial=0.0) <= self.tilt_limit_rad:
+                break
+            about_base = self._in_world(base, poses, mechanism)
+            about_base[:, 3:] += np.cross(poses[:, :3], about_base[:, :3])
+            moved = self.motion(about_base, length_m)
+            change = float(np.max(np.abs(moved - base), initial=0.0))
+            base = 0.5 * (base + moved) if self.half_steps else moved
+            if change < self.tolerance:
+                return self._in_world(base, poses, mechanism)
+        raise ComputationError(
+            f"{self.part}: no equilibrium at a rotation compliance of {self.size:g} rad/(N m); "
+            "expected one much below 1/K of the mechanism. Hide a smaller effect"
+        )
+
+    @staticmethod
+    def _in_world(base: F, poses: F, mechanism: Mechanism) -> F:
+        return turn_wrench(rotation(base[:, 3:]), mechanism(seen_from(base, poses)))
+
+
+class PlatformLoad(TrueEffect):
+    """Stage 6: something besides mechanism and sensor acts on the platform."""
+
+    def load(self, at: Conditions) -> F:
+        """Wrench (N, 6) on the platform in base axes, about the top frame's origin."""
+        raise NotImplementedError
+
+
+class SensorFrame(TrueEffect):
+    """Stage 7: the sensor is not where its frame says."""
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        """Wrenches (N, 6) in the true sensor frame, from those in the stated one."""
+        raise NotImplementedError
+
+
+class SensorReading(TrueEffect):
+    """Stage 8: the sensor reads something else than the wrench."""
+
+    def reading(self, wrenches: F, at: Conditions) -> F:
+        """Readings (N, 6) in sensor axes."""
+        raise NotImplementedError
+
+
+class CameraPose(TrueEffect):
+    """Stage 9: the camera reports another pose."""
+
+    def measured(self, poses: F, at: Conditions) -> F:
+        """Poses (N, 6) as the camera reports them."""
+        raise NotImplementedError
+
+
+class Clock(TrueEffect):
+    """Stage 10: a row of the raw stream holds the wrench of another moment."""
+
+    only_in_motion: ClassVar[bool] = True
+
+    def read_s(self, stamp_s: F) -> F:
+        """Moments (N,) whose wrenches stand under these time stamps."""
+        raise NotImplementedError
+
+
+# --- draws and formulas that several effects share ---------------------------------------------
+
+
+def unit_vector(random: Random) -> tuple[float, float, float]:
+    """A random direction in space."""
+    vector = random.standard_normal(3)
+    x, y, z = (vector / np.linalg.norm(vector)).tolist()
+    return x, y, z
+
+
+def balanced_direction(random: Random) -> tuple[float, ...]:
+    """A direction of six axes with no small entry."""
+    sizes = random.uniform(0.4, 1.0, 6) * random.choice([-1.0, 1.0], 6)
+    return tuple((sizes / np.linalg.norm(sizes)).tolist())
+
+
+def random_sign(random: Random) -> float:
+    """1 or -1."""
+    return float(random.choice([-1.0, 1.0]))
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

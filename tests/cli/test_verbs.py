@@ -1,0 +1,145 @@
+"""A command and the function of the same name give the same; a new command is one file and line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.cli import app
+from ecm.cli.command import Data, Session, command
+from support.neck import LENGTH_M, Done, csv_text, neck_columns
+
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """Eighty rows of the neck over time, with their description."""
+    columns = neck_columns(80) | {"time_s": np.arange(80.0)}
+    columns["fy_N"] = columns["fy_N"] + 0.1 * columns["time_s"]
+    (tmp_path / "d.csv").write_text(csv_text(columns), encoding="utf-8")
+    (tmp_path / "d.toml").write_text(f"[mechanism]\nlength_m = {LENGTH_M}\n", encoding="utf-8")
+    return tmp_path / "d.csv"
+
+
+def same_tables(path: Path, table: ecm.Table) -> None:
+    written = ecm.read_table(path)
+    assert list(written.columns) == list(table.columns)
+    for name, values in table.columns.items():
+        np.testing.assert_array_equal(written.columns[name], values)
+
+
+def test_fit_predict_refit_and_export(data: Path, tmp_path: Path, ecm_command: Command) -> None:
+    def run(*arguments: object) -> None:
+        done = ecm_command(*arguments)
+        assert done.code == 0, done.err
+
+    table = ecm.read_table(data)
+    model = ecm.fit(table, "energy4")
+    model.save(tmp_path / "python.json")
+    run("fit", data, "--model", "energy4", "--out", tmp_path / "m.json")
+    assert (tmp_path / "m.json").read_bytes() == (tmp_path / "python.json").read_bytes()
+
+    run("predict", tmp_path / "m.json", data, "--out", tmp_path / "p.csv", "--stiffness",
+        "--stiffness-kind", "screw", "--leverage")  # fmt: skip
+    predicted = ecm.predict(model, table, stiffness="screw", leverage=True)
+    assert {"k_fx_x", "leverage", "extrapolates", "time_s"} <= set(predicted.columns)
+    same_tables(tmp_path / "p.csv", predicted)
+
+    run("refit", tmp_path / "m.json", data, "--add", "fts_drift", "--out", tmp_path / "r.json",
+        "--json", tmp_path / "refit.json")  # fmt: skip
+    better = ecm.refit(ecm.load_model(tmp_path / "m.json"), table, add=["fts_drift"])
+    better.save(tmp_path / "python.json")
+    assert (tmp_path / "r.json").read_bytes() == (tmp_path / "python.json").read_bytes()
+    assert ecm.refit(better, table, remove=["fts_drift"]).effects == ()
+    with pytest.raises(ecm.InputError, match="nothing to change"):
+        ecm.refit(model, table)
+
+    run("export", tmp_path / "r.json", "--to", "c", "--out", tmp_path / "c", "--name", "neck")
+    exported = ecm.export(better, "c", tmp_path / "python", name="neck")
+    assert exported.left_out == ("fts_drift",)
+    for name, text in exported.files.items():
+        assert (tmp_path / "c" / name).read_text(encoding="utf-8") == text
+        assert (tmp_path / "python" / name).read_text(encoding="utf-8") == text
+
+
+def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> None:
+    table = ecm.read_table(data)
+    assert ecm_command("check", data, "--json", tmp_path / "check.json").code == 0
+    assert json.loads((tmp_path / "check.json").read_text()) == ecm.check(table).to_dict()
+
+    done = ecm_command(
+        "design", data, "--n", "9", "--model", "linear", "--starts", "1", "--preset", "paper",
+        "--seed", "3", "--exclude", "1-5", "--out", tmp_path / "plan.csv",
+        "--json", tmp_path / "plan.json",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    planned = ecm.design(
+        table, 9, preset="paper", model="linear", starts=1, seed=3, exclude=range(5)
+    )
+    same_tables(tmp_path / "plan.csv", planned.plan)
+    document = json.loads((tmp_path / "plan.json").read_text())
+    assert document == json.loads(json.dumps(planned.to_dict()))
+    assert planned.design.sentence() in done.out
+    assert not set(planned.design.indices.tolist()) & set(range(5))
+
+
+def test_effects_need_the_protocol_that_tells_them_apart(data: Path) -> None:
+    from ecm.effects import get_effect
+
+    with pytest.raises(ecm.InputError, match="diagnosable"):
+        ecm.design(ecm.read_table(data), 30, effects=[get_effect("fts_drift")])
+
+
+def test_the_aliases_are_the_functions_themselves() -> None:
+    assert ecm.fit is ecm.fit_model
+    assert ecm.campaign is ecm.run_campaign
+
+
+def test_a_new_command_is_one_file_and_one_line_of_the_registry(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Options:
+        data: Data
+
+    @command(Options, tables=True)
+    def rows(options: Options, session: Session) -> None:
+        """Count the rows of a table."""
+        count = len(session.read(options.data))
+        session.write_json({"rows": count})
+        session.print(f"{count} rows")
+
+    file = ModuleType("ecm.cli.rows")
+    vars(file)["rows"] = rows
+    monkeypatch.setitem(sys.modules, "ecm.cli.rows", file)
+    monkeypatch.setitem(app.COMMANDS, "rows", "How many rows a table has.")
+    assert "rows      How many rows a table has." in ecm_command("--help").out
+    page = ecm_command("rows", "--help").out
+    assert "Count the rows of a table." in page
+    assert "--skip-bad-rows" in page
+    assert "--seed" not in page
+    done = ecm_command("rows", data, data, "--json", tmp_path / "n.json", "--seed", "1")
+    assert (done.code, done.out) == (0, "160 rows\n")
+    assert json.loads((tmp_path / "n.json").read_text()) == {"rows": 160}
+
+
+def test_a_message_of_an_interruption_does_not_outlive_its_command(
+    data: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    Session().on_interrupt("Readings so far are kept.")
+    monkeypatch.setattr("ecm.cli.check.check_table", interrupted)
+    done = ecm_command("check", data)
+    assert done.code == 130
+    assert "Nothing was written." in done.err

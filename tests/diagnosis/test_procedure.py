@@ -1,0 +1,93 @@
+"""The stages one by one, their settings, and what a diagnosis turns into."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+
+import pytest
+
+from ecm.diagnosis import Diagnosis, DiagnosisSettings, Stages, diagnose, find_missing
+from ecm.diagnosis.accept import accept
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.classify import classify, verdict
+from ecm.diagnosis.gate import gate, leftover
+from ecm.diagnosis.preparation import prepare
+from ecm.diagnosis.problem import assemble
+from ecm.diagnosis.report import report
+from ecm.diagnosis.search import rank, search
+from ecm.errors import InputError
+from support.campaigns import campaign, model
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    return diagnose(model(), campaign("payload", 1.0, 4))
+
+
+def test_the_stages_called_one_by_one_give_the_diagnosis(found: Diagnosis) -> None:
+    prepared = prepare(model(), campaign("payload", 1.0, 4))
+    base = choose_base(model(), prepared.table)
+    problem = assemble(base, prepared.unexplained, prepared.effects)
+    first = gate(problem)
+    assert first.rejected
+    ranking = rank(problem)
+    chosen = search(problem, ranking)
+    accepted = accept(problem, chosen)
+    left = leftover(problem, first, accepted.effects)
+    assert not left.remains
+    final = verdict(problem, first, classify(problem, accepted, left), left)
+    assert final.headline == found.verdict
+    assert final.accepted.classes == found.answer
+    assert final.accepted.checks == found.checks
+    assert first == found.gate
+    assert left == found.left_over
+    assert [one.p for one in ranking] == [one.p for one in found.ranking]
+
+
+def test_a_decision_is_all_that_a_report_needs(found: Diagnosis) -> None:
+    decision = find_missing(model(), campaign("payload", 1.0, 4))
+    again = report(decision, model())
+    assert json.dumps(again.to_dict()) == json.dumps(found.to_dict())
+
+
+def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
+    """A gate that sees nothing, and a search that finds nothing: nothing is missing."""
+    table = campaign("payload", 1.0, 4)
+    blind = Stages(
+        gate=lambda problem: replace(gate(problem), rejected=False),
+        search=lambda problem, ranking: (),
+    )
+    nothing = find_missing(model(), table, stages=blind)
+    assert nothing.verdict == "none"
+    assert nothing.ranking[0].id == found.ranking[0].id
+
+
+def test_a_setting_decides() -> None:
+    """A name that must fall by more BIC than there is to explain is not given."""
+    table = campaign("payload", 1.0, 4)
+    strict = find_missing(model(), table, settings=DiagnosisSettings(least_bic=1e6))
+    assert strict.accepted.effects == ()
+    assert strict.verdict == "unknown"
+
+
+def test_every_setting_states_its_meaning_and_refuses_what_is_out_of_range() -> None:
+    for item in fields(DiagnosisSettings):
+        limits = item.metadata["limits"]
+        assert limits.doc, item.name
+        limits.check(item.default, item.name)
+    with pytest.raises(InputError, match=r"level = 2.0: expected a number from 0 to 1"):
+        DiagnosisSettings(level=2.0)
+    with pytest.raises(InputError, match=r"held_out = 'block': .* did you mean 'blocks'"):
+        DiagnosisSettings(held_out="block")
+
+
+def test_the_ranking_is_a_table_and_a_figure(found: Diagnosis) -> None:
+    frame = found.to_pandas()
+    assert list(frame["id"]) == [one.id for one in found.ranking]
+    assert list(frame["delta_bic"]) == [one.delta_bic for one in found.ranking]
+    (bars,) = found.plot(most=5).data
+    # The best stands on top.
+    assert list(bars.y)[::-1] == [one.id for one in found.ranking[:5]]
+    assert list(bars.x)[::-1] == [one.delta_bic for one in found.ranking[:5]]
+    assert str(found) == found.sentence()

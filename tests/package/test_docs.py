@@ -1,0 +1,162 @@
+"""What the pages name exists: files, names of the package, commands and their options."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ecm.cli.app import COMMANDS, load_command
+from support.neck import ROOT
+from support.pages import blocks
+
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "crates").glob("*/*.md")]
+)
+CODE = re.compile(r"^```\w*[^\n]*\n(.*?)^```$|`([^`\n]+)`", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"[\w.*/-]+\.(?:py|rs|toml|md|html|c|h|png|svg|sh|urdf|cpp)\b")
+SOURCE = re.compile(r"^[\w*]+\.(?:py|rs)$")
+NAME = re.compile(r"\becm(?:\.[A-Za-z_]\w*)+")
+COMMAND = re.compile(r"(?:^|[\s;&(])ecm ([a-z]+)([^\n;&|#]*)", re.MULTILINE)
+OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]*")
+
+TEST = re.compile(r"(?<![\w/])(?:(test_\w+)(…?)(?!\w|\.py)|([a-z]+(?:_[a-z]+)+)…)")
+FUNCTION = re.compile(r"^\s*(?:def|fn) (\w+)\(", re.MULTILINE)
+
+WRITTEN = ("demo/", "out/", "examples/control.rs")
+"""What commands write: folders of results, and a file of the exported crate."""
+ELSEWHERE = {
+    "model/kuka_lwr4_gaz.urdf",
+    "model/kuka_lwr4_identified.urdf",
+    "orocos_kdl/tests/solvertest.cpp",
+}
+"""Files of other projects."""
+
+
+def missing_files(page: Path, text: str) -> Iterator[str]:
+    """Files that a page names and that are not in the repository.
+
+    A path counts from the root or from the page's folder; NAME and * stand for any name. A source
+    file without a folder may be anywhere, or be written by a block of the page.
+    """
+    own = {block.name for block in blocks(page) if block.name}
+    for match in FILE.finditer(text):
+        name = match.group()
+        before = text[: match.start()].rsplit("\n", 1)[-1].rsplit(" ", 1)[-1]
+        if "://" in before or name in ELSEWHERE | own or name.startswith(WRITTEN):
+            continue
+        pattern = name.removeprefix("./").replace("NAME", "*")
+        if "/" in pattern:
+            if not any(
+                (folder / pattern).exists() or ("*" in pattern and any(folder.glob(pattern)))
+                for folder in (ROOT, page.parent)
+            ):
+                yield name
+        elif SOURCE.match(pattern) and not any(
+            next((ROOT / top).rglob(pattern), None)
+            for top in ("python", "crates", "tests", "benches", "docs", "scripts")
+        ):
+            yield name
+
+
+@lru_cache(maxsize=1)
+def functions_of_tests() -> set[str]:
+    """Names of all functions of the tests, in Python and in Rust."""
+    files = [*(ROOT / "tests").rglob("*.py"), *(ROOT / "crates").rglob("*.rs")]
+    return {name for path in files for name in FUNCTION.findall(path.read_text(encoding="utf-8"))}
+
+
+def missing_tests(text: str) -> list[str]:
+    """Tests that a page names and that do not exist; `…` stands for the rest of a name."""
+    lacking = []
+    for python, rest, rust in TEST.findall(text):
+        name, whole = python or rust, bool(python and not rest)
+        known = functions_of_tests()
+        if name not in known and (whole or not any(test.startswith(name) for test in known)):
+            lacking.append(name)
+    return lacking
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name of the package can be imported, or is an attribute of what can."""
+    parts = name.split(".")
+    known = len(parts)
+    while find_module(".".join(parts[:known])) is None:
+        known -= 1
+    thing: Any = import_module(".".join(parts[:known]))
+    for part in parts[known:]:
+        if not hasattr(thing, part):
+            return False
+        thing = getattr(thing, part)
+    return True
+
+
+def find_module(name: str) -> Any:
+    """Where a module is, None where there is none of that name."""
+    try:
+        return find_spec(name)
+    except ModuleNotFoundError:
+        return None
+
+
+def options_of(command: Any) -> set[str]:
+    """Long options of a command, with those of its own commands."""
+    own = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
+    own |= {"--help"}
+    return own.union(*(options_of(child) for child in getattr(command, "commands", {}).values()))
+
+
+def code(text: str) -> str:
+    """What a page writes as code, a piece a line; lines that go on are joined."""
+    pieces = (match.group(1) or match.group(2) for match in CODE.finditer(text))
+    return "\n".join(pieces).replace("\\\n", " ")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    assert sorted(set(missing_files(page, page.read_text(encoding="utf-8")))) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tests_that_a_page_names_exist(page: Path) -> None:
+    assert missing_tests(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_of_the_package_that_a_page_uses_exist(page: Path) -> None:
+    names = {name.group() for name in NAME.finditer(page.read_text(encoding="utf-8"))}
+    assert [name for name in sorted(names) if not exists(name)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_and_options_that_a_page_writes_exist(page: Path) -> None:
+    unknown = []
+    for name, rest in COMMAND.findall(code(page.read_text(encoding="utf-8"))):
+        if name not in COMMANDS:
+            unknown.append(f"ecm {name}")
+        else:
+            given = set(OPTION.findall(rest)) - options_of(load_command(name))
+            unknown += [f"ecm {name} {option}" for option in sorted(given)]
+    assert unknown == []
+
+
+def test_what_does_not_exist_is_noticed() -> None:
+    page = ROOT / "docs" / "rig.md"
+    text = "`python/ecm/rig/nowhere.py`, `nowhere.py`, [page](nowhere/page.md), `ecm/rig/NAME.md`"
+    assert len(set(missing_files(page, text))) == 4
+    assert not list(missing_files(page, "`python/ecm/rig/NAME.py`, `tests/rig/test_arm.py`"))
+    assert missing_tests("`test_nowhere`, `test_what_does…`, nothing_is_nowhere…") == [
+        "test_nowhere",
+        "nothing_is_nowhere",
+    ]
+    assert not exists("ecm.rig.nowhere")
+    assert not exists("ecm.Table.nowhere")
+    assert exists("ecm.Table.select")
+    assert "--nowhere" not in options_of(load_command("design"))
+    assert {"--rig", "--seed"} <= options_of(load_command("design"))
