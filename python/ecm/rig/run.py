@@ -148,7 +148,7 @@ def run_campaign(
 
         require_arm(folder)
         arm = RobotCampaign(
-            plan, rig, source, hide=hide, seed=seed, folder=folder, library_folder=folder,
+            plan, rig, source, hide=hide, seed=seed, folder=folder,
             progress=progress,
         )  # fmt: skip
         table, kept = run_robot(
