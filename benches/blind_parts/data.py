@@ -153,7 +153,6 @@ def _arm(asked: Set, plan: Table) -> Table:
         hide=[Hidden(id, s) for id, s in asked.hidden],
         seed=asked.seed,
         folder=cache_directory(),
-        library_folder=cache_directory(),
     )
     for _ in campaign.lines((), 1):
         pass
