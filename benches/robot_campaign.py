@@ -99,7 +99,7 @@ def tell(name: str, found: dict[str, Any]) -> None:
 def campaign_of(plan: Table, rig: RigSettings) -> RobotCampaign:
     """A campaign that is not run."""
     kept = cache_directory()
-    return RobotCampaign(plan, rig, fem_source(plan), folder=kept, library_folder=kept)
+    return RobotCampaign(plan, rig, fem_source(plan), folder=kept)
 
 
 def loop(plan: Table, rig: RigSettings) -> dict[str, float]:

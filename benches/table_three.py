@@ -82,7 +82,7 @@ class Driven:
 
         kept = cache_directory()
         campaign = RobotCampaign(
-            plan, settings, fem_source(plan), seed=seed, folder=kept, library_folder=kept,
+            plan, settings, fem_source(plan), seed=seed, folder=kept,
             run=run,
         )  # fmt: skip
         for _ in campaign.lines((), settings.arm.processes or 2):

@@ -172,7 +172,6 @@ def _arm(asked: Set, plan: Table, sources: Sources) -> Table:
         hide=[Hidden(id, s) for id, s in asked.hidden],
         seed=asked.seed,
         folder=sources.cache(),
-        library_folder=sources.cache(),
     )
     for _ in campaign.lines((), 1):
         pass

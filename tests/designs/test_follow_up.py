@@ -17,7 +17,7 @@ from ecm.io.columns import POSE
 from ecm.io.table import read_table
 from ecm.regression.noise import declared_noise
 from ecm.regression.sensor_zero import is_zero
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, physics
 from support.stand_in import StandIn
 
@@ -62,7 +62,13 @@ def test_the_rig_runs_the_plan_and_its_data_join_the_first(
     first.write(tmp_path / "first.csv")
     plan = follow_up_plan(first, experiment)
     assert sign in [str(a) for a in plan.text("action")]
-    second = run_campaign(plan, RigSettings(), tmp_path / "second.csv", seed=4, source=StandIn())
+    second = run_campaign(
+        plan,
+        RigSettings(),
+        tmp_path / "second.csv",
+        seed=4,
+        options=CampaignOptions(source=StandIn()),
+    )
     assert len(second) > 0
     joined = read_table([tmp_path / "first.csv", tmp_path / "second.csv"])
     assert len(joined) == len(first) + len(second)
@@ -99,7 +105,9 @@ def test_dead_weights_load_the_sensor_and_not_the_mechanism(tmp_path: Path) -> N
     plan = follow_up_plan(first, "dead weights")
     quiet = {"force_noise_N": 0.0, "torque_noise_Nm": 0.0, "fts_resolution": [0.0] * 6}
     silent = RigSettings.from_dict({"instrument": quiet})
-    second = run_campaign(plan, silent, tmp_path / "second.csv", seed=4, source=StandIn())
+    second = run_campaign(
+        plan, silent, tmp_path / "second.csv", seed=4, options=CampaignOptions(source=StandIn())
+    )
     rows = Rows(second, physics())
     hung = np.array([0.5, 1.0, 2.0, 4.0, 2.0, 1.0, 0.5]) * 9.81
     carried = np.flatnonzero(np.abs(rows.sensor_load - rows.wrench).max(axis=1))
@@ -136,7 +144,9 @@ def test_a_plan_for_data_without_pose_ids_joins_them_as_repeats(tmp_path: Path) 
     both = read_table([tmp_path / "a.csv", tmp_path / "b.csv"])
     assert not both.has("pose_id")
     plan = follow_up_plan(both, "repeat_first_poses")
-    run_campaign(plan, RigSettings(), tmp_path / "c.csv", seed=4, source=StandIn())
+    run_campaign(
+        plan, RigSettings(), tmp_path / "c.csv", seed=4, options=CampaignOptions(source=StandIn())
+    )
     joined = read_table([tmp_path / f"{name}.csv" for name in "abc"])
     ids = joined.column("pose_id")
     assert len(np.unique(ids[: len(both)][both.text("kind") == "pose"])) == len(both.measured())
@@ -168,14 +178,18 @@ def test_a_session_is_one_plan_and_what_changes_the_set_up_comes_last() -> None:
         assert [a for a, r in zip(actions, runs, strict=True) if r == run][: len(alone) - 1] == (
             alone[:-1]
         )
-    second = run_campaign(plan, RigSettings(), None, seed=4, source=StandIn())
+    second = run_campaign(
+        plan, RigSettings(), None, seed=4, options=CampaignOptions(source=StandIn())
+    )
     assert len(set(second.column("run"))) == 3
 
 
 def test_remounts_of_a_session_end_at_the_angles_that_were_proposed() -> None:
     session = "remount turned by 180 degrees + remount the mechanism turned by 90 degrees"
     plan = follow_up_plan(campaign(seed=3), session)
-    runs = run_campaign(plan, RigSettings(), None, seed=4, source=StandIn()).meta.runs
+    runs = run_campaign(
+        plan, RigSettings(), None, seed=4, options=CampaignOptions(source=StandIn())
+    ).meta.runs
     turned = sorted({run["mount_angle_rad"] for run in runs.values() if "mount_angle_rad" in run})
     np.testing.assert_allclose(np.rad2deg(turned), [90.0, 180.0])
 

@@ -26,7 +26,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument
 from ecm.io.table import Table
 from ecm.models import fit_model
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, found_in, model, physics, plan
 from support.stand_in import L, StandIn
 
@@ -432,7 +432,9 @@ def test_trap_a_sensor_zeroed_with_the_payload_on() -> None:
         instrument=replace(settings.instrument, zeroed_with_payload=True),
         plant=replace(settings.plant, payload_mass_kg=0.8),
     )
-    table = run_campaign(plan(), settings, None, hide="", seed=7, source=StandIn())
+    table = run_campaign(
+        plan(), settings, None, hide="", seed=7, options=CampaignOptions(source=StandIn())
+    )
     assert table.meta.instrument.zeroed_with_payload
     diagnosis = diagnose(model(), table)
     assert diagnosis.answer == (("payload",),), diagnosis.sentence()

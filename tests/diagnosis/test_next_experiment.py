@@ -12,7 +12,7 @@ from ecm.effects import Rows, get_effect
 from ecm.io.columns import WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, model, physics, plan, workspace_poses
 from support.stand_in import L, StandIn
 
@@ -81,7 +81,7 @@ def test_the_papers_protocol_cannot_test_what_the_diagnosable_one_can() -> None:
     three = {"hysteresis", "stress_relaxation", "ageing"}
     table = run_campaign(
         paper_plan(*candidates(), seed=0), RigSettings(), None,
-        hide="hysteresis=1.0", seed=5, source=StandIn(),
+        hide="hysteresis=1.0", seed=5, options=CampaignOptions(source=StandIn()),
     )  # fmt: skip
     found = diagnose(model(), table)
     listed = {item.id: item.record for item in found.not_testable}

@@ -20,7 +20,7 @@ from ecm.errors import InputError
 from ecm.io.columns import JOINT_SIGNS, JOINTS, POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.rig import run_campaign
+from ecm.rig import CampaignOptions, run_campaign
 from support.campaigns import campaign, found_in, model, physics, workspace_poses
 from support.stand_in import L, StandIn, wrench
 
@@ -214,7 +214,7 @@ def test_the_simulated_arm_that_yields_is_named_from_its_own_encoders(tmp_path: 
     table = run_campaign(
         plan(workspace_poses(36, 3)),
         settings(joint_yield_rad_Nm=YIELD_RAD_NM, processes=1),
-        None, source=StandIn(), folder=tmp_path,
+        None, options=CampaignOptions(source=StandIn(), folder=tmp_path),
     )  # fmt: skip
     read, _ = top_of(table.matrix(JOINTS))
     by_encoders = table.drop("leds_visible").with_columns(dict(zip(POSE, read.T, strict=True)))

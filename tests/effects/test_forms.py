@@ -37,7 +37,7 @@ from ecm.regression.normal_equations import (
     explained_squares,
     projected_out,
 )
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.campaigns import campaign, model, physics, plan
 from support.stand_in import L, StandIn
 
@@ -276,7 +276,9 @@ def test_a_coefficient_of_the_wrong_sign_explains_nothing() -> None:
 def test_two_effects_are_found_where_neither_stands_out_alone() -> None:
     """A taper and a wrong length look like six other effects first."""
     hide = "taper=1,length_error=1"
-    table = run_campaign(plan(), RigSettings(), None, hide=hide, seed=5, source=StandIn())
+    table = run_campaign(
+        plan(), RigSettings(), None, hide=hide, seed=5, options=CampaignOptions(source=StandIn())
+    )
     problem = assemble(choose_base(model(), table), table, list(all_effects()), None)
     assert not {"taper", "length_error"} & {item.candidate.id for item in rank(problem)[:5]}
     chosen = search(problem, rank(problem))

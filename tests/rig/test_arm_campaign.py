@@ -69,9 +69,7 @@ def test_a_plan_of_few_poses_is_driven_too(cache: Path, count: int) -> None:
 
 
 def test_with_nothing_hidden_only_the_declared_noise_is_left(cache: Path) -> None:
-    campaign = RobotCampaign(
-        plan(some_poses(24)), settings(), StandIn(), folder=cache, library_folder=cache
-    )
+    campaign = RobotCampaign(plan(some_poses(24)), settings(), StandIn(), folder=cache)
     for _ in campaign.lines((), 1):
         pass
     table = campaign.finished().measured()
@@ -138,7 +136,7 @@ def test_both_sides_of_a_pose_are_driven_as_the_plan_says(cache: Path) -> None:
     approach = ["initial", "initial", "initial", "initial", "2"]
     campaign = RobotCampaign(
         plan(poses, pose_id=ids, approach=approach), settings(), StandIn(),
-        folder=cache, library_folder=cache,
+        folder=cache,
     )  # fmt: skip
     lines = list(campaign.lines((), 1))
     last = [line for line in lines if campaign.planned.visits[line.visit].kind == "pose"][-1]
@@ -196,7 +194,7 @@ def test_the_time_is_known_beforehand(cache: Path) -> None:
 
     table = plan(some_poses(6, seed=7))
     rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
-    campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache, library_folder=cache)
+    campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache)
     planned = campaign.minutes
     assert len(list(campaign.lines((), 1))) == 8
     assert campaign.minutes > planned + 0.1
@@ -353,7 +351,6 @@ def test_what_is_hidden_acts_while_the_arm_moves(cache: Path, effect: str) -> No
             StandIn(),
             hide=hide,
             folder=cache,
-            library_folder=cache,
         )
         ends[bool(hide)] = campaign.setup.build().sortie(campaign.sorties[0].stops).stops[0]
         if hide:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
-from ecm.rig import Campaign, RigSettings, campaign_minutes, run_campaign
+from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, run_campaign
 from ecm.rig.journal import BESIDE
 from ecm.rig.measurement import residual
 from support.stand_in import StandIn, error_of, plan_of, some_poses, whitener_of
@@ -62,7 +62,7 @@ def test_columns_and_description_are_complete() -> None:
 
 def test_the_written_table_reads_back(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     table = run_campaign(plan_of(some_poses(20)), RigSettings(), out, **kept)
     again = read_table(out)
     assert again.poses == pytest.approx(table.poses, abs=0.0)
@@ -86,8 +86,7 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
             plan,
             RigSettings(),
             folder / "data.csv",
-            source=StandIn(),
-            folder=tmp_path / "cache",
+            options=CampaignOptions(source=StandIn(), folder=tmp_path / "cache"),
             hide="payload=2",
             seed=4,
             **more,
@@ -117,7 +116,7 @@ def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bytes(
 
 def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_path: Path) -> None:
     plan, out = plan_of(some_poses(12)), tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(plan, RigSettings(), out, **kept)
     before = out.read_bytes()
     with pytest.raises(InputError, match=r"data\.csv: a table stands there.*overwrite=True"):
@@ -136,7 +135,7 @@ def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_p
     with pytest.raises(InputError, match="another campaign"):
         run_campaign(plan, RigSettings(), out, **kept)
     with pytest.raises(InputError, match="a table stands there"):
-        run_campaign(plan, RigSettings(), out, resume=False, **kept)
+        run_campaign(plan, RigSettings(), out, options=replace(kept["options"], resume=False))
     journal.unlink()
     assert out.read_bytes() == before
 
@@ -153,7 +152,7 @@ def test_a_finished_table_is_not_overwritten_and_an_unfinished_one_goes_on(tmp_p
 
 @pytest.mark.parametrize("suffix", sorted(BESIDE))
 def test_what_belongs_to_a_table_is_kept_without_it(tmp_path: Path, suffix: str) -> None:
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     theirs = tmp_path / f"data{suffix}"
     theirs.write_text("sealed yesterday")
     with pytest.raises(InputError, match=rf"data\{suffix}: .* stands there.*overwrite=True"):
@@ -169,12 +168,12 @@ def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:
         if done == 3:
             raise Stop
 
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     with pytest.raises(Stop):
         run_campaign(plan, RigSettings(), out, progress=stop, **kept)
     with pytest.raises(InputError, match="another campaign"):
         run_campaign(plan, RigSettings(), out, seed=1, **kept)
-    run_campaign(plan, RigSettings(), out, seed=1, resume=False, **kept)
+    run_campaign(plan, RigSettings(), out, seed=1, options=replace(kept["options"], resume=False))
     assert out.exists()
 
 
@@ -221,7 +220,7 @@ def test_a_cache_that_cannot_be_written_says_what_to_do(tmp_path: Path) -> None:
 
 def test_new_data_without_secrets_take_the_old_truth_away(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(plan_of(some_poses(20)), RigSettings(), out, hide="payload=1", **kept)
     assert (tmp_path / "data.truth.json").exists()
     run_campaign(plan_of(some_poses(20)), RigSettings(), out, overwrite=True, **kept)

@@ -11,7 +11,7 @@ import pytest
 
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import read_table
-from ecm.rig import Campaign, RigSettings, run_campaign
+from ecm.rig import Campaign, CampaignOptions, RigSettings, run_campaign
 from ecm.rig.elastic import COS2, SIN2, UNIFORM, Elastic
 from ecm.rig.fem_source import FemSource
 from ecm.rig.frames import displaced, turn_wrench
@@ -90,7 +90,14 @@ def test_a_plan_with_a_mechanism_is_measured_from_end_to_end(folder: Path, tmp_p
     plan = plan_of(some_poses(25))
     plan = plan.with_meta(replace(plan.meta, mechanism=NECK))
     out = tmp_path / "data.csv"
-    run_campaign(plan, RigSettings(), out, hide="anisotropy=1", seed=1, folder=folder)
+    run_campaign(
+        plan,
+        RigSettings(),
+        out,
+        hide="anisotropy=1",
+        seed=1,
+        options=CampaignOptions(folder=folder),
+    )
     table = read_table(out)
     assert len(table) == 25
     assert table.meta.mechanism["radius_m"] == 0.033

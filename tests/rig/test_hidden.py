@@ -13,7 +13,7 @@ import pytest
 from ecm.effects import all_effects
 from ecm.errors import InputError
 from ecm.io.table import Table, read_table
-from ecm.rig import Campaign, Hidden, RigSettings, reveal, run_campaign, score
+from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, reveal, run_campaign, score
 from ecm.rig.frames import rotate, rotation
 from ecm.rig.hidden.limits import measure
 from ecm.rig.measurement import residual, wrench_in_base
@@ -171,7 +171,7 @@ def test_random_is_drawn_by_the_seed() -> None:
 
 def test_that_nothing_is_hidden_can_be_sealed(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
     right = reveal(out, {"verdict": "none", "answer": []})
     assert right.score is not None
@@ -215,7 +215,7 @@ def test_what_slipped_once_has_slipped_in_the_next_campaign() -> None:
 
 def test_another_campaign_of_a_rig_with_nothing_hidden(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="none", **kept)
     assert Hidden.parse(str(out)) == (Hidden("none", 0.0),)
     (tmp_path / "data.truth.json").write_text("{}")
@@ -287,7 +287,7 @@ def test_scoring(truth: list[str], answer: list[list[str]], correct: bool, named
 
 def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="fts_offset=1.5", seed=9, **kept)
     assert "fts_offset" not in out.read_text() + out.with_suffix(".toml").read_text()
     report = {"verdict": "named", "answer": [["fts_offset"]]}
@@ -313,7 +313,7 @@ def test_the_truth_is_sealed_and_opens(tmp_path: Path) -> None:
 
 def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, **kept)
     with pytest.raises(InputError, match="nothing was hidden"):
         reveal(out)
@@ -322,7 +322,7 @@ def test_without_a_hidden_effect_there_is_nothing_to_reveal(tmp_path: Path) -> N
 @pytest.mark.parametrize("text", ["[]", "{", '{"answer": ["payload"]}', '{"verdict": "none"}'])
 def test_an_answer_that_is_no_report_is_refused(tmp_path: Path, text: str) -> None:
     out = tmp_path / "data.csv"
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache"}
+    kept: dict[str, Any] = {"options": CampaignOptions(source=StandIn(), folder=tmp_path / "cache")}
     run_campaign(both_sides(), RigSettings(), out, hide="payload", **kept)
     answer = tmp_path / "answer.json"
     answer.write_text(text)

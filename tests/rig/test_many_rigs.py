@@ -14,7 +14,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, read_table
-from ecm.rig import RigSettings, reveal, run_campaigns
+from ecm.rig import CampaignOptions, RigSettings, reveal, run_campaigns
 from ecm.rig.many import rig_paths
 from support.neck import Done
 from support.programs import need_program
@@ -48,7 +48,9 @@ def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     here, there = tmp_path / "here", tmp_path / "there"
     hide = "payload=20"
-    paths = run_campaigns(plan(), RigSettings(), here / "d.csv", rigs=RIGS, hide=hide, seed=5)
+    paths = run_campaigns(
+        plan(), RigSettings(), here / "d.csv", seeds=range(5, 5 + RIGS), hide=hide
+    )
     wrenches = [read_table(path).wrenches for path in paths]
     assert not np.allclose(wrenches[0], wrenches[1])
     assert [reveal(path).seed for path in paths] == [5, 6, 7]
@@ -56,8 +58,8 @@ def test_rigs_differ_and_workers_give_the_same_bytes(tmp_path: Path) -> None:
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
         run_campaigns(
-            plan(), RigSettings(), there / "d.csv", rigs=RIGS, hide=hide, seed=5,
-            scheduler=cluster.scheduler_address,
+            plan(), RigSettings(), there / "d.csv", seeds=range(5, 5 + RIGS), hide=hide,
+            options=CampaignOptions(scheduler=cluster.scheduler_address),
         )  # fmt: skip
     assert files(there) == files(here)
 
@@ -66,20 +68,24 @@ def test_what_is_done_is_not_measured_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "d.csv"
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
+    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS))
     before = files(tmp_path)
     rig_paths(out, RIGS)[1].unlink()
     measured: list[int] = []
     run_campaigns(
-        plan(), RigSettings(), out, rigs=RIGS, progress=lambda done, n, word: measured.append(done)
+        plan(),
+        RigSettings(),
+        out,
+        seeds=range(RIGS),
+        progress=lambda done, n, word: measured.append(done),
     )
     assert len(measured) == 1
     assert files(tmp_path) == before
     with pytest.raises(InputError, match="another plan, rig, seed"):
-        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1)
+        run_campaigns(plan(), RigSettings(), out, seeds=range(1, 1 + RIGS))
     assert files(tmp_path) == before
     # More rigs of the same job go on; nothing that is there is touched.
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS + 1)
+    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS + 1))
     assert before.items() - files(tmp_path).items() == {("d.rigs.json", before["d.rigs.json"])}
 
 
@@ -92,10 +98,10 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
         if journal:
             theirs.with_name("d-0001.journal.csv").write_text("# campaign 12\n")
         with pytest.raises(InputError, match=r"d-0001\.csv: a table stands there.*--overwrite"):
-            run_campaigns(plan(), RigSettings(), out, rigs=RIGS)
+            run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS))
     assert theirs.read_text() == "measured yesterday\n"
     assert not out.with_name("d.rigs.json").exists()
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, overwrite=True)
+    run_campaigns(plan(), RigSettings(), out, seeds=range(RIGS), overwrite=True)
     assert len(read_table(theirs)) == 5
     assert not theirs.with_suffix(".truth.json").exists()
     # Other settings need the same word; the same settings and that word measure anew.
@@ -105,14 +111,18 @@ def test_a_table_that_stands_there_is_not_overwritten(tmp_path: Path) -> None:
         measured.append(done)
 
     with pytest.raises(InputError, match="--overwrite"):
-        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1)
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=1, overwrite=True, progress=count)
+        run_campaigns(plan(), RigSettings(), out, seeds=range(1, 1 + RIGS))
+    run_campaigns(
+        plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
+    )
+    run_campaigns(
+        plan(), RigSettings(), out, seeds=range(1, 1 + RIGS), overwrite=True, progress=count
+    )
     assert measured == [1, 2, 3, 1, 2, 3]
     # Fewer of them anew: the others stay done.
     measured.clear()
-    run_campaigns(plan(), RigSettings(), out, rigs=1, seed=1, overwrite=True, progress=count)
-    run_campaigns(plan(), RigSettings(), out, rigs=RIGS + 1, seed=1, progress=count)
+    run_campaigns(plan(), RigSettings(), out, seeds=range(1, 2), overwrite=True, progress=count)
+    run_campaigns(plan(), RigSettings(), out, seeds=range(1, RIGS + 2), progress=count)
     assert measured == [1, 4]
 
 
@@ -123,7 +133,7 @@ class Stop(Exception):
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
     whole, out = tmp_path / "whole" / "d.csv", tmp_path / "cut" / "d.csv"
-    run_campaigns(plan(), RigSettings(), whole, rigs=RIGS)
+    run_campaigns(plan(), RigSettings(), whole, seeds=range(RIGS))
     taken: list[int] = []
 
     def stop(done: int, total: int, word: str) -> None:
@@ -131,13 +141,15 @@ def test_an_unfinished_job_goes_on(tmp_path: Path, overwrite: bool) -> None:
             raise Stop
 
     if overwrite:
-        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, seed=9)
+        run_campaigns(plan(), RigSettings(), out, seeds=range(9, 9 + RIGS))
     with pytest.raises(Stop):
-        run_campaigns(plan(), RigSettings(), out, rigs=RIGS, progress=stop, overwrite=overwrite)
+        run_campaigns(
+            plan(), RigSettings(), out, seeds=range(RIGS), progress=stop, overwrite=overwrite
+        )
     # A kill between the table of a rig and the note that it is done.
     out.with_name("d-0002.csv").write_text("half a job\n")
     run_campaigns(
-        plan(), RigSettings(), out, rigs=RIGS, overwrite=overwrite,
+        plan(), RigSettings(), out, seeds=range(RIGS), overwrite=overwrite,
         progress=lambda done, n, word: taken.append(done),
     )  # fmt: skip
     assert taken == [3]
@@ -157,7 +169,7 @@ def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> Non
     columns = {name: poses[:, j] for j, name in enumerate(POSE)}
     three = Table(columns, Meta(mechanism=Mechanism().to_dict()), "plan")
     here, there = tmp_path / "here", tmp_path / "there"
-    paths = run_campaigns(three, arm, here / "d.csv", rigs=2, hide="payload=20", seed=5)
+    paths = run_campaigns(three, arm, here / "d.csv", seeds=range(5, 7), hide="payload=20")
     tables = [read_table(path) for path in paths]
     assert all(len(table.measured()) == 3 for table in tables)
     assert all(table.has("q1_rad", "q7_dir") for table in tables)
@@ -167,8 +179,8 @@ def test_rigs_with_the_arm_give_the_same_bytes_on_workers(tmp_path: Path) -> Non
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
         run_campaigns(
-            three, arm, there / "d.csv", rigs=2, hide="payload=20", seed=5,
-            scheduler=cluster.scheduler_address,
+            three, arm, there / "d.csv", seeds=range(5, 7), hide="payload=20",
+            options=CampaignOptions(scheduler=cluster.scheduler_address),
         )  # fmt: skip
     assert files(there) == files(here)
 

@@ -13,7 +13,7 @@ import pytest
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import Table, read_table
-from ecm.rig import Campaign, Hidden, RigSettings, run_campaign
+from ecm.rig import Campaign, CampaignOptions, Hidden, RigSettings, run_campaign
 from ecm.rig.elastic import Anchors, Smooth
 from ecm.rig.frames import rotation, turn_wrench
 from ecm.rig.hidden.calibrate import Whitener
@@ -37,7 +37,14 @@ def stream_of(campaign: Campaign) -> RawStream:
 def measured(folder: Path, hide: str, seed: int = 3) -> Path:
     out = folder / f"{hide.replace('=', '-')}.csv"
     plan = plan_of(workspace_poses(40, 3))
-    run_campaign(plan, STREAM, out, hide=hide, seed=seed, source=StandIn(), folder=folder)
+    run_campaign(
+        plan,
+        STREAM,
+        out,
+        hide=hide,
+        seed=seed,
+        options=CampaignOptions(source=StandIn(), folder=folder),
+    )
     return out
 
 
@@ -280,7 +287,8 @@ class Stop(Exception):
 
 def test_a_campaign_that_was_cut_ends_with_the_same_stream(tmp_path: Path) -> None:
     plan = plan_of(some_poses(25))
-    kept: dict[str, Any] = {"source": StandIn(), "folder": tmp_path / "cache", "seed": 4}
+    options = CampaignOptions(source=StandIn(), folder=tmp_path / "cache")
+    kept: dict[str, Any] = {"options": options, "seed": 4}
 
     def stop(done: int, total: int, word: str) -> None:
         if word == "measuring" and done == 11:
@@ -308,13 +316,15 @@ def test_where_no_stream_can_be_kept_it_is_said_before_the_work(tmp_path: Path) 
     plan, source = plan_of(some_poses(25)), StandIn()
     arm = RigSettings.from_dict({"rig": {"mode": "robot", "stream_Hz": 2.0}})
     with pytest.raises(InputError, match="only the quasi-static rig"):
-        run_campaign(plan, arm, tmp_path / "data.csv", source=source)
+        run_campaign(plan, arm, tmp_path / "data.csv", options=CampaignOptions(source=source))
     assert source.solved == 0
     measured: list[int] = []
     with pytest.raises(InputError, match=r"stream_Hz.*Plan 20 or more"):
         run_campaign(
-            plan, STREAM, tmp_path / "data.csv", source=StandIn(curvature=False),
-            folder=tmp_path / "cache",
+            plan, STREAM, tmp_path / "data.csv",
+            options=CampaignOptions(
+                source=StandIn(curvature=False), folder=tmp_path / "cache"
+            ),
             progress=lambda done, n, word: measured.append(done) if word == "measuring" else None,
         )  # fmt: skip
     assert measured == []
@@ -391,9 +401,13 @@ def test_thermometers_and_stamps_are_as_the_rig_file_says() -> None:
 
 
 def test_in_memory_it_is_said_that_no_stream_is_kept() -> None:
-    table = run_campaign(plan_of(some_poses(25)), STREAM, None, source=StandIn())
+    table = run_campaign(
+        plan_of(some_poses(25)), STREAM, None, options=CampaignOptions(source=StandIn())
+    )
     assert any("stream_Hz" in text for text in table.warnings)
-    plain = run_campaign(plan_of(some_poses(25)), RigSettings(), None, source=StandIn())
+    plain = run_campaign(
+        plan_of(some_poses(25)), RigSettings(), None, options=CampaignOptions(source=StandIn())
+    )
     assert not any("stream_Hz" in text for text in plain.warnings)
 
 

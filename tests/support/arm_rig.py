@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.io.table import Table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, plan_of, some_poses, wrench
 
 pytest.importorskip("mujoco", reason="mujoco is missing: pip install 'ecm-stiffness[robot]'")
@@ -73,5 +73,9 @@ def run(cache: Path, poses: F, out: Path | None = None, **more: Any) -> Table:
     columns = more.pop("columns", {})
     rig = {"processes": 1, **rig}
     return run_campaign(
-        plan(poses, **columns), settings(**rig), out, source=StandIn(), folder=cache, **more
+        plan(poses, **columns),
+        settings(**rig),
+        out,
+        options=CampaignOptions(source=StandIn(), folder=cache),
+        **more,
     )

@@ -13,7 +13,7 @@ from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, surrogate_of
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from support.stand_in import L, StandIn, wrench
 
 F = NDArray[np.float64]
@@ -56,7 +56,9 @@ def plan() -> Table:
 def campaign(hidden: str = "", strength: float = 1.0, seed: int = 0) -> Table:
     """What the simulated rig measures with an effect inside its plant."""
     hide = f"{hidden}={strength!r}" if hidden else None
-    return run_campaign(plan(), RigSettings(), None, hide=hide, seed=seed, source=StandIn())
+    return run_campaign(
+        plan(), RigSettings(), None, hide=hide, seed=seed, options=CampaignOptions(source=StandIn())
+    )
 
 
 def model() -> Model:

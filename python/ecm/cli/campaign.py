@@ -11,7 +11,7 @@ import typer
 from ecm.cli.command import Out, Session, command
 from ecm.cli.outputs import check_output
 from ecm.io.table import Table
-from ecm.rig import RigSettings, campaign_minutes, run_campaign, run_campaigns
+from ecm.rig import CampaignOptions, RigSettings, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
 from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.summary import summary_lines
@@ -67,8 +67,6 @@ def campaign(options: Options, session: Session) -> None:
     plan = session.read([options.plan], need="predict")
     session.print(f"{len(plan)} visits, about {campaign_minutes(plan, rig):.0f} minutes")
     common: dict[str, Any] = {
-        "seed": session.seed,
-        "threads": session.threads,
         "hide": options.hide,
         "overwrite": options.overwrite,
         "progress": session.progress("campaign"),
@@ -78,8 +76,8 @@ def campaign(options: Options, session: Session) -> None:
             plan,
             rig,
             options.out,
-            rigs=max(1, options.rigs),
-            scheduler=options.scheduler,
+            seeds=range(session.seed, session.seed + max(1, options.rigs)),
+            options=CampaignOptions(threads=session.threads, scheduler=options.scheduler),
             **common,
         )
         document = {"schema": 1, "seed": session.seed, "data": [str(path) for path in paths]}
@@ -87,7 +85,14 @@ def campaign(options: Options, session: Session) -> None:
         session.print(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
         return
     session.on_interrupt("Readings so far are kept: the same command goes on there.")
-    data = run_campaign(plan, rig, options.out, resume=True, **common)
+    data = run_campaign(
+        plan,
+        rig,
+        options.out,
+        seed=session.seed,
+        options=CampaignOptions(threads=session.threads),
+        **common,
+    )
     for warning in data.warnings:
         session.warn(warning)
     session.write_json(

@@ -1,8 +1,8 @@
 """Step 2 of the paper: the poses worth measuring, and the plan in which a rig visits them.
 
-`optimal_design` finds rows of a candidate table by the same Rust code as the binary `ecm-design`.
-`plain_plan`, `paper_plan` and `diagnosable_plan` make a campaign of them. `separable` says which
-effects a plan can name and from what size, `design_sizes` what further poses would bring.
+`optimal_design` chooses rows of a candidate table with the Rust code of the binary `ecm-design`.
+`plain_plan`, `paper_plan` and `diagnosable_plan` turn them into a plan, `follow_up_plan` plans a
+proposed experiment, and `design_sizes` shows the error against the number of poses.
 """
 
 from ecm.designs.follow_up import can_be_run, follow_up_plan

@@ -1,9 +1,9 @@
-"""The campaign of a proposed experiment: what `diagnose` wants measured next, as a plan.
+"""Follow-up plans: the campaign of an experiment that `diagnose` proposes.
 
-The plan revisits poses of the data it follows, under their own pose_id and in a run of its own,
-so that both tables together are one campaign; a sweep also stops on the straight ways to them.
-A session joins several experiments, "a + b": one plan, each part in a run of its own, what changes
-the set-up last.
+The plan visits poses of the diagnosed data again, under their own pose_id and in a run of its own,
+so that both tables together are one campaign; a sweep also stops on the straight lines to them.
+A session joins several experiments, "a + b", in one plan: each part is a run, and those that change
+the set-up come last.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def follow_up_plan(data: Table, experiment: str) -> Table:
         own = [_Visit("unload"), _Visit("home"), *RECIPES[recipe](poses, ids), _Visit("home")]
         visits += [replace(visit, run=run) for visit in own]
     visits.append(replace(visits[-1], action="unload"))
-    return _plan(data, poses, ids, _turned_on(visits))
+    return _plan(data, poses, ids, _relative_remounts(visits))
 
 
 def can_be_run(experiment: str) -> bool:
@@ -131,13 +131,13 @@ def _measure(
     return [_Visit("measure", i, approach=approach, dwell_s=dwell_s) for i in poses]
 
 
-def _between(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
-    found: list[_Visit] = []
+def _with_checks(visits: list[_Visit], check: str, every: int) -> list[_Visit]:
+    rows: list[_Visit] = []
     for i, visit in enumerate(visits):
         if i and i % every == 0:
-            found.append(_Visit(check))
-        found.append(visit)
-    return found
+            rows.append(_Visit(check))
+        rows.append(visit)
+    return rows
 
 
 def _holds(poses: F, ids: I) -> list[_Visit]:
@@ -148,13 +148,13 @@ def _both_sides(poses: F, ids: I) -> list[_Visit]:
     """From home, from a pose beyond, and from there again after 60 s."""
     farther = outer_poses(poses)
     pairs = [i for i in _spread_out(poses, len(poses)) if farther[i] >= 0][:10]
-    found: list[_Visit] = []
+    visits: list[_Visit] = []
     for i in pairs:
         side = str(int(ids[farther[i]]))
-        found += _measure([farther[i], i])
-        found += _measure([i], approach=side)
-        found += _measure([i], approach=side, dwell_s=60.0)
-    return found
+        visits += _measure([farther[i], i])
+        visits += _measure([i], approach=side)
+        visits += _measure([i], approach=side, dwell_s=60.0)
+    return visits
 
 
 def _first_ten(poses: F, ids: I) -> list[_Visit]:
@@ -174,7 +174,7 @@ def _warm_and_cold(poses: F, ids: I) -> list[_Visit]:
 
 
 def _zeros(poses: F, ids: I) -> list[_Visit]:
-    return _between(_measure(_spread_out(poses, 40)), "unload", 10)
+    return _with_checks(_measure(_spread_out(poses, 40)), "unload", 10)
 
 
 def _homes(poses: F, ids: I) -> list[_Visit]:
@@ -185,7 +185,7 @@ def _homes(poses: F, ids: I) -> list[_Visit]:
     away = (poses - np.median(poses, axis=0)) / np.maximum(poses.std(axis=0), 1e-12)
     largest = away[int((away**2).sum(axis=1).argmax())]
     one_side = np.argsort(-(away @ largest))[:8].tolist()
-    return _between(_measure(one_side * 8), "home", 1)
+    return _with_checks(_measure(one_side * 8), "home", 1)
 
 
 def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
@@ -195,18 +195,18 @@ def _turned(degrees: int) -> Callable[[F, I], list[_Visit]]:
     ]  # fmt: skip
 
 
-def _turned_on(visits: Iterable[_Visit]) -> list[_Visit]:
+def _relative_remounts(visits: Iterable[_Visit]) -> list[_Visit]:
     """Remounts from the mounting that the plan has reached: for the rig the turns add up."""
     reached = 0
-    found = []
+    rows = []
     for visit in visits:
         name, _, degrees = visit.action.partition(":")
         if name != "remount":
-            found.append(visit)
+            rows.append(visit)
             continue
-        found.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
+        rows.append(replace(visit, action=f"remount:{int(degrees) - reached}"))
         reached = int(degrees)
-    return found
+    return rows
 
 
 def _without_payload(poses: F, ids: I) -> list[_Visit]:
@@ -262,14 +262,14 @@ the set-up least comes first."""
 def _pose_ids(visits: list[_Visit], ids: I) -> list[int]:
     """-1 at home; a stop on the way to a pose is a pose of its own."""
     on_the_way: dict[tuple[int, float], int] = {}
-    found = []
+    pose_ids = []
     for v in visits:
         if v.pose < 0 or v.share == 1.0:
-            found.append(-1 if v.pose < 0 else int(ids[v.pose]))
+            pose_ids.append(-1 if v.pose < 0 else int(ids[v.pose]))
         else:
             new = int(ids.max()) + 1 + len(on_the_way)
-            found.append(on_the_way.setdefault((v.pose, v.share), new))
-    return found
+            pose_ids.append(on_the_way.setdefault((v.pose, v.share), new))
+    return pose_ids
 
 
 def _plan(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:

@@ -1,6 +1,6 @@
-"""The nominal mechanism of a design: what the noise of a row and the effects at a pose depend on.
+"""Nominal model of a design, for the noise of a row and the effects at a pose.
 
-A design comes before the measurement, so its stiffness is nominal: of a given model, of the
+A design comes before the measurement, so its stiffness is nominal: that of a given model, of the
 simulated wrenches among the candidates, or of the FEM of their `[mechanism]`.
 """
 
@@ -26,8 +26,8 @@ from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import top_from_sensor_wrench
 from ecm.rig.settings import RigSettings
 
-_ENOUGH = 100
-"""Simulated poses from which a physics map can be made and tried."""
+_MIN_POSES = 100
+"""Number of simulated poses from which a physics map can be fitted and tested."""
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,9 @@ def nominal_model(
     """
     where = candidates.source
     if candidates.pose_columns != POSE:
-        found = ", ".join(candidates.pose_columns)
         raise InputError(
             f"{where}: the noise and the effects of a pose need the six pose columns, "
-            f"found {found}; give all of {', '.join(POSE)}"
+            f"found {', '.join(candidates.pose_columns)}; give all of {', '.join(POSE)}"
         )
     noise = declared_noise(candidates) if noise is None else noise
     meta = Meta(
@@ -163,7 +162,7 @@ def nominal_model(
         return NominalModel(model.base, noise, meta.with_length(model.base.length_m))
     length = candidates.meta.length_m
     if candidates.wrench_columns == WRENCH and length is not None:
-        return NominalModel(_of_wrenches(candidates, length, known=known), noise, meta)
+        return NominalModel(_fitted_map(candidates, length, known=known), noise, meta)
     if body is not None and known:
         return NominalModel(physics_map(body, threads=threads, progress=progress), noise, meta)
     raise InputError(
@@ -179,7 +178,7 @@ def _physics(
     threads: int,
     progress: Callable[[int, int, str], object] | None,
 ) -> StiffnessMap:
-    """The physics base itself: E and, where it is tabulated, Poisson's ratio are unknown."""
+    """The physics map, whose E and (where it is tabulated) Poisson's ratio are unknown."""
     if model is not None:
         if model.base.kind == "physics":
             return model.base
@@ -232,17 +231,17 @@ def rig_noise(settings: RigSettings) -> Noise:
     return Noise().with_parameters(sd, "declared")
 
 
-def _of_wrenches(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
-    """A map of simulated wrenches: the physics where the body is known, else a free energy."""
+def _fitted_map(candidates: Table, length_m: float, *, known: bool) -> StiffnessMap:
+    """A map fitted to simulated wrenches: physics where the body is known, else a free energy."""
     poses, wrenches = candidates.poses, candidates.wrenches
-    if known and len(poses) >= _ENOUGH:
-        held = np.arange(len(poses)) % 5 == 4
+    if known and len(poses) >= _MIN_POSES:
+        tested = np.arange(len(poses)) % 5 == 4
         return surrogate_of(
-            poses[~held],
-            wrenches[~held],
+            poses[~tested],
+            wrenches[~tested],
             length_m,
-            test_poses=poses[held],
-            test_wrenches=wrenches[held],
+            test_poses=poses[tested],
+            test_wrenches=wrenches[tested],
             mechanism=dict(candidates.meta.mechanism),
         )
     fitted = EnergyModel.fit(

@@ -134,7 +134,7 @@ def optimal_design(
     }
     if settings.criterion == "maximin":
         scale, middle = _distance_scale(poses, settings)
-        found = maximin(
+        result = maximin(
             np.ascontiguousarray((poses - middle) * scale),
             n + len(inside),
             measured=None
@@ -147,7 +147,7 @@ def optimal_design(
         rows = regressor(poses, settings, measured=measured, base=base)
         averaged = settings.criterion in ("i", "di")
         terms = rows.rows.shape[1]
-        found = d_optimal(
+        result = d_optimal(
             rows.rows,
             n + len(inside),
             criterion=cast(Any, settings.criterion),
@@ -161,12 +161,12 @@ def optimal_design(
             **search,
         )
     return Design(
-        indices=np.asarray(found.indices, dtype=np.int64),
+        indices=np.asarray(result.indices, dtype=np.int64),
         criterion=settings.criterion,
-        value=found.value,
-        bound=found.bound,
-        efficiency=found.efficiency,
-        status=found.status,
+        value=result.value,
+        bound=result.bound,
+        efficiency=result.efficiency,
+        status=result.status,
     )
 
 
@@ -174,17 +174,16 @@ def repeated(poses: F, include: I, exclude: I) -> I:
     """Rows with the coordinates of an earlier one that may be chosen, or of an included one."""
     # + 0.0 makes -0 and 0 the same pose.
     keys = [row.tobytes() for row in np.ascontiguousarray(poses) + 0.0]
-    kept = set(include.tolist())
-    out = set(exclude.tolist())
-    seen = {keys[i] for i in kept if 0 <= i < len(keys)}
-    found = []
+    included = set(include.tolist())
+    listed = included | set(exclude.tolist())
+    seen = {keys[i] for i in included if 0 <= i < len(keys)}
+    copies = []
     for i, key in enumerate(keys):
-        if i in kept or i in out:
-            continue
-        if key in seen:
-            found.append(i)
-        seen.add(key)
-    return np.asarray(found, dtype=np.int64)
+        if i not in listed:
+            if key in seen:
+                copies.append(i)
+            seen.add(key)
+    return np.asarray(copies, dtype=np.int64)
 
 
 def _distance_scale(poses: F, settings: DesignSettings) -> tuple[F, F]:

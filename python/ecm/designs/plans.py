@@ -1,7 +1,7 @@
-"""Campaigns of chosen poses: rows of a plan in visiting order, with the checks between them.
+"""Plans of chosen poses: rows in visiting order, with the checks between them.
 
-Columns of the candidates are copied, those of what was measured there are not. The order is
-random, so that a drift over time is no trend over the workspace.
+Columns of the candidates are copied, except those of measurements. The order is random, so that a
+drift over time is no trend over the workspace.
 """
 
 from __future__ import annotations

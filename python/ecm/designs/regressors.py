@@ -1,4 +1,4 @@
-"""Rows of information that a pose gives: of polynomials one, of energies and physics six.
+"""Information rows of a pose: one for polynomials, six for energies and physics.
 
 Every row is whitened. Without a nominal base the components have one default noise each, as in
 the binary `ecm-design`; with one a row's covariance Sigma = Sigma_w + K_s Sigma_p K_s' depends on

@@ -49,15 +49,15 @@ def list_or_region(option: str, text: str, table: Table) -> I:
         return row_list(option, text, len(table))
     inside = np.ones(len(table), dtype=np.bool_)
     for part in text.split("&"):
-        found = _CONDITION.fullmatch(part)
+        match = _CONDITION.fullmatch(part)
         try:
-            limit = float(found[3]) if found else np.nan
+            limit = float(match[3]) if match else np.nan
         except ValueError:
             limit = np.nan
-        if not found or found[1] not in table.pose_columns or not np.isfinite(limit):
+        if not match or match[1] not in table.pose_columns or not np.isfinite(limit):
             raise InputError(
                 f"{option}: {part.strip()!r} is no condition; expected COLUMN<NUMBER (or <=, >, "
                 f">=, =) joined by &, with a column of {', '.join(table.pose_columns)}"
             )
-        inside &= _SIGNS[found[2]](table.column(found[1]), limit)
+        inside &= _SIGNS[match[2]](table.column(match[1]), limit)
     return np.flatnonzero(inside)

@@ -1,12 +1,12 @@
-"""n against the expected error of wrench and stiffness, with the knee.
+"""Number of poses against the expected error of wrench and stiffness, with the knee.
 
-The error is that of the noise alone: what the model cannot represent does not fall with n.
+The error is that of the noise alone; the error of the model itself does not fall with n.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,9 @@ from ecm.io.arrays import F
 
 _DEFAULT = DesignSettings(iterations=60)
 _SAMPLE = 300
-"""Unseen poses on which the error is averaged."""
-_HOPELESS = 100.0
-"""Times the noise of a reading: the fewest poses may not determine the model well."""
+"""Number of poses over which the error is averaged."""
+_MAX_ERROR = 100.0
+"""Largest error that is shown, over the noise of a reading; the fewest poses may exceed it."""
 
 
 @dataclass(frozen=True)
@@ -121,11 +121,11 @@ def design_sizes(
         )
     seen = np.random.default_rng([settings.seed, 5]).permutation(len(poses))[:_SAMPLE]
     values, slopes = predicted_columns(poses, seen, settings, base)
-    # Columns of one length: the errors do not depend on it, their rounding does.
+    # Columns of unit length: their scale changes the rounding of the errors alone.
     norms = np.linalg.norm(rows.rows, axis=0)
     values, slopes = values / norms, slopes / norms
     blocks = (rows.rows / norms).reshape(len(poses), rows.rows_per_pose, terms)
-    found: list[Size] = []
+    results: list[Size] = []
     for done, n in enumerate(sizes):
         try:
             design = optimal_design(poses, n, settings, base=base)
@@ -136,11 +136,12 @@ def design_sizes(
             continue
         chosen = blocks[design.indices].reshape(-1, terms)
         errors = [_error(chosen, part.reshape(-1, terms)) for part in (values, slopes)]
-        if given or errors[0] < _HOPELESS:
-            found.append(Size(n, design.efficiency, errors[0], errors[1]))
+        if given or errors[0] < _MAX_ERROR:
+            results.append(Size(n, design.efficiency, errors[0], errors[1]))
         if progress is not None:
             progress(done + 1, len(sizes))
-    return _with_knee(found)
+    at = knee([size.n for size in results], [size.wrench_error for size in results])
+    return [replace(size, knee=i == at) for i, size in enumerate(results)]
 
 
 def _error(chosen: F, rows: F) -> float:
@@ -159,8 +160,3 @@ def knee(n: ArrayLike, error: ArrayLike) -> int:
         return len(x) - 1
     u, v = (x - x[0]) / (x[-1] - x[0]), (y - y[-1]) / (y[0] - y[-1])
     return int((1.0 - u - v).argmax())
-
-
-def _with_knee(found: list[Size]) -> list[Size]:
-    at = knee([size.n for size in found], [size.wrench_error for size in found])
-    return [Size(**{**vars(size), "knee": i == at}) for i, size in enumerate(found)]

@@ -15,6 +15,7 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     Shape,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -71,8 +72,7 @@ class ContactStop(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Tilts between this one and its neighbours."""
-        factor = 1.0 + 0.2 * 0.5**round_
-        tilts = (self.tilt_rad / factor, self.tilt_rad * factor)
+        tilts = beside(self.tilt_rad, 1.0 + 0.2 * 0.5**round_)
         return tuple(ContactStop(t, self.azimuth_rad) for t in tilts)
 
     def columns(self, rows: Rows) -> F:
@@ -147,13 +147,13 @@ class Debonding(LinearEffect):
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """All ways of opening; torn at a few times where time is known."""
-        found = [Debonding(way) for way in ("tension", "face", "gap_base", "gap_top")]
+        forms = [Debonding(way) for way in ("tension", "face", "gap_base", "gap_top")]
         pull = float(np.abs(table.measured().column("fx_N")).std())
         for bending in (0.0, 0.15, 0.5):
-            found += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
+            forms += [Debonding("hinge", 0.0, bending, round(s * pull, 3)) for s in (0.3, 1.0, 3.0)]
         if table.has("time_s") and float(np.ptp(table.column("time_s"))) > 1.0:
-            found += [Debonding("torn", t) for t in step_times(table, _TEARS)]
-        return tuple(found)
+            forms += [Debonding("torn", t) for t in step_times(table, _TEARS)]
+        return tuple(forms)
 
     def plain_form(self) -> Effect | None:
         """A joint that yields in push as in pull is a compliant base, not an open bond."""

@@ -13,6 +13,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -64,11 +65,9 @@ class Hysteresis(LinearEffect):
 
     def missing(self, table: Table) -> Missing | None:
         """Needs poses approached from both sides; with a memory also time."""
-        found = needs_full(table)
-        if found is None and self.yield_m > 0.0:
-            found = needs_time(table)
-        if found is not None:
-            return found
+        lacking = needs_full(table) or (needs_time(table) if self.yield_m > 0.0 else None)
+        if lacking is not None:
+            return lacking
         if not table.has("approach"):
             return Missing("no column approach", "approach", absent=True)
         side = approach_sides(table)
@@ -83,19 +82,16 @@ class Hysteresis(LinearEffect):
         """Local stiffness, or that at rest; with time also springs that slip after three paths."""
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
-        paths = _paths(table)
-        found = [Hysteresis("middle", way) for way in paths]
-        found += [Hysteresis("each", way) for way in paths]
-        return (Hysteresis("local"), found[1], Hysteresis("rest"), found[0], *found[2:])
+        slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
+        return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Paths to the slip between this one and its neighbours."""
         if self.yield_m == 0.0:
             return ()
-        factor = 2.4 ** (0.5 ** (round_ + 1))
-        paths = (self.yield_m / factor, self.yield_m * factor)
-        most = 1.01 * max(_paths(table))
-        return tuple(Hysteresis(self.stiffness, way) for way in paths if way < most)
+        paths = beside(self.yield_m, 2.4 ** (0.5 ** (round_ + 1)))
+        limit = 1.01 * max(_paths(table))
+        return tuple(Hysteresis(self.stiffness, path) for path in paths if path < limit)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""

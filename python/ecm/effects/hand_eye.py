@@ -62,7 +62,7 @@ def flange_from_top(table: Table) -> F | Missing:
         _gauss_newton(_with_positions(start, arm, position), arm, rotation, position)
         for start in starts
     ]
-    found, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
+    mounting, spread, normal = min(solved, key=lambda item: float(item[1] @ [1e3, 1e2]))
     motion = np.array([_rms(position - position.mean(axis=0)), _rms_rotation(rotation)])
     if np.any(
         spread > np.maximum(_MAX_RESIDUAL * motion, 10.0 * np.array([_MIN_SD_M, _MIN_SD_RAD]))
@@ -80,7 +80,7 @@ def flange_from_top(table: Table) -> F | Missing:
             f"({1e3 * sd_m:.2g} mm, {1e3 * sd_rad:.2g} mrad)",
             "poses turned about two axes by 0.1 rad and more",
         )
-    return np.concatenate([found.tool_m, rotation_vectors(found.tool[None])[0]])
+    return np.concatenate([mounting.tool_m, rotation_vectors(mounting.tool[None])[0]])
 
 
 def _rotations_from_orientations(arm: Chain, rotation: F) -> tuple[F, F]:
@@ -114,31 +114,31 @@ def _gauss_newton(
     start: _Mounting, arm: Chain, rotation: F, position_m: F
 ) -> tuple[_Mounting, F, F]:
     """Mounting, robust rms of the residual and normal equations, by reweighted Gauss-Newton."""
-    found = start
+    mounting = start
     for _ in range(_MAX_ITERATIONS):
-        residual, design = _residual(found, arm, rotation, position_m)
+        residual, design = _residual(mounting, arm, rotation, position_m)
         spread, weights = _robust_weights(residual)
         root = np.sqrt(weights)[:, None] / np.repeat(spread, 3)
         a = (design * root[:, :, None]).reshape(-1, 12)
         normal = a.T @ a + np.eye(12)  # A step of 1 m or 1 rad weighs like one row: never singular.
         step = np.linalg.solve(normal, a.T @ (residual * root).ravel())
-        found = _updated(found, step)
+        mounting = _updated(mounting, step)
         if np.abs(step).max() < _TOLERANCE:
             break
-    residual, _ = _residual(found, arm, rotation, position_m)
-    return found, _robust_weights(residual)[0], np.asarray(normal)
+    residual, _ = _residual(mounting, arm, rotation, position_m)
+    return mounting, _robust_weights(residual)[0], np.asarray(normal)
 
 
-def _residual(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
+def _residual(mounting: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple[F, F]:
     """(N, 6) residual translation and rotation in base axes, and (N, 6, 12) its derivative.
 
     The twelve: rotation and translation of the foot in base axes, of the tool in flange axes.
     """
-    seen = found.position_m(arm)
-    to_flange = found.foot @ arm.foot_from_flange
-    beyond = rotation @ np.swapaxes(to_flange @ found.tool, 1, 2)
+    seen = mounting.position_m(arm)
+    to_flange = mounting.foot @ arm.foot_from_flange
+    beyond = rotation @ np.swapaxes(to_flange @ mounting.tool, 1, 2)
     turn = rotation_vectors(np.ascontiguousarray(beyond))
-    residual = np.concatenate([position_m - seen - found.foot_m, turn], axis=1)
+    residual = np.concatenate([position_m - seen - mounting.foot_m, turn], axis=1)
     design = np.zeros((len(seen), 6, 12))
     for j, axis in enumerate(np.eye(3)):
         design[:, :3, j] = np.cross(axis, seen)
@@ -147,13 +147,13 @@ def _residual(found: _Mounting, arm: Chain, rotation: F, position_m: F) -> tuple
     return residual, design
 
 
-def _updated(found: _Mounting, step: F) -> _Mounting:
+def _updated(mounting: _Mounting, step: F) -> _Mounting:
     foot, tool = rotation_matrices(np.stack([step[:3], step[6:9]]))
     return _Mounting(
-        _nearest_rotation(foot @ found.foot),
-        found.foot_m + step[3:6],
-        _nearest_rotation(tool @ found.tool),
-        found.tool_m + step[9:],
+        _nearest_rotation(foot @ mounting.foot),
+        mounting.foot_m + step[3:6],
+        _nearest_rotation(tool @ mounting.tool),
+        mounting.tool_m + step[9:],
     )
 
 

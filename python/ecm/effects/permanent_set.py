@@ -11,6 +11,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     needs_full,
     needs_varying,
     optional,
@@ -69,8 +70,7 @@ class PermanentSet(LinearEffect):
         """Yield lengths between this one and its neighbours."""
         if self.yield_m <= 0.0:
             return ()
-        factor = 1.0 + 0.2 * 0.5**round_
-        yields = (self.yield_m / factor, self.yield_m * factor)
+        yields = beside(self.yield_m, 1.0 + 0.2 * 0.5**round_)
         return tuple(PermanentSet("summed", y, self.history) for y in yields)
 
     def columns(self, rows: Rows) -> F:
@@ -87,9 +87,8 @@ class PermanentSet(LinearEffect):
                 past[order] = (np.cumsum(own, axis=0) - own) / np.sqrt(len(own))
         else:
             energy = 0.5 * np.abs((deflection * rows.wrench).sum(axis=1))
-            found = largest_so_far(rows.table, energy, self.history, index=True)
-            at = found.astype(np.int64)
-            past = deflection[at]
+            largest = largest_so_far(rows.table, energy, self.history, index=True)
+            past = deflection[largest.astype(np.int64)]
         return np.asarray(-(rows.stiffness @ past[:, :, None]))
 
 

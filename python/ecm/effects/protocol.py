@@ -93,6 +93,11 @@ def optional(default: Any) -> Any:
     return field(default=default, metadata={"optional": True})
 
 
+def beside(value: float, factor: float) -> tuple[float, float]:
+    """Two sizes on both sides of one, for `refined`."""
+    return value / factor, value * factor
+
+
 def listed(*parameters: Parameter) -> tuple[Parameter, ...]:
     """Parameters of an effect whose shapes have others."""
     return parameters

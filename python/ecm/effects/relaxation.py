@@ -74,12 +74,12 @@ class StressRelaxation(LinearEffect):
         """Needs dwell times that differ at least by half, or a continuous test."""
         if is_continuous(table):
             return needs_varying("time_s", 1e-6)(table)
-        found = needs_varying("dwell_s", 1e-3)(table)
-        if found is None:
+        lacking = needs_varying("dwell_s", 1e-3)(table)
+        if lacking is None:
             dwell = table.measured().column("dwell_s")
             if dwell.max() < 1.5 * max(float(dwell.min()), 1e-9):
                 return Missing("dwell_s does not vary", "dwell_s of 2, 8 and 60 s")
-        return found
+        return lacking
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Time constants that the dwell times or the samples can distinguish."""
@@ -140,27 +140,27 @@ def hereditary(table: Table, driven: F, tau_s: float) -> F:
     The way from rest to the first sample of a run is taken to last as long as the second step.
     """
     time = table.column("time_s")
-    found = np.zeros_like(driven)
+    integral = np.zeros_like(driven)
     for order in order_of_visits(table):
         if len(order) < 2:
             continue
         steps = np.diff(time[order])
         first = driven[order[0]] * _remaining_share(float(steps[0]), tau_s)
-        found[order[0]] = first
+        integral[order[0]] = first
         for (before, now), step in zip(pairwise(order), steps, strict=True):
             grown = (driven[now] - driven[before]) * _remaining_share(float(step), tau_s)
-            found[now] = found[before] * np.exp(-step / tau_s) + grown
-    return found
+            integral[now] = integral[before] * np.exp(-step / tau_s) + grown
+    return integral
 
 
 def _from_rest(rows: Rows) -> F:
     """(N, n) pose against the rest pose; where that is unknown, against the run's first sample."""
     if rows.base.inputs == POSE and rows.has_length:
         return np.asarray(rows.poses - rows.rest_pose)
-    found = np.zeros_like(rows.poses)
+    deflection = np.zeros_like(rows.poses)
     for order in order_of_visits(rows.table):
-        found[order] = rows.poses[order] - rows.poses[order[0]]
-    return found
+        deflection[order] = rows.poses[order] - rows.poses[order[0]]
+    return deflection
 
 
 def over_visits(rows: Rows, tau_s: float) -> F:
@@ -176,7 +176,7 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     came = rows.predict(rows.known_before)
     came[rows.unloaded] = 0.0
     goals = np.stack([came, rows.wrench], axis=1)
-    found = np.zeros_like(rows.wrench)
+    integral = np.zeros_like(rows.wrench)
     for order in order_of_visits(table):
         state, here, last = np.zeros(6), np.zeros(6), -np.inf
         for i in order:
@@ -188,9 +188,9 @@ def over_visits(rows: Rows, tau_s: float) -> F:
             # After an unknown dwell nothing remains, as in the dwell form.
             state = state * (np.exp(-dwell[i] / tau_s) if np.isfinite(dwell[i]) else 0.0)
             last = float(time[i])
-            found[i] = state
-    found[rows.unloaded] = 0.0
-    return found
+            integral[i] = state
+    integral[rows.unloaded] = 0.0
+    return integral
 
 
 def _remaining_share(step_s: float, tau_s: float) -> float:

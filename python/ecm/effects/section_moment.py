@@ -48,13 +48,13 @@ def _moments(poses: F, wrench: F, length_m: float, bending_share: float, along: 
     force = np.einsum("nji,nj->ni", half, wrench[:, :3])
     torque = np.einsum("nji,nj->ni", half, wrench[:, 3:])
     chord = q[:, :3] + np.array([length_m, 0.0, 0.0])
-    found = np.empty((len(poses), len(along), 3))
+    moments = np.empty((len(poses), len(along), 3))
     for p, s in enumerate(along):
         place, turn = _section(q, length_m, bending_share, float(s))
         moment = torque + np.cross(chord - place, force)
         section = rotation_matrices(np.ascontiguousarray(turn))
-        found[:, p] = np.einsum("nji,nj->ni", section, moment)
-    return found
+        moments[:, p] = np.einsum("nji,nj->ni", section, moment)
+    return moments
 
 
 def _section(q: F, length_m: float, bending_share: float, s: float) -> tuple[F, F]:

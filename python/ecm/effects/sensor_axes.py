@@ -17,6 +17,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -177,8 +178,7 @@ class FtsSaturation(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Knees between this one and its neighbours."""
-        factor = 1.0 + 0.4 * 0.5**round_
-        knees = (self.knee / factor, self.knee * factor)
+        knees = beside(self.knee, 1.0 + 0.4 * 0.5**round_)
         return tuple(FtsSaturation(self.axis, knee) for knee in knees)
 
     def columns(self, rows: Rows) -> F:
@@ -237,11 +237,10 @@ class FtsHysteresis(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours."""
-        factor = 2.4 ** (0.5 ** (round_ + 1))
-        widths = (self.width / factor, self.width * factor)
-        # Wider than the loads it never turns over, and would be a gain.
-        most = max(_WIDTHS)
-        return tuple(FtsHysteresis(float(f"{w:.3g}"), self.axes) for w in widths if w < most)
+        widths = beside(self.width, 2.4 ** (0.5 ** (round_ + 1)))
+        # A play wider than the loads never reverses, and would be a gain.
+        limit = max(_WIDTHS)
+        return tuple(FtsHysteresis(float(f"{w:.3g}"), self.axes) for w in widths if w < limit)
 
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""

@@ -1,4 +1,4 @@
-"""What is kept of solved load cases."""
+"""Results of solved load cases that are stored."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ecm._native import FemResults
 CaseResults = dict[str, NDArray[Any]]
 """Results of some cases: one row per case in each array."""
 CaseFinished = Callable[[list[int], CaseResults], None]
-"""Called with rows and their results as they come, in any order."""
+"""Called with rows and their results as soon as they are solved, in any order."""
 CaseProgress = Callable[[int, int], object] | None
-"""Called with the cases that are done, and all."""
+"""Called with the number of solved cases and of all cases."""
 
 ARRAYS = (
     "wrenches",
@@ -31,7 +31,7 @@ FLAGS = ("ok", "unstable")
 
 
 def case_results(results: FemResults) -> CaseResults:
-    """Return everything that is kept; `fields` are the nodal displacements."""
+    """Return the results to store; `fields` are the nodal displacements."""
     status = np.array(results.status, dtype=str)
     return {
         "ok": status == "solved",

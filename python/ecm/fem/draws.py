@@ -3,8 +3,8 @@
 Only about one draw in five of the paper's Table I box stays inside |theta| <= 0.8 rad. So a
 Cosserat rod, which takes microseconds a case, screens the draws before the FEM. The rod lacks the
 stiffening of bonded ends (about 10 %), so its limit is the rotation limit times `screen_margin`: it
-passes every draw that could be inside. From 64 cases on, the guess that the FEM starts from
-predicts the pose within a per cent and screens what the rod has passed.
+passes every draw that could be inside. From 64 cases on, the warm start of the FEM predicts the
+pose within a per cent and screens what the rod has passed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TABLE_I_MIN = (-110.0, -100.0, -100.0, -5.0, -5.0, -5.0)
 """Table I of the paper: lower corner of the wrench box, N and N m; compression is negative."""
 TABLE_I_MAX = (30.0, 100.0, 100.0, 5.0, 5.0, 5.0)
 
-_DRAW_BLOCK = 2048  # wrenches that are drawn and screened together
+_DRAW_BLOCK = 2048  # wrenches drawn and screened together
 _BLOCKS_WITHOUT_CASE = 50  # after so many blocks without a case the workspace is empty
 
 
@@ -36,15 +36,14 @@ class Workspace(Checked):
     Parameters
     ----------
     rotation_limit_rad, stretch_limit
-        A pose is kept where its rotation angle and the largest principal stretch anywhere in the
-        body are below these.
+        Largest rotation angle of an admissible pose, and largest principal stretch anywhere in the
+        body.
     wrench_min, wrench_max
         Corners of the box of random wrenches, N and N m; the default is Table I of the paper.
     full_box
-        Keep every stable solution of the box instead.
+        Accept every stable solution of the box instead.
     screen_margin
-        A draw is solved by FEM where the rod predicts a rotation below this factor times the
-        limit.
+        A draw is solved by FEM if the rod predicts a rotation below this factor times the limit.
 
     Examples
     --------
@@ -104,7 +103,7 @@ class RandomWrenches:
             taken.append(self._pending[passed])
             serials.append(self._serials[passed])
             size += len(passed)
-            # Draws after the last one that is needed are left to the next call.
+            # Later draws are left to the next call.
             seen = int(passed[-1]) + 1 if size == count else len(self._pending)
             self._pending, self._serials = self._pending[seen:], self._serials[seen:]
             blocks_without_case = 0 if len(passed) else blocks_without_case + 1
@@ -126,7 +125,7 @@ class RandomWrenches:
         if self._sections is not None:
             poses, converged = rod_poses(block, length_m=self._length_m, **self._sections)
             rotation = np.linalg.norm(poses[:, 3:], axis=1)
-            # Where the rod finds no equilibrium, the FEM decides.
+            # If the rod has no equilibrium, the FEM decides.
             passed = ~converged | (rotation <= self._limit)
             block, serials = block[passed], serials[passed]
         self._pending, self._serials = block, serials

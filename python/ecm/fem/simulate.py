@@ -25,7 +25,7 @@ Progress = Callable[[int, int, str], object] | None
 """Called with pairs kept, all pairs, and a word for what is done."""
 
 _CACHE_VERSION = 2  # of the stored cases; those of another version are not used
-_GUESS_MARGIN = 1.05  # guesses pass draws up to this factor times the rotation limit
+_PREDICTION_MARGIN = 1.05  # predicted rotations up to this factor times the limit are solved
 _SMALLEST_BATCH = 8  # FEM cases that are solved together
 _CASES_WITHOUT_PAIR = 1280  # after so many FEM cases without a pair the workspace is empty
 
@@ -62,7 +62,7 @@ class Simulated:
     newton_per_case: float
     """Mean Newton iterations of all cases that were solved for these pairs, kept or not."""
     counts: dict[str, int]
-    """drawn, screened (passed rod and guess), solved, unstable, failed, kept."""
+    """drawn, screened (by rod and warm start), solved, unstable, failed, kept."""
     mechanism: Mechanism
 
     def __len__(self) -> int:
@@ -108,7 +108,7 @@ def simulate(
     threads
         0: all cores. The result does not depend on it.
     directory
-        Where solved cases are kept, each within 0.1 s; a later call with the same settings
+        Folder that stores each solved case within 0.1 s; a later call with the same settings
         continues there.
     scheduler
         Address of a Dask scheduler (tcp://host:8786) whose workers solve the cases; the pairs are
@@ -208,11 +208,11 @@ def _admissible(part: CaseResults, workspace: Workspace) -> B:
 
 
 def _promising(cases: LoadCases, first: int, workspace: Workspace, wrenches: F) -> B:
-    """Whether each wrench may be admissible, as far as the solved cases can tell."""
-    rotation = None if workspace.full_box else cases.guessed_rotations(first, wrenches)
+    """Whether each wrench may be admissible, predicted from the cases solved so far."""
+    rotation = None if workspace.full_box else cases.predicted_rotations(first, wrenches)
     if rotation is None:
         return np.ones(len(wrenches), dtype=bool)
-    promising: B = rotation <= _GUESS_MARGIN * workspace.rotation_limit_rad
+    promising: B = rotation <= _PREDICTION_MARGIN * workspace.rotation_limit_rad
     return promising
 
 

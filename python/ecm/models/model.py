@@ -15,6 +15,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
+from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import file
 from ecm.models.fit_report import correlations_of, fit_report
@@ -22,6 +23,7 @@ from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
 from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap, central_differences
+from ecm.models.plots import history_figure
 from ecm.models.registry import map_from_document
 from ecm.models.training import domain_of, noise_for, training_of
 from ecm.regression.folds import without_zero_readings
@@ -275,6 +277,31 @@ class Model:
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
         return fit_report(self.name, self.base, self.effects, self.correlations, self.history)
+
+    def plot(self) -> Any:
+        """Return a plotly figure of the errors in the history of fits.
+
+        Raises
+        ------
+        InputError
+            Before the first fit with `fit`.
+        """
+        if not self.history:
+            raise InputError("the model has no history of fits to plot: call fit(table) first")
+        return history_figure(self.history)
+
+    def to_pandas(self) -> Any:
+        """Return a DataFrame with a row for each fitted parameter of the effects."""
+        rows = [
+            (item.id, parameter.name, value, sd, parameter.unit, item.frozen)
+            for item in self.effects
+            for parameter, value, sd in zip(
+                item.effect.parameters, item.values, item.sd, strict=True
+            )
+        ]
+        columns = ["effect", "parameter", "value", "sd", "unit", "frozen"]
+        pandas = require("pandas", "data", "Model.to_pandas")
+        return pandas.DataFrame(rows, columns=columns)
 
     def remove(self, *ids: str) -> Model:
         """The model without these effects; the others keep their values until `fit`."""

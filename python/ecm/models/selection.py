@@ -23,6 +23,7 @@ from ecm.models.cross_validation import random_folds
 from ecm.models.energy import EnergyModel
 from ecm.models.fit import fit_model
 from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.models.plots import learning_curve_figure
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
@@ -32,7 +33,15 @@ from ecm.regression.noise import declared_noise, whiteners
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Cross-validation error of each candidate, and which one to take."""
+    """Cross-validation error of each candidate, and which one to take.
+
+    Examples
+    --------
+    >>> models = (PolynomialModel(1), EnergyModel(4))
+    >>> errors = np.array([45.5, 1.07]), np.array([2.1, 0.03])
+    >>> print(ModelChoice(models, (42, 22), *errors, chosen=1).best.name)
+    energy4
+    """
 
     candidates: tuple[ModelSpecification, ...]
     coefficients: tuple[int, ...]
@@ -68,7 +77,7 @@ class ModelChoice:
         listed = [
             {
                 "model": candidate.alias,
-                "pcr": getattr(candidate, "pcr", None),
+                "pcr": candidate.pcr if isinstance(candidate, PolynomialModel) else None,
                 "coefficients": self.coefficients[i],
                 "error": float(self.error[i]) if np.isfinite(self.error[i]) else None,
                 "chosen": i == self.chosen,
@@ -132,6 +141,18 @@ def choose_model(
     ------
     InputError
         Without candidates, or where the rows are too few for all of them.
+
+    Examples
+    --------
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> from ecm.io.table import as_table
+    >>> random = np.random.default_rng(0)
+    >>> poses = random.uniform(-0.01, 0.01, (60, 6))
+    >>> wrenches = 1000.0 * poses + random.normal(0.0, 0.01, (60, 6))
+    >>> names = (*POSE, *WRENCH)
+    >>> table = as_table(dict(zip(names, np.hstack([poses, wrenches]).T, strict=True)))
+    >>> choose_model(table, ["linear", "quadratic"], folds=3).best.name
+    'poly:1'
     """
     listed = tuple(parse_model(candidate) for candidate in candidates)
     if not listed:
@@ -174,7 +195,17 @@ def free_coefficients(base: StiffnessMap) -> int:
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Held-out error against the number of poses."""
+    """Held-out error against the number of poses.
+
+    Examples
+    --------
+    >>> error = np.array([1.6, 1.1])
+    >>> curve = LearningCurve("energy4", (10, 20), error, error, error, 20, 20)
+    >>> print(curve)
+    energy4 from 10 poses: held-out error 1.6 of the noise
+    energy4 from 20 poses: held-out error 1.1 of the noise
+    enough: 20 poses are within 5 %, 20 within one standard error of the best
+    """
 
     model: str
     """Short name of the model."""
@@ -216,6 +247,11 @@ class LearningCurve:
             "enough": self.enough,
             "one_standard_error": self.one_standard_error,
         }
+
+    def plot(self) -> Any:
+        """Return a plotly figure of the curve with its quartiles; needs the extra `report`."""
+        bands = {"median": self.error, "lower quartile": self.lower, "upper quartile": self.upper}
+        return learning_curve_figure(self.sizes, bands)
 
     def to_pandas(self) -> Any:
         """Return a DataFrame with a row for each number of poses; needs the extra `data`."""
@@ -261,6 +297,18 @@ def learning_curve(
     ------
     InputError
         Where every size leaves too few poses to test.
+
+    Examples
+    --------
+    >>> from ecm.io.columns import POSE, WRENCH
+    >>> from ecm.io.table import as_table
+    >>> random = np.random.default_rng(0)
+    >>> poses = random.uniform(-0.01, 0.01, (60, 6))
+    >>> wrenches = 1000.0 * poses + random.normal(0.0, 0.01, (60, 6))
+    >>> names = (*POSE, *WRENCH)
+    >>> table = as_table(dict(zip(names, np.hstack([poses, wrenches]).T, strict=True)))
+    >>> learning_curve(table, "linear", [10, 20, 40], draws=2).sizes
+    (10, 20, 40)
     """
     specification, measured = parse_model(model), table.measured()
     groups = row_groups(measured)

@@ -35,6 +35,12 @@ class ModelSpecification(Checked, ABC):
 
     A subclass states its `kind` and how to fit and read its map; one line in `registry.py` makes it
     known to `fit_model`, to the command line and to model files.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> parse_model("poly:3").alias
+    'cubic'
     """
 
     kind: ClassVar[str]

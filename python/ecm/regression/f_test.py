@@ -155,8 +155,8 @@ def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     # costs a quarter of an orthonormal basis.
     factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
     along = (scaled.T @ response)[order[:rank] - 1]
-    found = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
-    return float(found @ found), int(rank)
+    projected = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
+    return float(projected @ projected), int(rank)
 
 
 def orthonormal(columns: F) -> F:

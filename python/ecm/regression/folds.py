@@ -137,12 +137,12 @@ def _clusters(points: F, n: int) -> I:
     scaled = (points - points.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
     labels = np.zeros(len(points), dtype=np.int64)
     parts: list[tuple[I, int]] = [(np.arange(len(points)), n)]
-    found = 0
+    label = 0
     while parts:
         members, pieces = parts.pop()
         if pieces == 1:
-            labels[members] = found
-            found += 1
+            labels[members] = label
+            label += 1
             continue
         centred = scaled[members] - scaled[members].mean(axis=0)
         _, _, axes = np.linalg.svd(centred, full_matrices=False)

@@ -22,7 +22,7 @@ from ecm.io.dask import DaskClient
 from ecm.io.table import Table, read_table
 from ecm.rig.elastic import Progress
 from ecm.rig.journal import clear_beside, keep_data
-from ecm.rig.run import run_campaign
+from ecm.rig.run import CampaignOptions, run_campaign
 from ecm.rig.settings import RigSettings
 
 
@@ -41,28 +41,47 @@ def run_campaigns(
     rig: RigSettings,
     out: Path,
     *,
-    rigs: int,
+    seeds: range,
     hide: str | None = None,
-    seed: int = 0,
-    scheduler: str | None = None,
-    threads: int = 0,
     progress: Progress = None,
     overwrite: bool = False,
+    options: CampaignOptions | None = None,
 ) -> list[Path]:
-    """Measures the plan on rigs with the seeds `seed`, `seed` + 1, ...; the tables' paths.
+    """Measure a plan on many rigs, each with a seed of its own.
 
     Parameters
     ----------
-    scheduler
-        Address of a Dask scheduler; None: one after the other, here.
+    plan
+        Poses in visiting order; its TOML names the `[mechanism]`, which FEM solves.
+    rig
+        Settings of every rig.
+    out
+        `NAME.csv`: the tables are `NAME-0000.csv`, `NAME-0001.csv`, ...
+    seeds
+        Seed of the random generator of each rig, such as `range(100)`.
+    hide
+        As in `run_campaign`; `random` draws for each rig.
+    progress
+        Called with (done, total, "rigs").
     overwrite
-        Tables of other settings, or of nobody, may be replaced.
+        Whether tables of other settings, or of another job, may be replaced.
+    options
+        Threads, and the scheduler where the rigs run on Dask workers.
+
+    Returns
+    -------
+    list of Path
+        The tables, in the order of the seeds.
 
     Raises
     ------
     InputError
-        No scheduler at the address, or tables of other settings at `out`.
+        Seeds with gaps, no scheduler at the address, or tables of other settings at `out`.
     """
+    if seeds.step != 1:
+        raise InputError(f"seeds = {seeds}: found steps of {seeds.step}, expected a range without")
+    options = options or CampaignOptions()
+    rigs, seed, threads = len(seeds), seeds.start, options.threads
     paths = rig_paths(out, rigs)
     ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
     for i, path in enumerate(paths):
@@ -70,7 +89,7 @@ def run_campaigns(
         keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
     asked = set(range(rigs))
     if overwrite and ledger.done >= asked:
-        ledger.done -= asked  # nothing is unfinished: all of it is to be measured anew
+        ledger.done -= asked  # nothing is unfinished: all of it is to be measured again
     ledger.own |= asked
     ledger.save()
     done = ledger.done
@@ -91,11 +110,11 @@ def run_campaigns(
             progress(len(done & asked), rigs, "rigs")
 
     work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
-    if scheduler is None:
+    if options.scheduler is None:
         for i, arguments in work:
             finished(i, measured_files(*arguments))
     else:
-        _on_workers(scheduler, work, finished)
+        _on_workers(options.scheduler, work, finished)
     return paths
 
 
@@ -110,7 +129,9 @@ def measured_files(  # noqa: PLR0917
         table = read_table(source, need="predict")
         out = Path(folder) / "data.csv"
         rig = RigSettings.from_dict(settings)
-        run_campaign(table, rig, out, hide=hide, seed=seed, threads=threads)
+        run_campaign(
+            table, rig, out, hide=hide, seed=seed, options=CampaignOptions(threads=threads)
+        )
         beside = {path.name.removeprefix(out.stem): path for path in out.parent.glob("data.*")}
         return {suffix: path.read_bytes() for suffix, path in beside.items()}
 

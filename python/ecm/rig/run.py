@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ecm.errors import InputError
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.parquet import require_pyarrow, write_parquet
+from ecm.io.table import Table
 from ecm.rig.arm.sorties import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
+from ecm.rig.fem_source import FemSource
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.journal import Journal, clear_beside, journal_path, keep_data, raw_path
@@ -21,14 +22,40 @@ from ecm.rig.readings import HEADER, Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
-
 _NO_STREAM = (
     "[rig] stream_Hz: the raw stream is kept beside a table on disk only; give `out`, or ask "
     "Campaign.raw_stream for it"
 )
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """How campaigns are run; nothing here changes a reading.
+
+    Parameters
+    ----------
+    resume
+        Continue the journal of a campaign that was cut; False starts again.
+    threads
+        Threads of the FEM solver; 0: all cores.
+    source
+        Solves the mechanism; default FEM of the plan's `[mechanism]`.
+    folder
+        Where solved poses are kept; default the user's cache.
+    scheduler
+        Address of a Dask scheduler for many rigs; default: one after the other, on this machine.
+
+    Examples
+    --------
+    >>> CampaignOptions(threads=2).resume
+    True
+    """
+
+    resume: bool = True
+    threads: int = 0
+    source: Source | None = None
+    folder: Path | None = None
+    scheduler: str | None = None
 
 
 def run_campaign(
@@ -39,46 +66,73 @@ def run_campaign(
     hide: str | Sequence[Hidden] | None = None,
     seed: int = 0,
     progress: Progress = None,
-    resume: bool = True,
     overwrite: bool = False,
-    threads: int = 0,
-    source: Source | None = None,
-    folder: Path | None = None,
+    options: CampaignOptions | None = None,
 ) -> Table:
-    """Runs a plan on the simulated rig.
+    """Run a plan on the simulated rig.
 
     Parameters
     ----------
     plan
         Poses in visiting order; its TOML names the `[mechanism]`.
+    rig
+        Settings of the rig.
     out
         Table to write, with NAME.toml and NAME.truth.json beside it; every reading is in
         NAME.journal.csv before the next one is taken. None: in memory, without the raw stream.
     hide
         `EFFECT=S`, `random`, several with commas, or parsed; goes before the rig's `[hidden]`.
-    resume
-        Go on with a journal that stands there; False begins anew.
+    seed
+        Seed of the random generator.
+    progress
+        Called with (done, total, what).
     overwrite
-        A table that stands at `out` may be replaced.
-    source
-        Solves the mechanism; default FEM of the plan's `[mechanism]`.
-    folder
-        Where solved poses are kept; default the user's cache.
+        Whether a table that is already at `out` may be replaced.
+    options
+        Resuming, threads, solver and cache.
 
     Returns
     -------
     Table
-        Its `warnings` hold the poses that were skipped, with the reason, and that a raw stream
-        was asked for where there is no file to keep it beside.
+        One row per reading. Its `warnings` name the poses that were skipped, with the reason, and
+        a raw stream that was asked for without a file.
 
     Raises
     ------
     InputError
-        A finished table stands at `out`, or the journal of another campaign.
+        A finished table is already at `out`, or the journal of another campaign.
+
+    Examples
+    --------
+    Five poses of a soft bar in memory, without FEM: the solver is a linear spring here.
+
+    >>> import numpy as np
+    >>> from ecm.io.table import as_table
+    >>> from ecm.rig.elastic import Anchors
+    >>> class Spring:
+    ...     length_m = 0.1
+    ...     def key(self):
+    ...         return "spring"
+    ...     def solve(self, poses, grade, progress):
+    ...         k = np.diag([2e4, 3e3, 3e3, 4.0, 7.0, 7.0])
+    ...         h = (poses - [0.1, 0, 0, 0, 0, 0]) @ k
+    ...         return Anchors(poses, h, np.tile(k, (len(h), 1, 1)), ("solved",) * len(h))
+    ...     def surrogate(self, anchors):
+    ...         return None
+    >>> bend = np.linspace(-0.2, 0.2, 5)
+    >>> plan = as_table({
+    ...     "x_m": 0.1 + 0 * bend, "y_m": 0.05 * bend, "z_m": 0 * bend,
+    ...     "theta_x_rad": 0 * bend, "theta_y_rad": 0 * bend, "theta_z_rad": bend,
+    ... })
+    >>> table = run_campaign(plan, RigSettings(), options=CampaignOptions(source=Spring()))
+    >>> len(table)
+    5
     """
+    options = options or CampaignOptions()
+    source, folder, resume = options.source, options.folder, options.resume
     require_possible(rig, out, overwrite=overwrite, resume=resume)
     if source is None:
-        source = fem_source(plan, threads)
+        source = fem_source(plan, options.threads)
     if hide is None:
         hide = rig.hidden.effect
         if hide and hide != NOTHING:
@@ -94,10 +148,12 @@ def run_campaign(
 
         require_arm(folder)
         arm = RobotCampaign(
-            plan, rig, source, hide=hide, seed=seed, folder=folder, library_folder=folder,
+            plan, rig, source, hide=hide, seed=seed, folder=folder,
             progress=progress,
         )  # fmt: skip
-        table, kept = run_robot(arm, source, out, progress=progress, resume=resume, threads=threads)
+        table, kept = run_robot(
+            arm, source, out, progress=progress, resume=resume, threads=options.threads
+        )
         if out is not None and kept is not None:
             table = _written(arm, table, out)
             write_record(arm, out)
@@ -169,8 +225,6 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
 
 def fem_source(plan: Table, threads: int = 0) -> Source:
     """FEM of the mechanism that a plan's TOML names."""
-    from ecm.rig.fem_source import FemSource
-
     body = plan.meta.body()
     if body is None or not body.has_body:
         raise InputError(

@@ -16,7 +16,7 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.cache import Stage, file_sha256, hash_of, write_json
 from ecm.io.table import Table, read_table
-from ecm.rig import RigSettings, run_campaign
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
 from ecm.rig.arm.run import robot_path
 from ecm.rig.journal import journal_path
 from ecm.rig.run import require_possible
@@ -91,10 +91,9 @@ def campaign_table(
             rig,
             path,
             seed=seed,
-            threads=threads,
             progress=progress,
-            folder=stage.directory / "anchors",
             overwrite=True,  # the job's own
+            options=CampaignOptions(threads=threads, folder=stage.directory / "anchors"),
         )
         stage.save({"data": path.name, "sum": file_sha256(path), "rig": _identity(rig, seed)})
     return read_table(path)

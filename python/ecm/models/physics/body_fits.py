@@ -1,4 +1,4 @@
-"""One energy per body from FEM wrenches and stiffnesses, and the family that they make.
+"""One energy per body from FEM wrenches and stiffnesses, and the family of these energies.
 
 All bodies are fitted at the same poses with the same weights: one design matrix, many right sides.
 """
@@ -18,16 +18,17 @@ from ecm.models.physics.poses import NOISE
 from ecm.regression.noise import whiteners
 
 LENGTH_M = 0.1034
-"""Every shape is solved at this length,"""
+"""Length at which every shape is solved, that of the paper's neck."""
 SHEAR_MODULUS_PA = 0.65e6 / 2.98
-"""and with this shear modulus, both the neck's: a family belongs to a shape, not to a size."""
+"""Shear modulus with which every shape is solved: a family belongs to a shape, not to a size."""
 _S_STEP = 0.2
 _S_MOST = 1.45
 _NEAR = 0.01
 _STEP_IN_D = 0.1
-_REACH = np.array([2e-3] * 3 + [4e-2] * 3)
-"""A stiffness counts as the change of wrench over such a step, m at the neck's size and rad."""
+_STEP = np.array([2e-3] * 3 + [4e-2] * 3)
+"""Weights of stiffness against wrench: its change over such a step, m and rad."""
 _GOAL = 0.04
+"""Error over the rig's noise that is small enough to take a form."""
 _FORMS: tuple[tuple[Symmetry, int], ...] = (
     ("alike", 6),
     ("alike", 7),
@@ -42,7 +43,7 @@ _FORMS: tuple[tuple[Symmetry, int], ...] = (
 
 @dataclass(frozen=True)
 class Solved:
-    """FEM at the poses of one body."""
+    """FEM results at the poses of one body."""
 
     wrenches: F
     stiffness: F
@@ -54,7 +55,7 @@ class Solved:
 
 
 class Unseen:
-    """Poses and a body that no fit has seen."""
+    """Test poses of a body that no fit has used."""
 
     def __init__(self, poses: F, solved: Solved, s: float, x: float) -> None:
         self.poses, self.wrenches = poses, solved.wrenches
@@ -73,7 +74,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Which bodies are solved: s = mu/kappa and x = ln of the factor on D."""
+    """Bodies to solve: their s = mu/kappa and x = ln of the factor on D."""
 
     centre: float
     s: F
@@ -81,7 +82,7 @@ class Nodes:
 
     @staticmethod
     def around(centre: float) -> Nodes:
-        """The stated s, and far from it on both sides where there is room."""
+        """The stated s, and one far from it on each side where the range allows."""
         low, high = max(0.0, centre - _S_STEP), min(centre + _S_STEP, _S_MOST)
         s = np.array([low, centre, high])
         if centre - low < _NEAR:
@@ -97,7 +98,7 @@ class Nodes:
 
     @property
     def s_range(self) -> tuple[float, float]:
-        """With the short way from the lowest node to the incompressible s = 0."""
+        """Range of s, extended to the incompressible s = 0 where that is near."""
         return max(0.0, self.centre - _S_STEP), float(self.s.max())
 
     @property
@@ -107,7 +108,7 @@ class Nodes:
         return ((self.centre, 0.0), (between, 0.0), (between, 0.5 * float(self.x[2])))
 
     def table(self, values: F) -> F:
-        """(3, 3, k) by powers of t and x, of (9, k) coefficients, body by body."""
+        """(3, 3, k) coefficients by powers of t and x, from (9, k) values body by body."""
         in_t = np.vander((self.s - self.centre) / _S_STEP, 3, increasing=True)
         in_x = np.vander(self.x, 3, increasing=True)
         free = values.reshape(3, 3, -1) / np.exp(POWER * self.x)[None, :, None]
@@ -117,9 +118,9 @@ class Nodes:
 
 
 def noise_whiteners(poses: F, stiffness: F) -> F:
-    """(N, 6, 6) whiteners of the rig's noise, the pose noise through K_s, at the build's size.
+    """(N, 6, 6) whiteners of the rig's noise, with the pose noise through K_s, at the neck's size.
 
-    The rig's figures belong to the neck; forces scale with mu L^2, moments with mu L^3.
+    The noise of the rig belongs to the neck; forces scale with mu L^2, moments with mu L^3.
     """
     position, rotation, force, torque = NOISE
     screw = convert_stiffness(
@@ -157,11 +158,11 @@ class BodyFits:
             step[j] = 2e-5 if j < 3 else 2e-4
             up = self._rows(self.poses + step, symmetry, degree)
             down = self._rows(self.poses - step, symmetry, degree)
-            slopes[:, :, j] = (up - down) * (_REACH[j] / (2.0 * step[j]))
+            slopes[:, :, j] = (up - down) * (_STEP[j] / (2.0 * step[j]))
         matrix = np.concatenate([rows[:, :, None], slopes], axis=2)
         target = np.stack(
             [
-                np.concatenate([b.wrenches[:, :, None], b.stiffness * _REACH], axis=2)
+                np.concatenate([b.wrenches[:, :, None], b.stiffness * _STEP], axis=2)
                 for b in self.bodies
             ],
             axis=3,
@@ -170,8 +171,8 @@ class BodyFits:
         right = np.einsum("nij,njdb->nidb", self._whiteners, target).reshape(len(white), -1)
         size = np.linalg.norm(white, axis=0)
         size = np.where(size > 0.0, size, 1.0)
-        found = np.linalg.lstsq(white / size, right, rcond=1e-12)[0] / size[:, None]
-        return np.asarray(found.T / (SHEAR_MODULUS_PA * LENGTH_M**3))
+        solution = np.linalg.lstsq(white / size, right, rcond=1e-12)[0] / size[:, None]
+        return np.asarray(solution.T / (SHEAR_MODULUS_PA * LENGTH_M**3))
 
     def _rows(self, poses: F, symmetry: Symmetry, degree: int) -> F:
         return EnergyModel.regressor(
@@ -187,7 +188,7 @@ def best_family(
     fit: BodyFits, tests: list[Unseen], nodes: Nodes, diameter_over_length: float
 ) -> PhysicsFamily:
     """The first form whose error is small against the noise, else the best one."""
-    found: PhysicsFamily | None = None
+    best: PhysicsFamily | None = None
     for symmetry, degree in _FORMS:
         values = fit.coefficients(symmetry, degree)
         if values is None:
@@ -205,21 +206,24 @@ def best_family(
             error_over_noise=np.zeros(3),
         )
         trial = _with_errors(trial, tests)
-        if found is None or trial.error_over_noise[0] < found.error_over_noise[0]:
-            found = trial
+        if best is None or trial.error_over_noise[0] < best.error_over_noise[0]:
+            best = trial
         if trial.error_over_noise[0] < _GOAL:
             break
-    if found is None:
+    if best is None:
         raise ComputationError("too few FEM poses for any energy: raise BuildSettings.poses")
-    return found
+    return best
 
 
 def _with_errors(family: PhysicsFamily, tests: list[Unseen]) -> PhysicsFamily:
-    left, over = [], []
+    residuals, whitened = [], []
     for test in tests:
         residual = family.at(test.values(family.centre[1])).predict(test.poses) - test.wrenches
-        left.append(residual)
-        over.append(np.sqrt((np.einsum("nij,nj->ni", test.whiteners, residual) ** 2).mean()))
+        residuals.append(residual)
+        whitened.append(np.sqrt((np.einsum("nij,nj->ni", test.whiteners, residual) ** 2).mean()))
     unit = SHEAR_MODULUS_PA * LENGTH_M ** np.repeat([2.0, 3.0], 3)
-    errors = [np.sqrt((np.concatenate(part) ** 2).mean(axis=0)) / unit for part in (left[:2], left)]
-    return replace(family, error=np.stack(errors), error_over_noise=np.array(over))
+    errors = [
+        np.sqrt((np.concatenate(part) ** 2).mean(axis=0)) / unit
+        for part in (residuals[:2], residuals)
+    ]
+    return replace(family, error=np.stack(errors), error_over_noise=np.array(whitened))

@@ -1,9 +1,9 @@
 """Builds the family of energies of a shape from FEM at nine bodies: three nu times three D/L.
 
 FEM gives at every pose the wrench and the stiffness: 6 + 21 numbers of one energy. All bodies are
-solved at the same poses and fitted with the same weights, so that truncation and mesh leave their
-coefficients smooth. What the fit has not seen (other poses, also of bodies between the nine)
-gives the error, and chooses the degree.
+solved at the same poses and fitted with the same weights, so that their coefficients change
+smoothly in spite of truncation and mesh. Other poses, also of bodies between the nine, give the
+error and choose the degree.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage
 from ecm.io.material import Material
+from ecm.io.mechanism import Mechanism
 from ecm.models.physics.body_fits import (
     LENGTH_M,
     SHEAR_MODULUS_PA,
@@ -33,15 +34,12 @@ from ecm.models.physics.family import PhysicsFamily, compressibility, poisson_ra
 from ecm.models.physics.poses import ROTATION_LIMIT_RAD, spread_poses, workspace_poses
 from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
 
-if TYPE_CHECKING:
-    from ecm.io.mechanism import Mechanism
-
 Progress = Callable[[int, int, str], object] | None
 
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """How many poses; part of the cache's key."""
+    """Numbers of FEM poses; part of the key of the cache."""
 
     poses: int = 80
     test_poses: int = 30
@@ -50,9 +48,9 @@ class BuildSettings:
 
 
 def shape_of(mechanism: Mechanism) -> Mechanism:
-    """The body at the neck's length and shear modulus: what bodies of one shape have in common.
+    """The body scaled to the neck's length and shear modulus, the same for all sizes of a shape.
 
-    Ratios keep twelve digits, so that a body and its scaled copy are the same shape.
+    Ratios are rounded to twelve digits, so that a body and its scaled copy are the same shape.
     """
     if mechanism.builtin == "rod":
         return scaled_rod(stated_rod(mechanism), LENGTH_M, SHEAR_MODULUS_PA)
@@ -93,9 +91,9 @@ def build_family(
     threads: int = 0,
     progress: Progress = None,
 ) -> PhysicsFamily:
-    """Nine bodies by FEM, then the fit; finished bodies are kept in `stage`.
+    """Solve nine bodies by FEM and fit the family; finished bodies are kept in `stage`.
 
-    Errors
+    Raises
     ------
     ComputationError
         Too few poses have a stable state in all nine bodies.
@@ -132,11 +130,11 @@ def build_family(
                 progress(done + count, total, "FEM poses")
 
         def compute(s: float = s, x: float = x, at: F = at, report: Any = report) -> dict[str, Any]:
-            found = made.fem(s, x).solve_poses(at, threads=threads, progress=report)
+            results = made.fem(s, x).solve_poses(at, threads=threads, progress=report)
             return {
-                "wrenches": found.wrenches,
-                "stiffness": found.stiffness,
-                "ok": np.array([status == "solved" for status in found.status]),
+                "wrenches": results.wrenches,
+                "stiffness": results.stiffness,
+                "ok": np.array([status == "solved" for status in results.status]),
             }
 
         part = None if stage is None else stage.load_part(index)
@@ -153,7 +151,7 @@ def build_family(
     if common.sum() < len(poses) // 2:
         raise ComputationError(
             f"only {common.sum()} of {len(poses)} poses have a stable state in all nine bodies "
-            "around this shape: the physics model cannot be made of it; check mesh and material"
+            "around this shape: the physics model cannot be built for it; check mesh and material"
         )
     fit = BodyFits(poses[common], [body.cut(common) for body in solved[:9]], nodes.nominal)
     tests = [
@@ -205,15 +203,11 @@ class _Bodies:
 
 def with_poisson_ratio(material: Material, nu: float) -> Material:
     """The same law, shear modulus and all, with another bulk modulus."""
-    mu = material.shear_modulus_Pa
-    kept = {
-        key: value
-        for key, value in material.parameters.items()
-        if key not in ("bulk_modulus_Pa", "poisson_ratio")
-    }
-    if "young_modulus_Pa" in kept:
-        kept["young_modulus_Pa"] = 2.0 * mu * (1.0 + nu)
-    return replace(material, parameters={**kept, "poisson_ratio": nu})
+    parameters = {k: v for k, v in material.parameters.items() if k != "bulk_modulus_Pa"}
+    parameters["poisson_ratio"] = nu
+    if "young_modulus_Pa" in parameters:
+        parameters["young_modulus_Pa"] = 2.0 * material.shear_modulus_Pa * (1.0 + nu)
+    return replace(material, parameters=parameters)
 
 
 def diameter(mesh: Mesh) -> float:

@@ -5,14 +5,15 @@ exp(3 x) times a polynomial of degree 2 in t and in x:
 
     s = mu/kappa = 3 (1 - 2 nu) / (2 (1 + nu)),   t = (s - s_0) / width,   x = ln(D/L / (D/L)_0)
 
-s, not nu, because a body is regular in it through the incompressible s = 0; exp(3 x) because
-stretch goes with D^2 and bending with D^4, so that what is left changes little. E, mu and L enter
-exactly; so every derivative is again an energy of the same terms.
+The variable is s, not nu, because the energy is a smooth function of it down to the incompressible
+s = 0. The factor exp(3 x) is there because stretching goes with D^2 and bending with D^4, so that
+the polynomial changes little. E, mu and L enter exactly; every derivative is again an energy of the
+same terms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -40,6 +41,13 @@ def poisson_ratio(compressibility: float) -> float:
     return (3.0 - 2.0 * compressibility) / (2.0 * (3.0 + compressibility))
 
 
+def check_parameters(names: Iterable[str]) -> None:
+    """Raise InputError for a name that is no parameter of a body."""
+    for name in names:
+        if name not in PARAMETERS:
+            raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+
+
 @dataclass(frozen=True)
 class PhysicsFamily:
     """All energies of one shape; see the head of this file."""
@@ -47,23 +55,23 @@ class PhysicsFamily:
     degree: int
     symmetry: Symmetry
     scale: F
-    """(2,) of c/L and of theta."""
+    """(2,) scales of c/L and of theta."""
     table: F
     """(3, 3, k) coefficients of u's terms by powers of t and of x."""
     centre: tuple[float, float]
     """s_0 and (D/L)_0."""
     width: float
-    """Of s."""
+    """Step of s between tabulated bodies."""
     s_range: tuple[float, float]
     x_range: tuple[float, float]
     error: F
-    """(2, 6) rms error on unseen FEM poses over mu L^2, mu L^3: at the stated D/L, and also off."""
+    """(2, 6) rms error on other FEM poses over mu L^2, mu L^3: at the stated D/L, and off it."""
     error_over_noise: F
     """(3,) whitened rms error: at the nominal nu and D/L, at another nu, at another of both."""
 
     @cached_property
     def exponents(self) -> I:
-        """(k, 6) of the terms."""
+        """(k, 6) exponents of the terms."""
         count = self.table.shape[2]
         return np.asarray(self._model(np.zeros(count), 1.0).terms)
 
@@ -77,7 +85,7 @@ class PhysicsFamily:
                 )
 
     def bounds(self, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-        """Range of each parameter, the others at `values`; a last digit wider than tabulated."""
+        """Tabulated range of each parameter, the others at `values`, wider by a rounding error."""
         slack = 1.0 + 1e-12
         nearest, farthest = (poisson_ratio(s) for s in self.s_range)
         thin, thick = (self.centre[1] * float(np.exp(x)) for x in self.x_range)
@@ -90,7 +98,7 @@ class PhysicsFamily:
         }
 
     def at(self, values: Mapping[str, float]) -> EnergyMap:
-        """The energy of a body with these parameters: an ordinary native model."""
+        """The energy of a body with these parameters."""
         return self._map(self._energy(values)[0], values["length_m"])
 
     def derivative(self, values: Mapping[str, float], name: str) -> EnergyMap:
@@ -98,6 +106,7 @@ class PhysicsFamily:
 
         dU/dL at a fixed pose has the part -dU/dc_x, because c = A' r - (L, 0, 0).
         """
+        check_parameters([name])
         energy, by_s, by_x = self._energy(values)
         nu, length = values["poisson_ratio"], values["length_m"]
         if name == "young_modulus_Pa":
@@ -106,12 +115,10 @@ class PhysicsFamily:
             change = -energy / (1.0 + nu) + by_s * (-4.5 / (1.0 + nu) ** 2)
         elif name == "diameter_m":
             change = by_x / values["diameter_m"]
-        elif name == "length_m":
+        else:
             powers = self.exponents @ np.asarray(_LENGTHS[self.symmetry])
             change = ((3.0 - powers) * energy - by_x) / length
             change -= self._along_axis(energy) / (self.scale[0] * length)
-        else:
-            raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
         return self._map(change, length)
 
     def own_error(self, values: Mapping[str, float], *, diameter: bool = False) -> F:
@@ -177,21 +184,21 @@ class PhysicsFamily:
 
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> PhysicsFamily:
-        """What `to_dict` gave."""
+        """Return the family that `to_dict` described."""
 
         def pair(name: str) -> tuple[float, float]:
             first, second = document[name]
             return float(first), float(second)
 
         def array(name: str, shape: tuple[int, ...]) -> F:
-            found = np.asarray(document[name], dtype=np.float64)
-            if found.ndim != len(shape) or any(
-                n not in (m, -1) and m != -1 for n, m in zip(found.shape, shape, strict=True)
+            values = np.asarray(document[name], dtype=np.float64)
+            if values.ndim != len(shape) or any(
+                n not in (m, -1) and m != -1 for n, m in zip(values.shape, shape, strict=True)
             ):
-                raise ValueError(f"{name} of shape {found.shape}, expected {shape}")
-            if not np.isfinite(found).all():
-                raise ValueError(f"{name} holds a number that is not finite")
-            return found
+                raise ValueError(f"{name} of shape {values.shape}, expected {shape}")
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} has a number that is not finite")
+            return values
 
         return PhysicsFamily(
             degree=int(document["degree"]),

@@ -1,19 +1,19 @@
-"""The physics base: the FEM mechanism itself as a map, with E and nu (and L and D) to refit.
+"""The physics model: FEM of the mechanism as a map whose E and nu (and L and D) can be fitted.
 
 h(p; E, nu, L, D) is a native energy whose coefficients follow from the parameters in closed form
-(physics_family.py). The FEM behind it runs once per shape (physics_build.py) and is kept in the
-cache folder. `at` gives the fixed-parameter model for a controller.
+(family.py). The FEM behind it runs once per shape (build.py) and is kept in the cache folder. `at`
+gives the model with fixed parameters for a controller.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,17 +22,14 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import Stage, cache_directory, hash_of, write_atomically
 from ecm.io.columns import POSE
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
-from ecm.models.physics.family import PARAMETERS, PhysicsFamily
+from ecm.models.physics.build import BuildSettings, Progress, build_family, shape_of
+from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
 from ecm.models.physics.poses import MARGIN
+from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
-
-if TYPE_CHECKING:
-    from ecm.io.mechanism import Mechanism
-    from ecm.io.table import Table
-    from ecm.models.physics.build import BuildSettings
-
-Progress = Callable[[int, int, str], object] | None
 
 _DEGREE = 6
 _VERSION = 4
@@ -40,21 +37,30 @@ _REACH_STEP = 0.2
 _MOST_REACH = 1.6
 _POSES_OF_A_MESH = 160
 FREE = ("young_modulus_Pa", "poisson_ratio")
-"""What a refit changes unless it is told otherwise: L and D are what the file says."""
+"""Parameters that a refit changes by default; L and D stay as the file states them."""
 
 
 @dataclass(frozen=True)
 class PhysicsMap(SixAxisMap):
-    """factor * h0(p), h0 the energy `surrogate`; with a `family` also of other nu, L and D.
+    """h(p) = factor * h0(p), h0 the energy `surrogate`; with a `family` also other nu, L and D.
 
-    Without one (made of given pairs, `surrogate_of`) only the factor on E is free.
+    Without a family (fitted to given pairs, `surrogate_of`) only the factor on E is free.
+
+    Examples
+    --------
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (60, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base = surrogate_of(poses, wrenches, 0.1, test_poses=poses, test_wrenches=wrenches)
+    >>> stiffer = base.with_coefficients(np.array([2.0]))
+    >>> bool(np.allclose(stiffer.predict(poses), 2.0 * base.predict(poses)))
+    True
     """
 
     surrogate: EnergyMap
     own_error: F
-    """(6,) root mean square error of the surrogate on FEM poses it has not seen."""
+    """(6,) root mean square error of the surrogate on FEM poses that it was not fitted to."""
     mechanism: dict[str, Any]
-    """The `[mechanism]` table."""
+    """Table `[mechanism]` of the description."""
     factor: float = 1.0
     """E over that of `surrogate`."""
     family: PhysicsFamily | None = None
@@ -73,19 +79,19 @@ class PhysicsMap(SixAxisMap):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Of the coefficients; `factor` on E without a family."""
+        """Names of the coefficients; `factor` on E without a family."""
         return ("factor",) if self.family is None else self.free
 
     @property
     def coefficients(self) -> F:
-        """The free values; the factor on E without a family."""
+        """(k,) free values; the factor on E without a family."""
         if self.values is None:
             return np.array([self.factor])
         return np.array([self.values[name] for name in self.free])
 
     @property
     def bounds(self) -> tuple[F, F]:
-        """Lower and upper limits of the coefficients: what was tabulated."""
+        """(k,) lower and upper limits of the coefficients: the tabulated range."""
         if self.family is None or self.values is None:
             return np.full(1, -np.inf), np.full(1, np.inf)
         limits = self.family.bounds(self.values)
@@ -112,20 +118,21 @@ class PhysicsMap(SixAxisMap):
         return np.stack([self.sensitivity(poses, name) for name in self.free], axis=2)
 
     def sensitivity(self, poses: F, name: str) -> F:
-        """(N, 6) dh/d(name) at fixed poses; name young_modulus_Pa, poisson_ratio, length_m or
-        diameter_m (all transverse dimensions in proportion)."""
+        """(N, 6) derivative of the wrench to one parameter at fixed poses (N, 6).
+
+        The parameters are young_modulus_Pa, poisson_ratio, length_m and diameter_m (all transverse
+        dimensions in proportion).
+        """
         family, values = self._tabulated()
         return family.derivative(values, name).predict(poses)
 
     def at(self, **changed: float) -> EnergyMap:
-        """The fixed-parameter native model: these values by name, the others as they are."""
+        """The energy with these parameters fixed, the others as they are."""
         family, values = self._tabulated()
-        for name in changed:
-            if name not in PARAMETERS:
-                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
-        wanted = {**values, **changed}
-        family.check(wanted)
-        return family.at(wanted)
+        check_parameters(changed)
+        chosen = {**values, **changed}
+        family.check(chosen)
+        return family.at(chosen)
 
     def other_body(self, change: BodyChange) -> EnergyMap | None:
         """The energy of changed E, nu, L, D, also beyond what was tabulated.
@@ -137,15 +144,13 @@ class PhysicsMap(SixAxisMap):
         return self.family.at(change(dict(self.values)))
 
     def with_free(self, *names: str) -> PhysicsMap:
-        """The same map with these values as coefficients."""
+        """The same map with these parameters as coefficients."""
         self._tabulated()
-        for name in names:
-            if name not in PARAMETERS:
-                raise InputError(f"parameter {name!r}: there are {', '.join(PARAMETERS)}")
+        check_parameters(names)
         return replace(self, free=tuple(dict.fromkeys(names)))
 
     def with_coefficients(self, coefficients: F) -> PhysicsMap:
-        """Other values."""
+        """The same map with other values of the coefficients."""
         if self.family is None or self.values is None:
             return replace(self, factor=float(coefficients[0]))
         given = zip(self.free, map(float, coefficients), strict=True)
@@ -170,13 +175,13 @@ class PhysicsMap(SixAxisMap):
     def _tabulated(self) -> tuple[PhysicsFamily, Mapping[str, float]]:
         if self.family is None or self.values is None:
             raise InputError(
-                "this physics model knows one nu, L and D only, because it was made of given "
-                "pairs: make it of a [mechanism] (physics_map)"
+                "this physics model has fixed nu, L and D, because it was fitted to given pairs: "
+                "build it from a [mechanism] (physics_map)"
             )
         return self.family, self.values
 
     def document(self) -> dict[str, Any]:
-        """The surrogate's part, the factor, the family and the mechanism."""
+        """Surrogate, factor, family and mechanism for a model file."""
         document = {
             **self.surrogate.document(),
             "kind": "physics",
@@ -221,7 +226,29 @@ def surrogate_of(
     mechanism: dict[str, Any] | None = None,
     symmetry: Symmetry = "alike",
 ) -> PhysicsMap:
-    """A physics map from noise-free poses and wrenches; its error from those it has not seen."""
+    """A physics map from poses and wrenches without noise, its error from other ones.
+
+    Parameters
+    ----------
+    poses, wrenches
+        (N, 6) in m and rad, (N, 6) in N and N m.
+    length_m
+        Length of the mechanism.
+    test_poses, test_wrenches
+        Pairs that the map is not fitted to; they give its own error.
+    mechanism
+        Table `[mechanism]` to keep with the map.
+    symmetry
+        Symmetry of the energy.
+
+    Examples
+    --------
+    >>> poses = np.random.default_rng(0).uniform(-0.01, 0.01, (60, 6)) + [0.1, 0, 0, 0, 0, 0]
+    >>> wrenches = 1000.0 * (poses - [0.1, 0, 0, 0, 0, 0])
+    >>> base = surrogate_of(poses, wrenches, 0.1, test_poses=poses, test_wrenches=wrenches)
+    >>> base.name, base.coefficients.tolist()
+    ('physics', [1.0])
+    """
     model = EnergyModel.fit(
         np.ascontiguousarray(poses),
         np.ascontiguousarray(wrenches),
@@ -247,28 +274,46 @@ def physics_map(
 
     Parameters
     ----------
-    reach_rad
-        Largest rotation it is asked for; beyond 0.88 rad a family of a wider workspace is built.
+    mechanism
+        A body: `builtin` with its dimensions, or a mesh, and its material.
+    threads
+        Threads of the FEM, 0 for all cores.
     cache
         Default `ECM_CACHE`, else `XDG_CACHE_HOME/ecm`, else `~/.cache/ecm`. An interrupted build
-        goes on there.
+        continues there.
     progress
-        Called with poses solved, their number, and a word, while it is built.
+        Called with the number of solved poses, the number of all, and a word, during the build.
+    settings
+        Numbers of FEM poses; the default fits the kind of body.
+    reach_rad
+        Largest rotation of the poses to predict; beyond 0.88 rad a wider family is built.
+
+    Raises
+    ------
+    InputError
+        Where the mechanism has no body.
+    ComputationError
+        Where too few poses have a stable state.
+
+    Examples
+    --------
+    >>> try:
+    ...     physics_map(Mechanism(builtin="", length_m=0.1))
+    ... except InputError as error:
+    ...     print(str(error)[:31])
+    the physics model needs a body:
     """
     if not mechanism.has_body:
         raise InputError(
             "the physics model needs a body: give [mechanism] builtin with its dimensions, or "
             "mesh, and young_modulus_Pa"
         )
-    from ecm.models.physics.build import BuildSettings, build_family, shape_of
-    from ecm.models.physics.rod import stated_rod
-
     if settings is None:
-        # A mesh of one's own may have no symmetry, and then ten times the terms.
+        # A mesh of a user may have no symmetry, and then ten times the terms.
         own_mesh = mechanism.mesh_file is not None
         settings = BuildSettings(poses=_POSES_OF_A_MESH) if own_mesh else BuildSettings()
     if reach_rad > MARGIN * settings.rotation_limit_rad:
-        # In steps of 0.2 rad, so that campaigns of much the same reach share a family.
+        # In steps of 0.2 rad, so that campaigns of similar reach share a family.
         wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
         settings = replace(settings, rotation_limit_rad=wider)
     shape = shape_of(mechanism)
@@ -299,7 +344,7 @@ def physics_map(
 
 
 def reach_of(table: Table) -> float:
-    """Rotation, rad, that all but two in a hundred of the rows stay below."""
+    """Rotation, rad, that 98 % of the rows do not exceed; 0 without rotation columns."""
     if not table.has(*POSE[3:]):
         return 0.0
     return float(np.quantile(np.linalg.norm(table.matrix(POSE[3:]), axis=1), 0.98))
@@ -314,6 +359,6 @@ def _read(path: Path) -> PhysicsFamily | None:
 
 
 def _write(path: Path, built: PhysicsFamily) -> None:
-    """Best effort: a cache that cannot be written only costs time."""
+    """Write to the cache; one that cannot be written only costs time."""
     with suppress(OSError):
         write_atomically(path, json.dumps(built.to_dict()))

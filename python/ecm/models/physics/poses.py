@@ -1,8 +1,8 @@
-"""Poses of a body's workspace, spread so that few of them fix an energy.
+"""Poses of a body's workspace, chosen so that few of them determine an energy.
 
 The wrench box of the paper's Table I, scaled to the body's own stiffness at rest, drives a Cosserat
-rod of that stiffness. The rod costs microseconds a pose, and pose-driven FEM needs no more than
-poses. Loads and rotations go a tenth beyond the workspace, so that it lies inside.
+rod of that stiffness. The rod takes microseconds for each pose, and the FEM needs only the poses.
+Loads and rotations go a tenth beyond the workspace, so that it lies inside.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from ecm.io.arrays import F
 ROTATION_LIMIT_RAD = 0.8
 MARGIN = 1.1
 NECK_BENDING_NM2 = 0.657
-"""EI of the rod like the paper's neck, to whose loads Table I belongs (0.65 MPa, r = 33 mm)."""
+"""EI of a rod like the paper's neck, to which Table I belongs (0.65 MPa, r = 33 mm)."""
 NECK_LENGTH_M = 0.1034
 NOISE = (37e-6, 6e-4, 0.3, 0.010)
-"""The rig's figures: m, rad, N, N m."""
+"""Standard deviations of the rig: m, rad, N, N m."""
 _DRAWS = 4096
 _CANDIDATES = 800
 _MOST_DRAWS = 200 * _DRAWS
@@ -30,7 +30,7 @@ _DEGREE = 6
 def rod_like(stiffness: F, length_m: float) -> dict[str, float]:
     """EA, GA, EI, GJ of the rod with the (6, 6) stiffness at rest, lateral = 1/(L/GA + L^3/12EI).
 
-    Of a clamped end without couplings between axes: means over y and z, off-diagonals left alone.
+    For a clamped end; means over y and z, couplings between axes are ignored.
     """
     compliance = np.diag(np.linalg.inv(stiffness))
     if not np.all(compliance > 0.0):
@@ -40,7 +40,7 @@ def rod_like(stiffness: F, length_m: float) -> dict[str, float]:
         )
     bending = 2.0 * length_m / (compliance[4] + compliance[5])
     lateral = 0.5 * (compliance[1] + compliance[2])
-    # c_yy = L/GA + L^3/(3 EI); a body whose shape is no rod's may leave nothing for shear.
+    # c_yy = L/GA + L^3/(3 EI); for a body unlike a rod the shear part may be too small.
     shear = max(lateral - length_m**3 / (3.0 * bending), 0.05 * lateral)
     return {
         "axial_stiffness_N": float(length_m / compliance[0]),
@@ -71,21 +71,21 @@ def workspace_poses(
     sections = rod_like(stiffness, length_m)
     low, high = wrench_box(sections["bending_stiffness_Nm2"], length_m)
     random = np.random.default_rng([seed, 3])
-    found: list[F] = []
-    kept = drawn = 0
-    while kept < count:
+    usable: list[F] = []
+    number = drawn = 0
+    while number < count:
         if drawn >= _MOST_DRAWS:
             raise ComputationError(
-                f"only {kept} of {drawn} loads turn the platform by less than "
+                f"only {number} of {drawn} loads turn the platform by less than "
                 f"{rotation_limit_rad} rad; is the body far softer in bending than in shear?"
             )
         wrenches = random.uniform(margin * low, margin * high, (_DRAWS, 6))
         poses, converged = rod_poses(wrenches, length_m=length_m, **sections)
         rotation = np.linalg.norm(poses[:, 3:], axis=1)
-        found.append(poses[converged & (rotation <= margin * rotation_limit_rad)])
-        kept += len(found[-1])
+        usable.append(poses[converged & (rotation <= margin * rotation_limit_rad)])
+        number += len(usable[-1])
         drawn += _DRAWS
-    return np.ascontiguousarray(np.concatenate(found)[:count])
+    return np.ascontiguousarray(np.concatenate(usable)[:count])
 
 
 def spread_poses(
@@ -97,9 +97,9 @@ def spread_poses(
     threads: int = 0,
     rotation_limit_rad: float = ROTATION_LIMIT_RAD,
 ) -> F:
-    """(count, 6) poses of the workspace: half D-optimal for an energy, half as they come.
+    """(count, 6) poses of the workspace: half D-optimal for an energy, half random.
 
-    The first half bounds the workspace, the second keeps the fit honest in its middle.
+    The first half lies at the limits of the workspace, the second also in its middle.
     """
     pool = workspace_poses(
         stiffness, length_m, _CANDIDATES, seed=seed, rotation_limit_rad=rotation_limit_rad

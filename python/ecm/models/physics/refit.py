@@ -1,4 +1,4 @@
-"""E, nu and where asked L and D of a body from measured pairs, with errors and correlations."""
+"""Fit of a body's E and nu, on request also L and D, with errors and correlations."""
 
 from __future__ import annotations
 
@@ -18,34 +18,35 @@ from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.regression.noise import Noise, declared_noise
 
 _REWEIGHTINGS = 5
-_MOVED = 0.01
+_TOLERANCE = 0.01
+"""Reweighting ends when no parameter changes by this share of its standard deviation."""
 _AT_BOUND = 1e-6
 OWN_ERROR_LIMIT = 0.15
-"""Above it a base invents effects (the diagnosis counts it in the covariance all the same)."""
+"""Error over noise above which the base imitates effects; the covariance includes it anyway."""
 
 
 @dataclass(frozen=True)
 class PhysicsRefit:
-    """What the data say of the body's parameters."""
+    """Fitted parameters of a body."""
 
     base: PhysicsMap
     names: tuple[str, ...]
-    """Of what was free: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
+    """Free parameters: young_modulus_Pa, poisson_ratio, length_m, diameter_m, or factor."""
     values: F
     sd: F
-    """(k,) of the noise alone, where the model is right."""
+    """(k,) standard deviations from the noise alone."""
     correlation: F
     """(k, k)."""
     covariance: F
     """(k, k)."""
     whitened_rms: float
-    """Of the residual: 1 where noise is all that is left."""
+    """Root mean square of the whitened residual: 1 where only noise is left."""
     at_bound: tuple[str, ...]
-    """What the data would push beyond what was tabulated, or beyond nu = 0.5."""
+    """Parameters at the limit of the tabulated range, or at nu = 0.5."""
     converged: bool
 
     def sentences(self) -> list[str]:
-        """One line per parameter, and how they hang together."""
+        """One line per parameter, and their correlations."""
         lines = physics_sentences(self.base, self.covariance)
         return lines + [f"{name} is at the limit of the model" for name in self.at_bound]
 
@@ -78,7 +79,7 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
     if own > OWN_ERROR_LIMIT:
         lines.append(
             f"the model's own error is {own:.2g} times the noise of the paper's rig, above "
-            f"{OWN_ERROR_LIMIT}: small effects cannot be told from it (docs/models.md)"
+            f"{OWN_ERROR_LIMIT}: small effects cannot be distinguished from it (docs/models.md)"
         )
     return lines
 
@@ -86,30 +87,34 @@ def physics_sentences(base: PhysicsMap, covariance: F) -> list[str]:
 def refit_physics(
     base: PhysicsMap, table: Table, noise: Noise | None = None, *, free: Sequence[str] | None = None
 ) -> PhysicsRefit:
-    """Generalised least squares of the free parameters, within what was tabulated.
+    """Generalised least squares of the free parameters, within the tabulated range.
 
-    The pose noise acts through the stiffness of the fit before, until the parameters stay.
+    The weights use the stiffness of the fit before, until the parameters no longer change.
 
     Parameters
     ----------
+    base
+        The physics map to fit.
+    table
+        Measured rows.
     noise
-        Default what the table declares.
+        Default: as the table declares.
     free
-        Among young_modulus_Pa, poisson_ratio, length_m, diameter_m; default those of `base`.
+        Names among young_modulus_Pa, poisson_ratio, length_m, diameter_m; default those of `base`.
     """
     if base.family is not None:
         base = base.with_free(*(base.free if free is None else free))
     measured = table.measured()
     used = declared_noise(table) if noise is None else noise
-    found = joint_fit(base, (), measured, used)
+    joint = joint_fit(base, (), measured, used)
     for _ in range(_REWEIGHTINGS):
-        before = found.base.coefficients
-        found = joint_fit(found.base, (), measured, used)
-        sd = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-        moved = np.abs(found.base.coefficients - before) / np.where(sd > 0.0, sd, 1.0)
-        if float(moved.max(initial=0.0)) < _MOVED:
+        before = joint.base.coefficients
+        joint = joint_fit(joint.base, (), measured, used)
+        sd = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
+        change = np.abs(joint.base.coefficients - before) / np.where(sd > 0.0, sd, 1.0)
+        if float(change.max(initial=0.0)) < _TOLERANCE:
             break
-    fitted = found.base
+    fitted = joint.base
     if not isinstance(fitted, PhysicsMap):
         raise TypeError(f"a refit of the physics gave a map of kind {fitted.kind}")
     low, high = fitted.bounds
@@ -122,11 +127,11 @@ def refit_physics(
         names=fitted.parameter_names,
         values=values,
         sd=sd,
-        correlation=found.covariance / np.outer(scale, scale),
-        covariance=found.covariance,
-        whitened_rms=float(np.sqrt((found.whitened**2).mean())),
+        correlation=joint.covariance / np.outer(scale, scale),
+        covariance=joint.covariance,
+        whitened_rms=float(np.sqrt((joint.whitened**2).mean())),
         at_bound=tuple(n for n, out in zip(fitted.parameter_names, outside, strict=True) if out),
-        converged=found.converged,
+        converged=joint.converged,
     )
 
 

@@ -1,26 +1,23 @@
-"""A Cosserat rod as the body of the physics model: no FEM, its section stiffnesses stand for it.
+"""A Cosserat rod as the body of the physics model: section stiffnesses in place of FEM.
 
 Other bodies of its family scale them as a solid section does: with E = 2 mu (1 + nu) and D,
 
     EA ~ E D^2,   GA ~ mu D^2,   EI ~ E D^4,   GJ ~ mu D^4
 
-so that E and nu are free and L and D can be asked for, as with FEM bodies.
+so that E and nu, and on request L and D, can be fitted as with FEM bodies.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.mechanism import Mechanism
 from ecm.models.rod import ROD_SECTIONS, RodMap
-
-if TYPE_CHECKING:
-    from ecm.io.mechanism import Mechanism
-
 
 _BY_YOUNG = np.array([1.0, 0.0, 1.0, 0.0])
 _BY_DIAMETER = np.array([2.0, 2.0, 4.0, 4.0])
@@ -28,7 +25,7 @@ _BY_LENGTH = np.array([2.0, 2.0, 4.0, 4.0])
 
 
 def stated_rod(mechanism: Mechanism) -> Mechanism:
-    """The rod with its four stiffnesses, a radius and a modulus, whichever of them are given.
+    """The rod with all of its four stiffnesses, radius and modulus, from those that are given.
 
     A rod given by its stiffnesses alone has the radius and E of the solid circle of its EI and EA:
     r = 2 sqrt(EI / EA), E = EA / (pi r^2).
@@ -45,7 +42,7 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
     """The same shape at another length and shear modulus; twelve digits, so that copies agree."""
     longer = length_m / rod.length_m
     stiffer = shear_modulus_Pa / (rod.young_modulus_Pa / (2.0 * (1.0 + rod.poisson_ratio)))
-    found: dict[str, Any] = {
+    sections: dict[str, Any] = {
         name: float(f"{getattr(rod, name) * stiffer * longer**power:.12g}")
         for name, power in zip(ROD_SECTIONS, _BY_LENGTH, strict=True)
     }
@@ -56,13 +53,13 @@ def scaled_rod(rod: Mechanism, length_m: float, shear_modulus_Pa: float) -> Mech
         young_modulus_Pa=2.0 * shear_modulus_Pa * (1.0 + rod.poisson_ratio),
         density_kg_m3=0.0,
         free_length_m=0.0,
-        **found,
+        **sections,
     )
 
 
 @dataclass(frozen=True)
 class SolvedRod:
-    """Answers of a rod in the form of `Fem.solve_poses`."""
+    """Results of a rod in the form of `Fem.solve_poses`."""
 
     wrenches: F
     stiffness: F
@@ -71,7 +68,7 @@ class SolvedRod:
 
 @dataclass(frozen=True)
 class RodBody:
-    """One rod of a family, asked like the FEM of a body."""
+    """One rod of a family, with the methods of the FEM of a body."""
 
     map: RodMap
 
@@ -80,8 +77,8 @@ class RodBody:
         """The rod of another nu and of `across` times the diameter, at the shape's mu."""
         nominal = np.array([getattr(shape, name) for name in ROD_SECTIONS])
         young = (1.0 + poisson_ratio) / (1.0 + shape.poisson_ratio)
-        found = nominal * young**_BY_YOUNG * across**_BY_DIAMETER
-        return RodBody(RodMap(shape.length_m, found))
+        sections = nominal * young**_BY_YOUNG * across**_BY_DIAMETER
+        return RodBody(RodMap(shape.length_m, sections))
 
     def rest_stiffness(self) -> F:
         """(6, 6) partial, at the undeformed pose."""
@@ -90,8 +87,8 @@ class RodBody:
         return np.asarray(self.map.stiffness(rest)[0])
 
     def solve_poses(self, poses: F, **_: Any) -> SolvedRod:
-        """Wrench (N, 6) and partial stiffness (N, 6, 6) at poses; status as of the FEM."""
+        """Wrench (N, 6) and partial stiffness (N, 6, 6) at poses; status as from the FEM."""
         wrenches, stiffness = self.map.wrench_and_stiffness(poses)
-        found = np.isfinite(wrenches).all(axis=1) & np.isfinite(stiffness).all(axis=(1, 2))
-        words = np.where(found, "solved", "not_converged").tolist()
-        return SolvedRod(wrenches, stiffness, words)
+        solved = np.isfinite(wrenches).all(axis=1) & np.isfinite(stiffness).all(axis=(1, 2))
+        status = np.where(solved, "solved", "not_converged").tolist()
+        return SolvedRod(wrenches, stiffness, status)

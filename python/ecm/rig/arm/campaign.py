@@ -47,7 +47,10 @@ _EXTRA_S = 3600.0
 
 
 class RobotCampaign(Campaign):
-    """A plan on the rig with the arm; `lines` yields one visit after the other."""
+    """A plan on the rig with the arm; `lines` yields one visit after the other.
+
+    `folder` keeps solved poses and compiled controllers.
+    """
 
     def __init__(
         self,
@@ -57,8 +60,7 @@ class RobotCampaign(Campaign):
         *,
         hide: Sequence[Hidden] = (),
         seed: int = 0,
-        folder: Path | None = None,
-        library_folder: Path,
+        folder: Path,
         progress: Progress = None,
         run: RunSorties = run_sorties,
     ) -> None:
@@ -76,7 +78,7 @@ class RobotCampaign(Campaign):
         self.mechanism = fit_surrogate(poses, wrenches, length)
         model = controller_document(settings.arm.controller_model, poses, wrenches, length)
         self.setup = ArmSetup(
-            settings, self.mechanism, compile_model(model, library_folder), self._hidden_physics()
+            settings, self.mechanism, compile_model(model, folder), self._hidden_physics()
         )
         visits = self.planned.visits
         self.sorties: list[PlannedSortie] = plan_sorties(visits, self.goals, settings.rig, length)

@@ -56,7 +56,6 @@ class PictureSource:
             fem_source(self.plan, self.threads) if self.source is None else self.source,
             seed=self.seed,
             folder=folder,
-            library_folder=folder,
             progress=progress,
         )
 
