@@ -415,8 +415,8 @@ def d_optimal(
     region: _F | None = None,
 ) -> DesignResult:
     """regressor: (N * rows_per_pose, k). iterations 0: the default budget. n counts the
-    included rows, not the measured regressor rows (any number, k). prior: (k, k) information
-    known beforehand. criterion i, a: value is the average variance of the rows of region (by
+    included rows, not the measured regressor rows (any number, k). prior: (k, k) prior
+    information. criterion i, a: value is the average variance of the rows of region (by
     default the candidates'), or the summed variance of the coefficients, in noise variances;
     smaller is better.
     """

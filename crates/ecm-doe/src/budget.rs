@@ -1,17 +1,17 @@
-//! How long a search may take, how it is stopped, and what came of it.
+//! Time limit, cancel flag, progress and status of a search.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Why a search ended.
+/// How a search ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// Nothing left to try: the design is provably the best, or no exchange improves it.
+    /// The design is provably the best, or no exchange improves it.
     Converged,
-    /// The iterations or the time were used up; the design is the best found.
+    /// Iterations or time are used up; the design is the best so far.
     Budget,
-    /// Stopped by the caller; the design is the best found so far.
+    /// Stopped by the caller; the design is the best so far.
     Interrupted,
 }
 
@@ -29,9 +29,9 @@ impl Status {
 /// Called with (done, total) units of work and the best value so far.
 pub type ProgressFn<'a> = &'a (dyn Fn(usize, usize, f64) + Sync);
 
-/// The caller's hands on a running search: a stop flag, progress, and a time limit.
+/// Control of a running search: cancel flag, progress and time limit.
 ///
-/// With a time limit the result depends on the machine; without it, it does not.
+/// The result depends on the speed of the machine only with a time limit.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
     cancel: Option<&'a AtomicBool>,
@@ -46,7 +46,7 @@ impl Default for Control<'_> {
 }
 
 impl<'a> Control<'a> {
-    /// No stop flag, no progress, no time limit.
+    /// No cancel flag, no progress, no time limit.
     pub fn new() -> Self {
         Self {
             cancel: None,
@@ -62,7 +62,7 @@ impl<'a> Control<'a> {
         self
     }
 
-    /// Calls `report(done, total, best value)` now and then.
+    /// Calls `report(done, total, best value)` from time to time.
     #[must_use]
     pub fn with_progress(mut self, report: ProgressFn<'a>) -> Self {
         self.progress = Some(report);
@@ -78,24 +78,24 @@ impl<'a> Control<'a> {
         self
     }
 
-    /// The caller asked to stop.
+    /// Whether the caller has cancelled.
     pub fn cancelled(&self) -> bool {
         self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
-    /// The caller asked to stop or the time is up.
+    /// Whether the caller has cancelled or the time is up.
     pub fn stop(&self) -> bool {
         self.cancelled() || self.deadline.is_some_and(|end| Instant::now() >= end)
     }
 
-    /// The same without the time limit, for what has to be finished.
+    /// The same without the time limit, for work that must be completed.
     #[must_use]
     pub(crate) fn without_deadline(mut self) -> Self {
         self.deadline = None;
         self
     }
 
-    /// A time limit is set.
+    /// Whether a time limit is set.
     pub fn timed(&self) -> bool {
         self.deadline.is_some()
     }
@@ -107,7 +107,7 @@ impl<'a> Control<'a> {
     }
 }
 
-/// Runs `work` on `threads` worker threads (0: those of the pool that is there).
+/// Runs `work` on `threads` worker threads (0: the current pool).
 pub(crate) fn on_threads<R: Send>(
     threads: usize,
     work: impl FnOnce() -> R + Send,

@@ -1,6 +1,6 @@
-//! What can be wrong with the input of a design.
+//! Errors of the input of a design.
 
-/// Wrong input of a design; each message says what was found, expected, and what to do.
+/// Wrong input of a design; each message names what was found, what is expected, and the next step.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// There is nothing to choose from.
@@ -66,7 +66,7 @@ pub enum DesignError {
         /// The criterion.
         criterion: &'static str,
     },
-    /// The candidates cannot tell the coefficients apart.
+    /// The candidates do not determine the coefficients.
     #[error(
         "the {candidates} candidates cannot determine the model: term {column} (counted from 0) is a combination of the terms before it, so every design is singular; vary the poses more, take a smaller model or leave out constant columns"
     )]
@@ -109,7 +109,7 @@ pub enum DesignError {
     Contradiction {
         /// The candidate.
         index: usize,
-        /// What is contradictory.
+        /// The contradiction.
         what: &'static str,
     },
     /// A setting outside its range.
@@ -119,7 +119,7 @@ pub enum DesignError {
         name: &'static str,
         /// The value found.
         value: String,
-        /// What is allowed.
+        /// The allowed range.
         expected: &'static str,
     },
     /// The worker threads could not be started.

@@ -5,7 +5,7 @@ use crate::linalg::{
     add_transposed_product, cholesky, inverse, log_det, lower_inverse, product_transposed,
 };
 
-/// What a design is to make large or small.
+/// The objective of a design.
 #[derive(Debug, Clone)]
 pub(crate) enum Objective {
     /// log det M, to be large.
@@ -60,14 +60,14 @@ pub struct Problem {
     most_variance: f64,
 }
 
-/// [`Problem::most_variance`]: so many times that of one average pose. What is singular has
-/// rounding there, 1e10 and more, and exchanges would chase it.
+/// [`Problem::most_variance`] as a multiple of that of one average pose. A singular matrix has
+/// rounding of 1e10 and more there, which exchanges would mistake for gains.
 const MOST_VARIANCE: f64 = 1e9;
-/// The same where a prior alone may determine a coefficient, however weakly.
+/// The same where a weak prior alone may determine a coefficient.
 const MOST_VARIANCE_WITH_PRIOR: f64 = 1e12;
 
 impl Problem {
-    /// Whitens the (N * block) x k regressor `rows`; `prior` (k x k) is known beforehand.
+    /// Whitens the (N * block) x k regressor `rows`; `prior` (k x k) is prior information.
     ///
     /// # Errors
     /// Wrong shapes, numbers that are not finite, and candidates that cannot determine the
@@ -93,27 +93,27 @@ impl Problem {
         check_finite("the regressor", rows, terms)?;
         let poses = rows.len() / stride;
         let k = terms;
-        let mut gram = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
-        if gram.len() != k * k {
+        let mut moment = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
+        if moment.len() != k * k {
             return Err(DesignError::Shape {
                 what: "the prior",
-                found: gram.len(),
+                found: moment.len(),
                 expected: k * k,
             });
         }
-        check_finite("the prior", &gram, k)?;
-        add_transposed_product(&mut gram, (k, poses * block, k), rows, rows);
+        check_finite("the prior", &moment, k)?;
+        add_transposed_product(&mut moment, (k, poses * block, k), rows, rows);
         // Twice: the first factor leaves an error of kappa^2 eps, the second removes it.
-        let (first, shift_1) = whitening(&gram, poses, k)?;
+        let (first, shift_1) = whitening(&moment, poses, k)?;
         let mut fixed = prior.map_or_else(|| vec![0.0; k * k], |p| congruence(p, &first, k));
-        let mut gram = fixed.clone();
+        let mut moment = fixed.clone();
         let mut once = vec![0.0; CHUNK.min(poses * block) * k];
         for part in rows.chunks(CHUNK * k) {
             let out = &mut once[..part.len()];
             product_transposed(out, (part.len() / k, k, k), part, &first);
-            add_transposed_product(&mut gram, (k, part.len() / k, k), out, out);
+            add_transposed_product(&mut moment, (k, part.len() / k, k), out, out);
         }
-        let (second, shift_2) = whitening(&gram, poses, k)?;
+        let (second, shift_2) = whitening(&moment, poses, k)?;
         fixed = congruence(&fixed, &second, k);
         let mut back = vec![0.0; k * k];
         crate::linalg::product(&mut back, (k, k, k), &second, &first, 1.0, false);
@@ -137,7 +137,7 @@ impl Problem {
         })
     }
 
-    /// log det R'R: what is added to a whitened log det to have the given coordinates'.
+    /// log det R'R: added to a whitened log det, it gives that of the given coordinates.
     pub fn log_det_shift(&self) -> f64 {
         self.shift
     }
@@ -191,13 +191,13 @@ impl Problem {
     }
 }
 
-/// Regressor rows whitened at a time.
+/// Number of regressor rows that are whitened at once.
 const CHUNK: usize = 8192;
 
-/// R^-T (lower triangular) with R'R = gram / poses, and log det R'R.
-fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), DesignError> {
+/// R^-T (lower triangular) with R'R = moment / poses, and log det R'R.
+fn whitening(moment: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), DesignError> {
     let scale: Vec<f64> = (0..k)
-        .map(|j| (gram[j * k + j] / poses as f64).sqrt())
+        .map(|j| (moment[j * k + j] / poses as f64).sqrt())
         .collect();
     if let Some(column) = scale.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
         return Err(DesignError::RankDeficient {
@@ -208,7 +208,7 @@ fn whitening(gram: &[f64], poses: usize, k: usize) -> Result<(Vec<f64>, f64), De
     let mut l = vec![0.0; k * k];
     for i in 0..k {
         for j in 0..k {
-            l[i * k + j] = gram[i * k + j] / (poses as f64 * scale[i] * scale[j]);
+            l[i * k + j] = moment[i * k + j] / (poses as f64 * scale[i] * scale[j]);
         }
     }
     // Dependent columns leave a pivot of the size of rounding, about k eps.
@@ -235,7 +235,7 @@ fn congruence(a: &[f64], t: &[f64], k: usize) -> Vec<f64> {
     full
 }
 
-/// Refuses NaN and infinite numbers, naming the first.
+/// Refuses NaN and infinite numbers; the error names the first.
 pub(crate) fn check_finite(
     what: &'static str,
     values: &[f64],

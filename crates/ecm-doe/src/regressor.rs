@@ -1,4 +1,4 @@
-//! Regressor rows of the models that a design can serve.
+//! Regressor rows of the models for which designs are made.
 
 use ecm_poly::ModelError;
 use ecm_poly::basis;
@@ -18,7 +18,7 @@ pub enum Model {
     Energy {
         /// Highest degree in q.
         degree: usize,
-        /// What the mechanism's shape leaves unchanged.
+        /// Symmetry of the mechanism.
         symmetry: Symmetry,
     },
 }

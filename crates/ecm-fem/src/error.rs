@@ -1,9 +1,8 @@
-//! Everything that is wrong with an input, as one enum; failure to converge is
-//! a [`crate::Status`] instead.
+//! Errors of the input. Failure to converge is a [`crate::Status`] instead.
 
 use thiserror::Error;
 
-/// A wrong mesh, material, load or file: what was found, what was expected, where.
+/// A wrong mesh, material, load or file: place, value found and value expected.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum FemError {
     /// A material whose parameters do not fit its model.
@@ -22,16 +21,16 @@ pub enum FemError {
         /// The system's message.
         reason: String,
     },
-    /// A mesh file with a part that is not understood.
+    /// A mesh file with invalid content.
     #[error("{path}, line {line}: found {found}, expected {expected}")]
     MeshFile {
         /// The path as given.
         path: String,
         /// One-based line.
         line: usize,
-        /// What stands there.
+        /// Text found.
         found: String,
-        /// What should stand there, and what to do.
+        /// Text expected, and the next step.
         expected: String,
     },
     /// A named face that the mesh does not have.
@@ -42,7 +41,7 @@ pub enum FemError {
     MissingFace {
         /// `base` or `top`.
         name: &'static str,
-        /// The names that are there.
+        /// The names in the mesh.
         found: String,
     },
     /// A named face that holds nodes but no element face.
@@ -62,7 +61,7 @@ pub enum FemError {
         /// The first common node.
         node: usize,
     },
-    /// An element whose map from the unit tetrahedron folds over.
+    /// An inverted or flat element.
     #[error(
         "{count} of {total} tetrahedra are inverted or flat, the first is {element} at \
          ({:.4}, {:.4}, {:.4}) m with Jacobian {jacobian:.3e} m^3; expected positive: check the \
@@ -81,7 +80,7 @@ pub enum FemError {
         /// Elements in the mesh.
         total: usize,
     },
-    /// A body that falls apart.
+    /// A body of unconnected pieces.
     #[error(
         "the mesh falls into {pieces} unconnected pieces; the second begins at tetrahedron \
          {element} at ({:.4}, {:.4}, {:.4}) m: merge duplicate nodes or remove it",
@@ -103,7 +102,7 @@ pub enum FemError {
         /// How many.
         count: usize,
     },
-    /// A node that is not there.
+    /// A node that does not exist.
     #[error("{what} {index} names node {node}, but the mesh has {nodes} nodes")]
     NoSuchNode {
         /// `tetrahedron`, `base_nodes entry`, `top_nodes entry`.
@@ -125,7 +124,7 @@ pub enum FemError {
         /// The value.
         value: f64,
     },
-    /// A mesh that does not stand along +x.
+    /// A mesh that does not extend along +x.
     #[error(
         "the top face's centre is ({:.4}, {:.4}, {:.4}) m from the base's; expected (L, 0, 0): turn \
          the mesh so that x runs from base to top (files must be in metres)",

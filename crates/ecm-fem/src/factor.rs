@@ -3,7 +3,7 @@
 //! Sequential, because faer's parallel kernels change the last bits with the number
 //! of threads; parallelism runs over load cases. The matrix is quasi-definite
 //! (displacements positive, pressures negative), so the factors exist in every
-//! order, and a wrong count of negative pivots tells an unstable inside.
+//! order, and a wrong number of negative pivots shows an instability at fixed platform.
 
 use crate::FemError;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -30,7 +30,7 @@ pub struct Symbolic {
     analysis: SymbolicCholesky<usize>,
 }
 
-/// Numbers of one factorisation, with the memory it needs; reused without allocation.
+/// Values of one factorisation and its working memory; reused without allocation.
 pub struct Factor {
     values: Vec<f64>,
     memory: MemBuffer,
@@ -51,7 +51,7 @@ impl Symbolic {
         col_ptr: Vec<usize>,
         row_idx: Vec<usize>,
     ) -> Result<Self, FemError> {
-        // faer analyses the upper triangle when it is not to reorder.
+        // Without reordering faer analyses the upper triangle.
         let (upper_ptr, upper_idx) = transposed(unknowns, &col_ptr, &row_idx);
         let pattern =
             SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &upper_ptr, None, &upper_idx);

@@ -4,7 +4,7 @@
 //! halves is thinnest; each half is ordered first, the separator last (George
 //! 1973). All unknowns of a node stay together.
 
-/// How many nodes are ordered without a further cut.
+/// Number of nodes that are ordered without a further cut.
 const LEAF: usize = 12;
 
 /// Adjacency of nodes that share an element, without the node itself.
@@ -15,7 +15,7 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Of `n` nodes connected by the elements' node lists.
+    /// Graph of `n` nodes connected by the node lists of the elements.
     pub fn new<'a>(n: usize, elements: impl Iterator<Item = &'a [usize; 10]> + Clone) -> Self {
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); n];
         for tet in elements {
@@ -50,7 +50,7 @@ pub fn nested_dissection(positions: &[[f64; 3]], weight: &[usize], graph: &Graph
     postordered(&order, graph)
 }
 
-/// The same elimination with every subtree contiguous, so that supernodes are found whole.
+/// The same elimination with every subtree contiguous, so that supernodes are complete.
 fn postordered(order: &[usize], graph: &Graph) -> Vec<usize> {
     const ROOT: usize = usize::MAX;
     let n = order.len();
@@ -202,7 +202,7 @@ fn separate(
     }
     let sum = |list: &[usize]| list.iter().map(|&i| weight[i] as f64).sum::<f64>();
     let (l, r, b) = (sum(&cut.left), sum(&cut.right), sum(&cut.between));
-    // Work grows with the cube of the separator; an uneven cut is paid for below.
+    // Work grows with the cube of the separator; an uneven cut costs work in the larger half.
     cut.cost = b * (1.0 + ((l - r) / (l + r + 1.0)).powi(2));
     cut
 }

@@ -1,4 +1,4 @@
-//! What a fill-reducing order costs: the own nested dissection beside approximate minimum degree.
+//! Cost of a fill-reducing order: nested dissection compared with approximate minimum degree.
 
 use crate::assembly::Sums;
 use crate::{Fem, FemError};
@@ -12,16 +12,16 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use std::time::Instant;
 
-/// In which order unknowns are eliminated.
+/// Elimination order of the unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ordering {
-    /// Geometric nested dissection, as every solve uses it.
+    /// Geometric nested dissection, the order of every solve.
     NestedDissection,
     /// Approximate minimum degree, faer's default (Amestoy, Davis and Duff 1996).
     MinimumDegree,
 }
 
-/// Of one numeric factorisation of the tangent at rest.
+/// Cost of one numeric factorisation of the tangent at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OrderingCost {
     /// Stored entries of L.
@@ -49,7 +49,7 @@ impl Fem {
         };
         sums.assemble(body, pattern, &body.rest(), arm)
             .map_err(|_| fail("an element is inverted at rest".into()))?;
-        // Upper triangle by columns: faer reads only that one when it is not to reorder.
+        // Upper triangle by columns: without reordering faer reads only this triangle.
         let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); unknowns];
         for ((row, column), &value) in pattern.symbolic.positions().zip(&sums.tangent) {
             columns[row].push((column, value));

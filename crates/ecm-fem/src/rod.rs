@@ -2,7 +2,7 @@
 //!
 //! Straight rod along x, clamped at its base; strains from the force n and the moment
 //! m in section axes: v = (1 + n_x/EA, n_y/GA, n_z/GA), u = (m_x/GJ, m_y/EI, m_z/EI);
-//! r' = R v, R' = R [u]×. The dead tip wrench gives the whole stress state once the tip
+//! r' = R v, R' = R [u]×. The dead tip wrench determines the stress state once the tip
 //! position is known, m(s) = τ + (r_tip − r(s)) × f, so shooting is on three numbers
 //! (Antman, Nonlinear Problems of Elasticity, ch. 8).
 
@@ -16,6 +16,23 @@ const STEPS: usize = 20;
 const ITERATIONS: usize = 60;
 
 /// A straight rod clamped at its base.
+///
+/// ```
+/// use ecm_fem::Rod;
+/// # fn main() -> Result<(), ecm_fem::FemError> {
+/// let rod = Rod {
+///     length_m: 1.0,
+///     axial_stiffness_N: 1e9,
+///     shear_stiffness_N: 1e9,
+///     bending_stiffness_Nm2: 2.0,
+///     torsion_stiffness_Nm2: 1.0,
+/// }
+/// .checked()?;
+/// // A pure end moment bends it into an arc of angle M L / (E I).
+/// let (pose, converged) = rod.pose(&[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+/// assert!(converged && (pose[5] - 0.5).abs() < 1e-9);
+/// # Ok(()) }
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rod {
     /// Length, m.
@@ -31,7 +48,7 @@ pub struct Rod {
 }
 
 impl Rod {
-    /// Refuses what is not positive.
+    /// Checks that all parameters are positive.
     ///
     /// # Errors
     /// The first parameter that is not a positive number.
@@ -75,7 +92,7 @@ impl Rod {
     /// Pose (x, y, z, θx, θy, θz) of the tip under the dead wrench, and whether the
     /// shooting converged; if not, the last iterate.
     pub fn pose(&self, wrench: &[f64; 6]) -> ([f64; 6], bool) {
-        // In steps of load, so that Newton stays on the branch that begins at rest.
+        // Load steps keep Newton on the branch that starts at rest.
         let mut tip = [self.length_m, 0.0, 0.0];
         let (mut reached, mut step) = (0.0, 1.0);
         let mut end = (tip, crate::tensor::IDENTITY);

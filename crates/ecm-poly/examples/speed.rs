@@ -7,7 +7,7 @@ use std::time::Instant;
 use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
 use ecm_poly::cubic::Cubic;
 use ecm_poly::energy::terms::terms;
-use ecm_poly::energy::{EnergyPlan, EnergyTables, LanePlan, LaneTables};
+use ecm_poly::energy::{EnergyPlan, EnergyTables, SimdPlan, SimdTables};
 use ecm_poly::{EnergyModel, PolynomialModel, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Pose, Real};
@@ -84,13 +84,13 @@ impl Task for EnergyTask<'_> {
     }
 }
 
-struct LaneTask<'a, const B: usize> {
-    plan: LanePlan<'a, f64, B>,
+struct SimdTask<'a, const B: usize> {
+    plan: SimdPlan<'a, f64, B>,
     points: &'a [[f64; 6]],
     stiffness: bool,
 }
 
-impl<const B: usize> Task for LaneTask<'_, B> {
+impl<const B: usize> Task for SimdTask<'_, B> {
     type Output = ();
     #[inline(always)]
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
@@ -199,12 +199,12 @@ fn main() {
             let rows = terms(symmetry, degree).unwrap();
             let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
             let stiff = stiffness;
-            let name = format!("energy{degree} {} in lanes, {what}", symmetry.name());
-            let few = LaneTables::<f64, 8>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
+            let name = format!("energy{degree} {} by simd, {what}", symmetry.name());
+            let few = SimdTables::<f64, 8>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
             if let Some(tables) = &few {
                 let plan = tables.plan();
                 time(&name, || {
-                    dispatch(LaneTask {
+                    dispatch(SimdTask {
                         plan,
                         points: &points,
                         stiffness: stiff,
@@ -212,11 +212,11 @@ fn main() {
                 });
             } else {
                 let tables =
-                    LaneTables::<f64, 16>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1)
+                    SimdTables::<f64, 16>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1)
                         .unwrap();
                 let plan = tables.plan();
                 time(&name, || {
-                    dispatch(LaneTask {
+                    dispatch(SimdTask {
                         plan,
                         points: &points,
                         stiffness: stiff,

@@ -1,19 +1,19 @@
-//! How a product and a sum are rounded: apart, or at once where the machine can.
+//! Multiply-add with two roundings, or fused with one where the machine has the instruction.
 
 use ecm_se3::Real;
 
-/// a b + c.
+/// How a b + c is rounded.
 pub trait Arithmetic<R>: Copy {
     /// a b + c.
     fn mul_add(a: R, b: R, c: R) -> R;
 
-    /// Between parts of a long sum: what follows is not loaded ahead where that pushes sums out of
-    /// registers. Nothing by default.
+    /// Separates parts of a long sum for the compiler, where loading later coefficients early would
+    /// push sums out of registers. Does nothing by default.
     #[inline(always)]
-    fn part() {}
+    fn separate() {}
 }
 
-/// Two roundings: what every machine can.
+/// Two roundings, on any machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Plain;
 
@@ -24,7 +24,7 @@ impl<R: Real> Arithmetic<R> for Plain {
     }
 }
 
-/// One rounding: fast only in code that is compiled for a machine with the instruction.
+/// One rounding. Fast only in code that is compiled for a machine with the instruction.
 #[cfg(feature = "std")]
 #[derive(Clone, Copy, Debug)]
 pub struct Fused;
@@ -44,19 +44,19 @@ impl Arithmetic<f32> for Fused {
         a.mul_add(b, c)
     }
 
-    // All sums of a cubic and its slopes fit into registers, which in double precision they do not.
+    // In single precision all sums of a cubic and its slopes fit into registers.
     #[inline(always)]
-    fn part() {
+    fn separate() {
         core::sync::atomic::compiler_fence(core::sync::atomic::Ordering::SeqCst);
     }
 }
 
-/// Work that is compiled twice: for any machine, and for one with AVX2 and FMA.
+/// Work that is compiled twice: for any machine, and for machines with AVX2 and FMA.
 #[cfg(feature = "std")]
 pub trait Task: Sized {
-    /// What it returns.
+    /// Result of the work.
     type Output;
-    /// The work; implementations are `#[inline(always)]`, all the way down.
+    /// Does the work. It and all that it calls must be `#[inline(always)]`.
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output;
 }
 

@@ -37,6 +37,17 @@ pub fn advance(exponents: &mut [u8]) {
 }
 
 /// Exponents of all monomials up to `degree`, one row of `inputs` numbers each.
+///
+/// # Errors
+/// No inputs, a degree above 20, or more than a million terms.
+///
+/// ```
+/// # fn main() -> Result<(), ecm_poly::ModelError> {
+/// // 1, x, y, x², xy, y²
+/// let rows = ecm_poly::basis::exponents(2, 2)?;
+/// assert_eq!(rows, [0, 0, 1, 0, 0, 1, 2, 0, 1, 1, 0, 2]);
+/// # Ok(()) }
+/// ```
 #[cfg(feature = "std")]
 pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crate::ModelError> {
     use crate::error::ModelError;

@@ -1,5 +1,5 @@
-//! The paper's map at full speed: six cubics of six inputs in one pass over 84 coefficient
-//! vectors, value and whole Jacobian, without std, allocation or branches.
+//! Fast evaluation of the paper's map: six cubics of six inputs in one pass over 84 coefficient
+//! vectors, value and Jacobian, without std, allocation or branches.
 //!
 //! For i ≤ j: q = B_ij + Σ_{k≥j} p_k C_ijk and G_k += p_i p_j C_ijk; then h += p_i p_j q,
 //! G_i += p_j q, G_j += p_i q. h starts at the constant and linear part, G at the linear one.
@@ -11,22 +11,22 @@ use crate::basis::advance;
 use crate::normalise::unit_slope;
 use crate::shape::ShapeError;
 
-/// Six outputs in a vector register's eight lanes.
-pub type Lanes<R> = [R; 8];
+/// Six outputs in the eight lanes of a SIMD register; lanes 6 and 7 are 0.
+pub type SimdVector<R> = [R; 8];
 
 const TERMS: usize = 84;
 
-/// Coefficients of six cubics, in the order of one pass.
+/// Coefficients of six cubics, in the order of evaluation.
 ///
 /// The slopes of the normalisation are folded in: the variables are p − centre.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Cubic<R> {
-    coefficients: [Lanes<R>; TERMS],
+    coefficients: [SimdVector<R>; TERMS],
     centre: Vec6<R>,
 }
 
-/// Where the pair (i, j) begins: B_ij, then C_ijk for k = j … 5.
+/// Position of the coefficients of the pair (i, j): B_ij, then C_ijk for k = j … 5.
 const fn start(i: usize, j: usize) -> usize {
     let mut place = 7;
     let mut a = 0;
@@ -84,26 +84,26 @@ impl<R: Real> Cubic<R> {
         })
     }
 
-    /// From tables that [`Cubic::tables`] gave, as an export writes them.
-    pub const fn from_tables(coefficients: [Lanes<R>; TERMS], centre: Vec6<R>) -> Self {
+    /// From the tables of [`Cubic::tables`], as an export writes them.
+    pub const fn from_tables(coefficients: [SimdVector<R>; TERMS], centre: Vec6<R>) -> Self {
         Self {
             coefficients,
             centre,
         }
     }
 
-    /// Coefficient vectors in the order of one pass, and the centre of the inputs.
-    pub fn tables(&self) -> (&[Lanes<R>; TERMS], &Vec6<R>) {
+    /// Coefficient vectors in the order of evaluation, and the centre of the inputs.
+    pub fn tables(&self) -> (&[SimdVector<R>; TERMS], &Vec6<R>) {
         (&self.coefficients, &self.centre)
     }
 
     /// h(p); lanes 6 and 7 are 0.
     #[inline(always)]
-    pub fn value<A: Arithmetic<R>>(&self, point: &Vec6<R>) -> Lanes<R> {
+    pub fn value<A: Arithmetic<R>>(&self, point: &Vec6<R>) -> SimdVector<R> {
         let p: Vec6<R> = core::array::from_fn(|i| point[i] - self.centre[i]);
         let c = &self.coefficients;
         let mut h = c[0];
-        // Each pair is a function of its own constants: everything unrolls.
+        // The indices are constants, so that the compiler unrolls everything.
         macro_rules! rows {
             ($($i:literal: $($j:literal)*;)*) => {$({
                 let mut slope = c[1 + $i];
@@ -120,7 +120,7 @@ impl<R: Real> Cubic<R> {
     pub fn value_and_columns<A: Arithmetic<R>>(
         &self,
         point: &Vec6<R>,
-    ) -> (Lanes<R>, [Lanes<R>; 6]) {
+    ) -> (SimdVector<R>, [SimdVector<R>; 6]) {
         let p: Vec6<R> = core::array::from_fn(|i| point[i] - self.centre[i]);
         let c = &self.coefficients;
         let mut h = c[0];
@@ -128,7 +128,7 @@ impl<R: Real> Cubic<R> {
         for i in 0..6 {
             accumulate::<R, A>(&mut h, p[i], &c[1 + i]);
         }
-        // Each pair is a function of its own constants: everything unrolls.
+        // The indices are constants, so that the compiler unrolls everything.
         macro_rules! pairs {
             ($($i:literal $j:literal),*) => {
                 $(pair::<R, A, $i, $j>(c, &p, &mut h, &mut g);)*
@@ -153,9 +153,9 @@ impl<R: Real> Cubic<R> {
 /// B_ij + Σ_{k≥j} p_k C_ijk.
 #[inline(always)]
 fn inner<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
-    c: &[Lanes<R>; TERMS],
+    c: &[SimdVector<R>; TERMS],
     p: &Vec6<R>,
-) -> Lanes<R> {
+) -> SimdVector<R> {
     let place = const { start(I, J) };
     let mut q = c[place];
     for k in J..6 {
@@ -166,10 +166,10 @@ fn inner<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
 
 #[inline(always)]
 fn pair<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
-    c: &[Lanes<R>; TERMS],
+    c: &[SimdVector<R>; TERMS],
     p: &Vec6<R>,
-    h: &mut Lanes<R>,
-    g: &mut [Lanes<R>; 6],
+    h: &mut SimdVector<R>,
+    g: &mut [SimdVector<R>; 6],
 ) {
     let place = const { start(I, J) };
     let product = p[I] * p[J];
@@ -182,12 +182,16 @@ fn pair<R: Real, A: Arithmetic<R>, const I: usize, const J: usize>(
     accumulate::<R, A>(&mut g[I], p[J], &q);
     accumulate::<R, A>(&mut g[J], p[I], &q);
     accumulate::<R, A>(h, product, &q);
-    A::part();
+    A::separate();
 }
 
 /// sum += factor lanes.
 #[inline(always)]
-fn accumulate<R: Real, A: Arithmetic<R>>(sum: &mut Lanes<R>, factor: R, lanes: &Lanes<R>) {
+fn accumulate<R: Real, A: Arithmetic<R>>(
+    sum: &mut SimdVector<R>,
+    factor: R,
+    lanes: &SimdVector<R>,
+) {
     for l in 0..8 {
         sum[l] = A::mul_add(factor, lanes[l], sum[l]);
     }

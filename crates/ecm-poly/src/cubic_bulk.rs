@@ -1,4 +1,4 @@
-//! Many points of a cubic pose-to-wrench map at once, with the instructions that this machine has.
+//! Evaluation of a cubic pose-to-wrench map at many points, with the SIMD instructions of this machine.
 
 use std::hint::black_box;
 use std::vec::Vec;
@@ -27,7 +27,7 @@ impl Task for Values<'_> {
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Vec<f64> {
         let mut results = Vec::with_capacity(self.points.len());
         for point in self.points.as_chunks::<6>().0 {
-            // In memory, so that the compiler sees whole vectors in what comes before.
+            // The result is forced into memory, so that the compiler keeps vectors before it.
             let h = black_box(self.cubic.value::<A>(point));
             results.extend_from_slice(&[h[0], h[1], h[2], h[3], h[4], h[5]]);
         }

@@ -21,7 +21,7 @@ pub struct ThinSvd {
 }
 
 impl ThinSvd {
-    /// Of a row-major matrix with `columns` columns.
+    /// Decomposes a row-major matrix with `columns` columns.
     pub fn new(matrix: &[f64], columns: usize) -> Result<Self, ModelError> {
         Self::of(MatRef::from_row_major_slice(
             matrix,

@@ -1,4 +1,4 @@
-//! What can be wrong with the data of a model, or with a model file.
+//! Errors of model data and model files.
 
 use std::string::String;
 
@@ -12,11 +12,11 @@ pub enum ModelError {
     Shape {
         /// The array.
         name: &'static str,
-        /// What was counted.
+        /// Unit of the count, such as rows.
         unit: &'static str,
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many there should be.
+        /// Number expected.
         expected: usize,
     },
     /// A table of evaluation of the wrong length.
@@ -56,7 +56,7 @@ pub enum ModelError {
         /// Unknowns.
         coefficients: usize,
     },
-    /// A row's covariance that has no inverse root.
+    /// A covariance that is not symmetric positive definite.
     #[error(
         "covariance of row {row} is not symmetric positive definite; its diagonal holds the squared standard deviations and must be above zero"
     )]
@@ -79,9 +79,9 @@ pub enum ModelError {
         "model file is not JSON near key \"{key}\": {message}; fetch the file again or fit anew"
     )]
     Json {
-        /// The last key before the fault.
+        /// The last key before the error.
         key: String,
-        /// What the parser says.
+        /// Message of the parser.
         message: String,
     },
     /// A key of a model file that is missing, unknown or out of range.
@@ -89,19 +89,19 @@ pub enum ModelError {
     Key {
         /// The key, with its place where it is inside another.
         key: String,
-        /// What is there.
+        /// Value found.
         found: String,
-        /// What should be there.
+        /// Value expected.
         expected: String,
     },
-    /// A model file whose sum does not fit its content.
+    /// A model file whose checksum does not match its content.
     #[error(
         "model file: key \"sha256\" is {found}, but the content sums to {expected}: the file was changed or damaged after it was sealed; fetch it again or fit anew"
     )]
     Sum {
-        /// The sum in the file.
+        /// Checksum in the file.
         found: String,
-        /// The sum of its content.
+        /// Checksum of the content.
         expected: String,
     },
 }

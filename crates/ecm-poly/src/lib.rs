@@ -41,7 +41,6 @@ pub use energy::{EnergyMap, Symmetry};
 #[cfg(feature = "std")]
 pub use error::ModelError;
 #[cfg(feature = "std")]
-#[cfg(feature = "std")]
 pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;
 #[cfg(feature = "std")]

@@ -8,7 +8,7 @@ pub fn to_unit<R: Real>(value: R, lower: R, upper: R) -> R {
     (value - R::HALF * (lower + upper)) * unit_slope(lower, upper)
 }
 
-/// du/dp = 2 / (upper − lower); 0 for a range without width, whose input tells nothing.
+/// du/dp = 2 / (upper − lower); 0 for a range without width, whose input has no effect.
 #[inline(always)]
 pub fn unit_slope<R: Real>(lower: R, upper: R) -> R {
     let width = upper - lower;

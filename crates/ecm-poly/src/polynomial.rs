@@ -7,7 +7,7 @@ use crate::shape::ShapeError;
 
 /// h_j(p) = Σ_t β_tj Π_i u_i^e_ti, u_i = p_i mapped from [lower_i, upper_i] to [−1, 1].
 ///
-/// The tables are borrowed, so that they may lie in flash.
+/// The tables are borrowed, so that they can be constants in flash memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Polynomial<'a, R> {
     inputs: usize,
@@ -51,7 +51,7 @@ impl<'a, R: Real> Polynomial<'a, R> {
         })
     }
 
-    /// Numbers of scratch memory that an evaluation needs: the powers of each input.
+    /// Length of the scratch memory of an evaluation: the powers of each input.
     pub fn scratch_len(&self) -> usize {
         self.inputs * (self.degree + 1)
     }
@@ -147,7 +147,7 @@ impl<'a, R: Real> Polynomial<'a, R> {
         Ok(())
     }
 
-    /// Π u_i^e_i, with the exponent of `lowered` less by one.
+    /// Π u_i^e_i, with the exponent of input `lowered` reduced by one.
     #[inline(always)]
     fn monomial(&self, row: &[u8], powers: &[R], lowered: Option<usize>) -> R {
         let mut product = R::ONE;

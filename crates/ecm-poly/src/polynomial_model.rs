@@ -24,24 +24,24 @@ pub struct PolynomialModel {
     coefficients: Vec<f64>,
     outputs: usize,
     fit: FitFacts,
-    /// The same coefficients in the order of one pass, for the paper's own shape.
+    /// The same coefficients for fast evaluation; only for six inputs and outputs at degree 3.
     cubic: Option<Box<Cubic<f64>>>,
 }
 
-/// What is known about how a polynomial was fitted; NaN and 0 for one made from coefficients.
+/// Quality of the fit of a polynomial; NaN for a model made from coefficients.
 #[derive(Clone, Debug)]
 pub struct FitFacts {
-    /// κ of the normalised regressor that was kept.
+    /// Condition number κ of the normalised regressor, over the singular values in use.
     pub condition_number: f64,
     /// κ of the regressor before normalisation.
     pub condition_number_raw: f64,
-    /// Singular values kept.
+    /// Number of singular values in use.
     pub rank: usize,
     /// tr(2H − H²) of the hat matrix H.
     pub effective_parameters: f64,
-    /// s² per output: residual square per degree of freedom; NaN where none is left.
+    /// s² per output: squared residual per degree of freedom; NaN without degrees of freedom.
     pub residual_variance: Vec<f64>,
-    /// (XᵀX)⁻¹ of what was kept, row-major (k, k).
+    /// (XᵀX)⁻¹ over the singular values in use, row-major (k, k).
     pub unscaled_covariance: Vec<f64>,
 }
 
@@ -50,6 +50,20 @@ impl PolynomialModel {
     ///
     /// `weights` (N): each row's squared residual is multiplied by its weight; they are scaled
     /// to a mean of one, so that the PCR threshold keeps its meaning.
+    ///
+    /// # Errors
+    /// Wrong shapes, numbers that are not finite, fewer rows than terms, settings out of range.
+    ///
+    /// ```
+    /// use ecm_poly::{Method, PolynomialModel};
+    /// # fn main() -> Result<(), ecm_poly::ModelError> {
+    /// let x: Vec<f64> = (0..9).map(f64::from).collect();
+    /// let y: Vec<f64> = x.iter().map(|x| 1.0 + 2.0 * x * x).collect();
+    /// let model = PolynomialModel::fit(&x, 1, &y, 1, 2, Method::LeastSquares, None)?;
+    /// assert!((model.predict(&[3.5])?[0] - 25.5).abs() < 1e-12);
+    /// assert!((model.jacobian(&[3.5])?[0] - 14.0).abs() < 1e-12);
+    /// # Ok(()) }
+    /// ```
     pub fn fit(
         points: &[f64],
         inputs: usize,
@@ -107,7 +121,7 @@ impl PolynomialModel {
             unscaled_covariance,
         };
         Ok(Self {
-            cubic: one_pass(degree, outputs, &lower, &upper, &coefficients),
+            cubic: fast_cubic(degree, outputs, &lower, &upper, &coefficients),
             degree,
             exponents: table,
             lower,
@@ -171,7 +185,7 @@ impl PolynomialModel {
             });
         }
         Ok(Self {
-            cubic: one_pass(degree, outputs, lower, upper, coefficients),
+            cubic: fast_cubic(degree, outputs, lower, upper, coefficients),
             degree,
             exponents,
             lower: lower.to_vec(),
@@ -189,7 +203,7 @@ impl PolynomialModel {
         })
     }
 
-    /// The evaluation tables.
+    /// The model as a polynomial that borrows its tables.
     pub fn map(&self) -> Result<Polynomial<'_, f64>, ModelError> {
         Ok(Polynomial::new(
             &self.exponents,
@@ -244,11 +258,11 @@ impl PolynomialModel {
     pub fn degree(&self) -> usize {
         self.degree
     }
-    /// n.
+    /// Number of inputs n.
     pub fn inputs(&self) -> usize {
         self.lower.len()
     }
-    /// m.
+    /// Number of outputs m.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
@@ -268,13 +282,13 @@ impl PolynomialModel {
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
-    /// How it was fitted.
+    /// Quality of the fit.
     pub fn facts(&self) -> &FitFacts {
         &self.fit
     }
 }
 
-fn one_pass(
+fn fast_cubic(
     degree: usize,
     outputs: usize,
     lower: &[f64],
@@ -351,7 +365,7 @@ fn condition_number_of(matrix: &[f64], columns: usize) -> Result<f64, ModelError
     })
 }
 
-/// Rows times the root of their weight over the mean weight.
+/// Multiplies rows by the square root of weight over mean weight.
 fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) -> Result<(), ModelError> {
     let mean = weights.iter().sum::<f64>() / weights.len() as f64;
     let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));

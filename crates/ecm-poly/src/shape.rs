@@ -1,15 +1,15 @@
-//! The one error of evaluation without std: a slice of the wrong length.
+//! The error of evaluation without std: a slice of the wrong length.
 
 use core::fmt;
 
-/// A slice that has another length than the model's tables need.
+/// A slice of the wrong length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShapeError {
     /// Which slice.
     pub name: &'static str,
     /// Its length.
     pub found: usize,
-    /// The length it needs.
+    /// The expected length.
     pub expected: usize,
 }
 

@@ -1,4 +1,4 @@
-//! What is known about a prediction: leverage, standard deviation, covariance of a wrench.
+//! Uncertainty of a prediction: leverage, standard deviation, covariance of a wrench.
 
 use std::vec::Vec;
 
@@ -23,7 +23,7 @@ impl PolynomialModel {
 
     /// Standard deviation (N, outputs) of a new measurement around ĥ: s √(1 + leverage).
     ///
-    /// Times Student's t of the degrees of freedom it is the half width of an interval.
+    /// Multiplied by the quantile of Student's t it is the half width of a prediction interval.
     pub fn prediction_sd(&self, points: &[f64]) -> Result<Vec<f64>, ModelError> {
         let variance = &self.facts().residual_variance;
         let leverage = self.leverage(points)?;

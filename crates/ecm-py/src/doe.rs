@@ -17,7 +17,7 @@ fn design_error(error: ecm_doe::DesignError) -> PyErr {
     DesignError::new_err(error.to_string())
 }
 
-/// A design and how good it is.
+/// A design, its value and a certified bound.
 #[pyclass(frozen, module = "ecm._native")]
 pub struct DesignResult(Design);
 
@@ -47,7 +47,7 @@ impl DesignResult {
         self.0.efficiency
     }
 
-    /// Swaps carried out.
+    /// Number of swaps.
     #[getter]
     fn exchanges(&self) -> usize {
         self.0.exchanges
@@ -86,24 +86,24 @@ fn row_list(name: &str, list: Option<PyReadonlyArray1<'_, i64>>) -> PyResult<Vec
     list.as_array().iter().map(row).collect()
 }
 
-/// Rows of what was measured before; as many columns as the candidates have.
-fn measured_rows(
-    measured: Option<PyReadonlyArray2<'_, f64>>,
+/// Values of the argument `name`, which has as many columns as the candidates.
+fn same_columns(
+    name: &str,
+    array: Option<PyReadonlyArray2<'_, f64>>,
     columns: usize,
-) -> PyResult<Vec<f64>> {
-    let Some(measured) = measured else {
-        return Ok(Vec::new());
+) -> PyResult<Option<Vec<f64>>> {
+    let Some((values, _, found)) = array.as_ref().map(matrix) else {
+        return Ok(None);
     };
-    let (values, _, found) = matrix(&measured);
     if found == columns {
-        return Ok(values);
+        return Ok(Some(values));
     }
     Err(DesignError::new_err(format!(
-        "measured has {found} columns, expected {columns} as the candidates have"
+        "{name} has {found} columns, expected {columns} as the candidates have"
     )))
 }
 
-/// Runs a search with the GIL released, Ctrl-C seen and progress reported.
+/// Runs a search with the GIL released, with progress and Ctrl-C.
 fn search<W>(
     py: Python<'_>,
     threads: usize,
@@ -183,10 +183,7 @@ pub fn d_optimal(
         )));
     }
     let (rows, _, terms) = matrix(&regressor);
-    let region = match region {
-        Some(region) => Some(measured_rows(Some(region), terms)?),
-        None => None,
-    };
+    let region = same_columns("region", region, terms)?;
     let region = region.as_deref();
     let settings = DSettings {
         n,
@@ -197,7 +194,7 @@ pub fn d_optimal(
         replicates,
         include: row_list("include", include)?,
         exclude: row_list("exclude", exclude)?,
-        measured: measured_rows(measured, terms)?,
+        measured: same_columns("measured", measured, terms)?.unwrap_or_default(),
         prior: prior.map(|p| matrix(&p).0),
         ..DSettings::default()
     };
@@ -264,7 +261,7 @@ pub fn maximin(
         method,
         include: row_list("include", include)?,
         exclude: row_list("exclude", exclude)?,
-        measured: measured_rows(measured, columns)?,
+        measured: same_columns("measured", measured, columns)?.unwrap_or_default(),
         ..MaximinSettings::default()
     };
     search(py, threads, time_limit_s, progress, |control| {

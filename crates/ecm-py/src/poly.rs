@@ -200,8 +200,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (points, _, columns) = numbers(&inputs);
-        check_columns("inputs", columns, self.0.inputs())?;
+        let (points, _) = self.points(&inputs)?;
         let leverage = py.detach(|| self.0.leverage(&points)).map_err(error)?;
         Ok(PyArray1::from_vec(py, leverage))
     }
@@ -212,8 +211,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (points, n, columns) = numbers(&inputs);
-        check_columns("inputs", columns, self.0.inputs())?;
+        let (points, n) = self.points(&inputs)?;
         let sd = py.detach(|| self.0.prediction_sd(&points)).map_err(error)?;
         shaped(py, sd, n, self.0.outputs())
     }
@@ -223,8 +221,7 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (points, n, columns) = numbers(&inputs);
-        check_columns("inputs", columns, self.0.inputs())?;
+        let (points, n) = self.points(&inputs)?;
         let values = py.detach(|| self.0.predict(&points)).map_err(error)?;
         shaped(py, values, n, self.0.outputs())
     }
@@ -235,10 +232,9 @@ impl PolynomialModel {
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (points, n, columns) = numbers(&inputs);
-        check_columns("inputs", columns, self.0.inputs())?;
+        let (points, n) = self.points(&inputs)?;
         let values = py.detach(|| self.0.jacobian(&points)).map_err(error)?;
-        PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), columns])
+        PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), self.0.inputs()])
     }
 
     /// The map's part of a model file, with these column names.
@@ -281,12 +277,12 @@ impl PolynomialModel {
     fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.0.upper())
     }
-    /// kappa of the normalised regressor that was kept (after PCR).
+    /// Condition number of the normalised regressor over the singular values in use (after PCR).
     #[getter]
     fn condition_number(&self) -> f64 {
         self.0.facts().condition_number
     }
-    /// kappa before normalisation.
+    /// Condition number before normalisation.
     #[getter]
     fn condition_number_raw(&self) -> f64 {
         self.0.facts().condition_number_raw
@@ -299,6 +295,18 @@ impl PolynomialModel {
     #[getter]
     fn residual_variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.facts().residual_variance)
+    }
+}
+
+impl PolynomialModel {
+    /// Row-major inputs and their number of rows.
+    fn points<'a>(
+        &self,
+        inputs: &'a PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<(Cow<'a, [f64]>, usize)> {
+        let (points, rows, columns) = numbers(inputs);
+        check_columns("inputs", columns, self.0.inputs())?;
+        Ok((points, rows))
     }
 }
 

@@ -12,7 +12,7 @@ pub fn left_jacobian<R: Real>(theta: &Vec3<R>) -> Mat3<R> {
     left_jacobian_from(theta, &Stumpff::new(dot(theta, theta)))
 }
 
-/// As [`left_jacobian`], with the functions of |θ|² at hand.
+/// As [`left_jacobian`], with given functions of |θ|².
 #[inline(always)]
 pub fn left_jacobian_from<R: Real>(theta: &Vec3<R>, functions: &Stumpff<R>) -> Mat3<R> {
     // [θ]×² = θ θᵀ − s I and 1 − s c₃ = c₁.
@@ -25,7 +25,7 @@ pub fn left_jacobian_inverse<R: Real>(theta: &Vec3<R>) -> Mat3<R> {
     left_jacobian_inverse_from(theta, &Stumpff::new(dot(theta, theta)))
 }
 
-/// As [`left_jacobian_inverse`], with the functions of |θ|² at hand.
+/// As [`left_jacobian_inverse`], with given functions of |θ|².
 #[inline(always)]
 pub fn left_jacobian_inverse_from<R: Real>(theta: &Vec3<R>, functions: &Stumpff<R>) -> Mat3<R> {
     let c = &functions.c;
@@ -65,13 +65,13 @@ pub fn left_jacobian_derivatives<R: Real>(theta: &Vec3<R>) -> [Mat3<R>; 3] {
     derivatives
 }
 
-/// D = ∂(J(θ)ᵀ τ)/∂θ at constant moment τ (N m): what the rotation of the axes adds to the Hessian.
+/// D = ∂(J(θ)ᵀ τ)/∂θ at constant moment τ (N m): the contribution of the rotating axes to the Hessian.
 #[inline]
 pub fn torque_derivative<R: Real>(theta: &Vec3<R>, torque: &Vec3<R>) -> Mat3<R> {
     torque_derivative_from(theta, &Stumpff::new(dot(theta, theta)), torque)
 }
 
-/// As [`torque_derivative`], with the functions of |θ|² at hand.
+/// As [`torque_derivative`], with given functions of |θ|².
 #[inline(always)]
 pub fn torque_derivative_from<R: Real>(
     theta: &Vec3<R>,

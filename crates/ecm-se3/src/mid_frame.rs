@@ -1,4 +1,4 @@
-//! Mid-frame coordinates q = (c, θ), in which swapping alike ends of a mechanism is a symmetry.
+//! Mid-frame coordinates q = (c, θ), in which exchanging equal ends of a mechanism is a symmetry.
 //!
 //! A = exp([θ/2]×), c = Aᵀ r − (L, 0, 0). Generalised force: Q_c = Aᵀ f,
 //! Q_θ = J(θ)ᵀ τ + ½ J(θ/2)ᵀ (r × f). An energy U(q) has Q = ∂U/∂q.
@@ -13,7 +13,7 @@ use crate::real::Real;
 use crate::rotation::{RotationForm, rotation_matrix_from};
 use crate::stumpff::Stumpff;
 
-/// Everything about one pose that mid-frame coordinates need, computed once.
+/// The mid frame of one pose, with the quantities that all conversions share.
 #[derive(Clone, Copy, Debug)]
 pub struct MidFrame<R> {
     position: Vec3<R>,
@@ -29,7 +29,7 @@ pub struct MidFrame<R> {
 }
 
 impl<R: Real> MidFrame<R> {
-    /// Of a pose and the mechanism's length (m).
+    /// The mid frame of a pose, for a mechanism of undeformed length `length_m` (m).
     #[inline]
     pub fn new(pose: &Pose<R>, length_m: R) -> Self {
         let theta = pose.rotation_vector;
@@ -181,7 +181,12 @@ impl<R: Real> MidFrame<R> {
     }
 }
 
-/// q(p) = (c, θ) of a pose; `length_m` is the mechanism's undeformed length.
+/// q(p) = (c, θ) of a pose, m and rad; `length_m` is the undeformed length of the mechanism.
+///
+/// ```
+/// use ecm_se3::{Pose, mid_frame};
+/// assert_eq!(mid_frame::coordinates(&Pose::at_rest(0.1), 0.1), [0.0; 6]);
+/// ```
 pub fn coordinates<R: Real>(pose: &Pose<R>, length_m: R) -> Vec6<R> {
     MidFrame::new(pose, length_m).coordinates()
 }

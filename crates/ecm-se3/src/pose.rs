@@ -14,7 +14,7 @@ pub struct Pose<R> {
     pub rotation_vector: Vec3<R>,
 }
 
-/// What the surroundings exert on the platform: force and moment at the top frame's origin, base axes.
+/// Force and moment on the platform at the origin of the top frame, in base axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench<R> {
     /// f (N).

@@ -1,9 +1,9 @@
-//! The numbers that this crate computes with: `f64` and `f32`.
+//! The number types of this crate: `f64` and `f32`.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A real number: the arithmetic that a microcontroller has, nothing of libm.
+/// A real number with the arithmetic of a microcontroller, without libm.
 pub trait Real:
     Copy
     + PartialOrd

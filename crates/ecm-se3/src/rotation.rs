@@ -5,12 +5,18 @@ use crate::real::Real;
 use crate::stumpff::Stumpff;
 
 /// R = exp([θ]×) = c₀ I + c₁ [θ]× + c₂ θ θᵀ of a rotation vector (rad), |θ| ≤ π.
+///
+/// ```
+/// let quarter = std::f64::consts::FRAC_PI_2;
+/// let r = ecm_se3::rotation_matrix(&[0.0, 0.0, quarter]);
+/// assert!((r[1][0] - 1.0).abs() < 1e-15 && r[0][0].abs() < 1e-15);
+/// ```
 #[inline]
 pub fn rotation_matrix<R: Real>(theta: &Vec3<R>) -> Mat3<R> {
     rotation_matrix_from(theta, &Stumpff::new(dot(theta, theta)))
 }
 
-/// As [`rotation_matrix`], with the functions of |θ|² at hand.
+/// As [`rotation_matrix`], with given functions of |θ|².
 #[inline(always)]
 pub fn rotation_matrix_from<R: Real>(theta: &Vec3<R>, functions: &Stumpff<R>) -> Mat3<R> {
     let [x, y, z] = *theta;
@@ -52,7 +58,7 @@ impl<R: Real> RotationForm<R> {
         Self::with(theta, &Stumpff::new(dot(theta, theta)), a, b)
     }
 
-    /// As [`RotationForm::new`], with the functions of |θ|² at hand.
+    /// As [`RotationForm::new`], with given functions of |θ|².
     #[inline(always)]
     pub fn with(theta: &Vec3<R>, functions: &Stumpff<R>, a: &Vec3<R>, b: &Vec3<R>) -> Self {
         let two = R::TWO;

@@ -1,4 +1,4 @@
-//! The source of this crate's part without std, which an exported model carries along.
+//! Source of the part of this crate that needs no std, for exported models.
 
 /// File name and content, below `src`.
 pub const FILES: &[(&str, &str)] = &[

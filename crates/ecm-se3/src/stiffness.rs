@@ -1,4 +1,4 @@
-//! The three stiffnesses of a pose-to-wrench map, and the ways between them.
+//! The three stiffnesses of a pose-to-wrench map, and conversions between them.
 //!
 //! K = ∂h/∂p (partial, the paper's); H = ∂(f, Jᵀτ)/∂p (generalised, the Hessian of the
 //! stored energy); K_s = K diag(I, J⁻¹) (screw, in rotation increments of base axes), whose
@@ -13,7 +13,7 @@ use crate::pose::{Pose, Wrench};
 use crate::real::Real;
 use crate::stumpff::Stumpff;
 
-/// Which of the three stiffnesses a matrix is.
+/// Kind of a stiffness matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StiffnessKind {
     /// K = ∂h/∂p.
@@ -24,7 +24,19 @@ pub enum StiffnessKind {
     Screw,
 }
 
-/// A stiffness of one kind as another, at a pose and the wrench there.
+/// Converts a stiffness at `pose` and its wrench from one kind to another.
+///
+/// ```
+/// use ecm_se3::stiffness::{StiffnessKind, convert};
+/// use ecm_se3::{Pose, Wrench};
+/// let pose = Pose::from_array(&[0.1, 0.0, 0.01, 0.0, 0.3, 0.0]);
+/// let wrench = Wrench::from_array(&[0.0, 0.0, 20.0, 0.0, 1.0, 0.0]);
+/// let k: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 9.0 } else { 1.0 }));
+/// let (partial, screw) = (StiffnessKind::Partial, StiffnessKind::Screw);
+/// let k_s = convert(&k, &pose, &wrench, partial, screw);
+/// let back = convert(&k_s, &pose, &wrench, screw, partial);
+/// assert!((0..36).all(|n| (back[n / 6][n % 6] - k[n / 6][n % 6]).abs() < 1e-12));
+/// ```
 pub fn convert<R: Real>(
     stiffness: &Mat6<R>,
     pose: &Pose<R>,
@@ -89,7 +101,7 @@ fn rotation_columns_times<R: Real>(m: &Mat6<R>, j: &Mat3<R>) -> Mat6<R> {
     )
 }
 
-/// The skew part that the load alone makes in K_s: −[τ]×/2 in its rotation block.
+/// The skew part of K_s that is due to the load: −[τ]×/2 in its rotation block.
 ///
 /// K_s minus this is symmetric for a conservative mechanism; what remains skew measures
 /// noise and effects that are not conservative.

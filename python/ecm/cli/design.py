@@ -110,7 +110,7 @@ def design(options: Options, session: Session) -> None:
     planned.plan.write(options.out)
     session.write_json(planned.to_dict())
     if session.report is not None:
-        write_design(session.report, table, planned)
+        write_design(session.report, planned)
     if planned.sizes:
         _print_sizes(planned.sizes, session)
     for sentence in planned.sentences():

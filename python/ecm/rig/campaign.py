@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.table import Table
 from ecm.rig.calibration.before import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.climate import Climate
@@ -43,9 +43,6 @@ from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
 from ecm.rig.timeline import Timeline, timeline_of
 from ecm.rig.visits import Visits
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
 
 
 class Campaign:

@@ -94,7 +94,7 @@ class Journal:
     def __enter__(self) -> Journal:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            # Written anew, so that a line that a kill cut in half is gone.
+            # Written again, so that a line that was cut in half is gone.
             self._stream = self.path.open("w", encoding="utf-8", newline="")
             self._stream.write(self._head + "".join(f"{line}\n" for line in self.lines))
             self._sync()
@@ -141,7 +141,7 @@ class Journal:
         if not complete.startswith(self._head):
             raise InputError(
                 f"{self.path}: this is the journal of another campaign (other plan, rig, seed or "
-                "hidden effect). Remove it to begin anew, or choose another --out"
+                "hidden effect). Remove it to start again, or choose another --out"
             )
         return complete[len(self._head) :].splitlines()
 

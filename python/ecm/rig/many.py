@@ -89,7 +89,7 @@ def run_campaigns(
         keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
     asked = set(range(rigs))
     if overwrite and ledger.done >= asked:
-        ledger.done -= asked  # nothing is unfinished: all of it is to be measured anew
+        ledger.done -= asked  # nothing is unfinished: all of it is to be measured again
     ledger.own |= asked
     ledger.save()
     done = ledger.done

@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
+from ecm.io.table import Table
 from ecm.rig.actions import Action
 from ecm.rig.settings import Procedure
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""

@@ -1,7 +1,7 @@
-//! What is possible: the continuous optimum and the certified bound of every design.
+//! The continuous optimum and the certified bound of every design.
 //!
 //! A continuous design gives every pose a weight 0 <= w_i <= cap with sum w_i = n; exact
-//! designs are the whole-numbered ones (cap 1: each pose at most once; no cap: repeats).
+//! designs are those with integer weights (cap 1: each pose at most once; no cap: repeats).
 //! log det is concave, so with phi_i = tr(A_i M^-1 A_i') any feasible M* obeys
 //!
 //! log det M* <= log det M + k log(S / k),   S = tr(M^-1 F) + max_w sum w_i phi_i,
@@ -22,7 +22,7 @@ use crate::linalg::{
 use crate::problem::{Objective, Problem};
 use newton::newton_step;
 
-/// The continuous optimum: weights, log det M and how far it can be from the best.
+/// The continuous optimum: weights, merit and certified bound.
 #[derive(Debug, Clone)]
 pub struct Continuous {
     /// w_i, summing to n.
@@ -35,7 +35,7 @@ pub struct Continuous {
     pub bound: f64,
     /// k log(S/k), the Kiefer-Wolfowitz gap left.
     pub gap: f64,
-    /// Newton steps taken.
+    /// Number of Newton steps.
     pub iterations: usize,
 }
 
@@ -44,7 +44,7 @@ pub struct Continuous {
 pub struct CertificateSettings {
     /// Stops when the gap per coefficient is below this.
     pub tolerance: f64,
-    /// Newton steps at most.
+    /// Most Newton steps.
     pub iterations: usize,
 }
 
@@ -98,7 +98,7 @@ impl Mixed {
         self.share * log_det - (1.0 - self.share) * k as f64 * self.trace.ln()
     }
 
-    /// What a gradient of the trace counts in that of the merit.
+    /// Factor of the gradient of the trace in that of the merit.
     fn scale(&self, k: usize) -> f64 {
         (1.0 - self.share) * k as f64 / self.trace
     }
@@ -253,7 +253,7 @@ fn multiplicative_step(w: &mut [f64], phi: &[f64], n: f64, cap: f64) {
 
 /// The continuous optimum for `n` poses with weights at most `cap` (infinite: repeats).
 ///
-/// A few multiplicative steps find the region, then Newton steps on the poses that matter
+/// A few multiplicative steps come near the optimum, then Newton steps on the relevant poses
 /// (a quadratic programme solved by pairwise moves), each checked against all candidates.
 ///
 /// # Returns
@@ -401,7 +401,7 @@ fn keep_best(
     }
 }
 
-/// Poses with weight and those whose phi says that they want some.
+/// Poses with weight, and those whose phi is large enough to gain weight.
 fn working_set(problem: &Problem, w: &[f64], phi: &[f64], level: f64, limit: usize) -> Vec<usize> {
     let mut wishes: Vec<usize> = (0..problem.poses)
         .filter(|&i| problem.available[i] && w[i] == 0.0 && phi[i] > 0.98 * level)
@@ -422,7 +422,7 @@ fn pull(problem: &Problem, phi: &[f64]) -> Vec<f64> {
     }
 }
 
-/// Removes the rounding of sum w = n, keeping the box.
+/// Removes rounding from sum w = n within the box.
 fn restore_sum(w: &mut [f64], n: f64, cap: f64) {
     let excess = w.iter().sum::<f64>() - n;
     let inside: Vec<usize> = (0..w.len())

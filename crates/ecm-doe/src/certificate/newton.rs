@@ -8,7 +8,7 @@ use crate::problem::Problem;
 
 /// Maximises g's - s'Hs/2 over the box and the sum by moving weight between two poses at a time.
 ///
-/// The pose with the largest gradient takes from the one that gives the largest gain.
+/// Weight moves to the pose with the largest gradient from the pose with the largest gain.
 pub(super) fn newton_step(
     problem: &Problem,
     set: &[usize],
@@ -23,7 +23,7 @@ pub(super) fn newton_step(
     let weight: Vec<f64> = set.iter().map(|&i| w[i]).collect();
     let mut step = vec![0.0; s];
     let mut gradient: Vec<f64> = set.iter().map(|&i| eval.phi[i]).collect();
-    // Infinite for poses that can take or give no weight.
+    // Infinite for poses whose weight cannot rise or fall.
     let barred = |room: f64| if room > 0.0 { 0.0 } else { f64::INFINITY };
     let mut full: Vec<f64> = weight.iter().map(|w| barred(cap - w)).collect();
     let mut empty: Vec<f64> = weight.iter().map(|w| barred(*w)).collect();
@@ -85,7 +85,7 @@ pub(super) fn newton_step(
 const LEAST_CURVE: f64 = 1e-12;
 const LANES: usize = 8;
 
-/// The first of the largest `values` that is not barred.
+/// The first of the largest `values` that is not excluded.
 fn largest(arch: Arch, values: &[f64], barred: &[f64]) -> Option<usize> {
     arch.dispatch(
         #[inline(always)]
@@ -109,10 +109,10 @@ fn largest(arch: Arch, values: &[f64], barred: &[f64]) -> Option<usize> {
     )
 }
 
-/// What moving weight from any pose to the best one brings.
+/// Gain of moving weight from each pose to the best one.
 struct Partner<'a> {
     gradient: &'a [f64],
-    /// Infinite for poses that have no weight to give.
+    /// Infinite for poses without weight.
     empty: &'a [f64],
     /// Row of the Hessian of the best one.
     row: &'a [f64],
@@ -123,7 +123,7 @@ struct Partner<'a> {
 }
 
 impl Partner<'_> {
-    /// The pose with the largest gain, and the spread of the gradients of all that could give.
+    /// The pose with the largest gain, and the spread of the gradients of all poses with weight.
     #[inline(always)]
     fn find_inner(&self, gains: &mut [f64]) -> Option<(usize, f64)> {
         let (mut top, mut spread) = ([0.0f64; LANES], [f64::NEG_INFINITY; LANES]);

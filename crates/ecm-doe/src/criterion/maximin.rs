@@ -13,7 +13,7 @@ use crate::spacing::simple;
 use crate::spacing::threshold::Chain;
 use crate::{Control, DesignError, Status};
 
-/// How the space-filling subset is searched.
+/// Algorithm of the search for a space-filling design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpacingMethod {
     /// Exchange of a point of the closest pair (the paper's), the best of all starts.
@@ -32,17 +32,17 @@ pub struct MaximinSettings {
     pub starts: usize,
     /// Search: thousands of swaps in each of the [`CHAINS`] chains; 0: default.
     pub iterations: usize,
-    /// Seed of all random numbers.
+    /// Seed of the random generator.
     pub seed: u64,
-    /// Worker threads, 0 for all; without influence on the result.
+    /// Worker threads, 0 for all; no influence on the result.
     pub threads: usize,
-    /// How to search.
+    /// Algorithm.
     pub method: SpacingMethod,
     /// Candidates that must be in the design.
     pub include: Vec<usize>,
     /// Candidates that must not be chosen.
     pub exclude: Vec<usize>,
-    /// Points already measured, any number x columns: kept away from, not chosen again.
+    /// Points already measured, any number x columns: the design keeps away from them and does not choose them again.
     pub measured: Vec<f64>,
 }
 
@@ -66,7 +66,7 @@ impl Default for MaximinSettings {
 pub const CHAINS: usize = 4;
 /// Thousands of swaps per chain by default.
 pub const DEFAULT_ITERATIONS: usize = 3000;
-/// Distances computed at most for thinning.
+/// Most distances that thinning computes.
 const THINNING_WORK: usize = 2_000_000_000;
 /// More candidates than this are first thinned to a farthest-point subset.
 pub const MOST_CANDIDATES: usize = 6000;
@@ -79,6 +79,18 @@ pub const MOST_CANDIDATES: usize = 6000;
 /// # Errors
 /// Wrong input: shape, numbers that are not finite, n below 2 or above the candidates,
 /// contradictory lists.
+///
+/// ```
+/// use ecm_doe::{Control, MaximinSettings, maximin};
+/// # fn main() -> Result<(), ecm_doe::DesignError> {
+/// // Three of eleven points on a line: both ends and the middle.
+/// let line: Vec<f64> = (0..11).map(f64::from).collect();
+/// let settings = MaximinSettings { n: 3, ..MaximinSettings::default() };
+/// let design = maximin(&line, 1, &settings, &Control::new())?;
+/// assert_eq!(design.indices, [0, 5, 10]);
+/// assert_eq!(design.value, 5.0);
+/// # Ok(()) }
+/// ```
 pub fn maximin(
     points: &[f64],
     columns: usize,
@@ -137,14 +149,14 @@ pub fn maximin(
     })
 }
 
-/// The points looked at: first those that are fixed, then candidates.
+/// The points of the search: first the fixed points, then candidates.
 struct Field {
     points: Vec<f64>,
     /// Row of the candidates, or `usize::MAX` for a measured point.
     origin: Vec<usize>,
     fixed: usize,
     allowed: Vec<bool>,
-    /// Candidates were left out: an upper bound has to add how far they are from those kept.
+    /// Whether candidates were left out: an upper bound must then add their distance to the others.
     covering: f64,
 }
 
@@ -376,11 +388,11 @@ fn raise_threshold(
     (best, distance, used, left == 0)
 }
 
-/// Times at which the chains share their best design.
+/// Number of times at which the chains share their best design.
 const ROUNDS: usize = 40;
 /// Swaps before the first such time; then twice as many each time.
 const FIRST_ROUND: usize = 4000;
-/// Swaps between two such times at most.
+/// Most swaps between two such times.
 const LONGEST_ROUND: usize = 100_000;
-/// Swaps at one threshold before it is taken to be too high.
+/// Swaps at one threshold after which it counts as too high.
 const PATIENCE: usize = 20_000;

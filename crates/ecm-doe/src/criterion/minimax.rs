@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::linear::root_of_moment;
+use super::alphabetic::root_of_moment;
 use super::search::{generator, search, search_near, singular};
 use super::settings::{DSettings, Design, apply_settings};
 use crate::budget::on_threads;
@@ -13,7 +13,7 @@ use crate::linalg::{dot, product, product_transposed};
 use crate::problem::Objective;
 use crate::{Control, DesignError, Problem, Status};
 
-/// Poses with the largest variances that are tried in the place of a design pose.
+/// Number of poses with the largest variances that are tried in place of a design pose.
 const ENTERING: usize = 12;
 /// Disturbances of the design by default.
 const DEFAULT_STEPS: usize = 20;
@@ -126,16 +126,16 @@ fn minimise(
 /// where weights are free (Kiefer and Wolfowitz); where they are capped the poses whose variance
 /// stays above the average gain weight until the bound no longer rises.
 struct Saddle {
-    /// Largest of the bounds met.
+    /// Largest bound so far.
     bound: f64,
     /// Design weights and certificate of the last average.
     optimum: Continuous,
-    /// Largest variance of the continuous designs over the bound, less one, the least met.
+    /// Smallest ratio so far of the largest variance of a continuous design to the bound, minus one.
     gap: f64,
 }
 
 impl Saddle {
-    /// Leaves the average with the largest bound as the problem's objective.
+    /// Sets the average with the largest bound as the objective of the problem.
     fn find(problem: &mut Problem, settings: &DSettings, control: &Control<'_>) -> Option<Self> {
         let free = settings.n - settings.include.len();
         let cap = if settings.replicates {
@@ -201,9 +201,9 @@ impl Saddle {
     }
 }
 
-/// Averages tried for the bound at most.
+/// Most averages tried for the bound.
 const ROUNDS: usize = 40;
-/// The bound is good enough when a continuous design comes so near.
+/// Ratio minus one at which the bound is good enough.
 const CLOSE: f64 = 1e-3;
 
 /// A design with the variance of every candidate, the largest first.
@@ -302,7 +302,7 @@ impl<'a> Variances<'a> {
         true
     }
 
-    /// Swaps while the largest variance falls; their number.
+    /// Swaps while the largest variance falls; returns the number of swaps.
     ///
     /// The poses of the largest variances are tried first, then those of the continuous optimum.
     fn descend(&mut self, control: &Control<'_>) -> usize {
@@ -332,7 +332,7 @@ impl<'a> Variances<'a> {
         swaps
     }
 
-    /// The swap to one of `entering` that leaves the smallest largest variance, below the present.
+    /// The swap to one of `entering` with the smallest largest variance, if below the current one.
     fn best_swap(
         &self,
         entering: impl Iterator<Item = usize>,

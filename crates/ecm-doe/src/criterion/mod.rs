@@ -1,7 +1,6 @@
 //! The criteria of a design, one file each; their settings and the search that they share.
 
-pub mod d;
-pub mod linear;
+pub mod alphabetic;
 pub mod maximin;
 pub mod minimax;
 pub(crate) mod search;

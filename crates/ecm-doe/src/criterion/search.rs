@@ -1,4 +1,4 @@
-//! The search for the best design of a model, whatever the criterion.
+//! The search for the best design of a model, for all criteria but G.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -17,7 +17,7 @@ use crate::exchange::{
 use crate::problem::Objective;
 use crate::{Control, DesignError, Problem, Status};
 
-/// A design of `problem` and its bound; `measured` rows count besides the design's own.
+/// A design of `problem` and its bound; `measured` rows add to those of the design.
 pub(crate) fn search(
     problem: &Problem,
     settings: &DSettings,
@@ -30,7 +30,7 @@ pub(crate) fn search(
     } else {
         1.0
     };
-    // The bound is part of the answer: it is computed even when the time is short.
+    // The bound is part of the result: it is computed even without time.
     let optimum = continuous(
         problem,
         free,
@@ -42,7 +42,7 @@ pub(crate) fn search(
     search_near(problem, settings, measured, &optimum, control)
 }
 
-/// [`search`] whose continuous optimum is known.
+/// [`search`] with a known continuous optimum.
 pub(crate) fn search_near(
     problem: &Problem,
     settings: &DSettings,
@@ -51,14 +51,14 @@ pub(crate) fn search_near(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let free = settings.n - settings.include.len();
-    let found = match (&problem.objective, problem.block) {
+    let best = match (&problem.objective, problem.block) {
         (Objective::Trace(_) | Objective::Compound { .. }, _) => {
             run::<Linear>(problem, settings, optimum, free, control)
         }
         (Objective::Determinant, 1) => run::<Single>(problem, settings, optimum, free, control),
         (Objective::Determinant, _) => run::<Several>(problem, settings, optimum, free, control),
     };
-    let Some(found) = found else {
+    let Some(best) = best else {
         return Err(singular(problem, settings));
     };
     let k = problem.terms as f64;
@@ -70,16 +70,16 @@ pub(crate) fn search_near(
             (merit + share * problem.shift) / k - share * rows.ln()
         }
     };
-    let mut indices = found.design;
+    let mut indices = best.design;
     indices.extend(&settings.include);
     indices.sort_unstable();
-    // Rounding may leave the best possible design a hair above its bound.
-    let best = optimum.bound.max(found.merit);
-    let (value, bound) = (scaled(found.merit), scaled(best));
-    let left = (best - found.merit) / k;
+    // By rounding the best possible design may be slightly above its bound.
+    let bound = optimum.bound.max(best.merit);
+    let gap = (bound - best.merit) / k;
+    let (value, bound) = (scaled(best.merit), scaled(bound));
     let status = if control.cancelled() {
         Status::Interrupted
-    } else if found.complete && (left < 1e-9 || settings.method != Method::Search) {
+    } else if best.complete && (gap < 1e-9 || settings.method != Method::Search) {
         Status::Converged
     } else {
         Status::Budget
@@ -88,8 +88,8 @@ pub(crate) fn search_near(
         indices,
         value,
         bound,
-        efficiency: (-left).exp(),
-        exchanges: found.swaps,
+        efficiency: (-gap).exp(),
+        exchanges: best.swaps,
         status,
         gap: optimum.gap / k,
     })
@@ -103,15 +103,16 @@ pub(crate) fn singular(problem: &Problem, settings: &DSettings) -> DesignError {
     }
 }
 
-struct Found {
+/// Outcome of a search.
+struct SearchResult {
     design: Vec<usize>,
     merit: f64,
     swaps: usize,
     complete: bool,
 }
 
-/// Candidates worth looking at: those the continuous optimum uses or nearly uses.
-fn promising(problem: &Problem, optimum: &Continuous, free: usize) -> Vec<usize> {
+/// Candidates that the continuous optimum uses or nearly uses.
+fn promising_candidates(problem: &Problem, optimum: &Continuous, free: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..problem.poses)
         .filter(|&i| problem.available[i])
         .collect();
@@ -170,15 +171,15 @@ fn run<F: Family>(
     optimum: &Continuous,
     free: usize,
     control: &Control<'_>,
-) -> Option<Found> {
-    let everyone: Vec<usize> = (0..problem.poses)
+) -> Option<SearchResult> {
+    let available: Vec<usize> = (0..problem.poses)
         .filter(|&i| problem.available[i])
         .collect();
     let thorough = settings.method == Method::Search;
     let ids = if thorough {
-        promising(problem, optimum, free)
+        promising_candidates(problem, optimum, free)
     } else {
-        everyone.clone()
+        available.clone()
     };
     let pool = Pool::new(problem, ids, settings.replicates);
     let weights: Vec<f64> = pool.ids.iter().map(|&i| optimum.weights[i]).collect();
@@ -235,7 +236,7 @@ fn run<F: Family>(
     if !thorough {
         let (best, complete) = ranked.into_iter().next()?;
         let design = best.design().iter().map(|&c| pool.ids[c]).collect();
-        return Some(Found {
+        return Some(SearchResult {
             design,
             merit: best.merit(),
             swaps,
@@ -279,8 +280,8 @@ fn run<F: Family>(
         .into_iter()
         .reduce(|a, b| if b.merit() > a.merit() { b } else { a })?;
     let design: Vec<usize> = best.design().iter().map(|&c| pool.ids[c]).collect();
-    let (design, merit, more) = polish::<F>(problem, settings, everyone, design, best.merit());
-    Some(Found {
+    let (design, merit, more) = polish::<F>(problem, settings, available, design, best.merit());
+    Some(SearchResult {
         design,
         merit,
         swaps: swaps + more,
@@ -306,7 +307,7 @@ fn default_iterations(pool: &Pool<'_>, free: usize) -> usize {
     (DEFAULT_WORK / one / CHAINS as f64).clamp(5.0, 1e5) as usize
 }
 
-/// The worst chain goes on from the best one's design.
+/// Copies the best chain over the worst.
 fn share_best<S: State>(chains: &mut [S]) {
     let value = |i: usize| chains[i].merit();
     let best = (0..chains.len()).max_by(|&a, &b| value(a).total_cmp(&value(b)).then(b.cmp(&a)));
@@ -319,19 +320,19 @@ fn share_best<S: State>(chains: &mut [S]) {
     }
 }
 
-/// A last descent over all candidates, those not promising included.
+/// A last descent over all candidates.
 fn polish<F: Family>(
     problem: &Problem,
     settings: &DSettings,
-    everyone: Vec<usize>,
+    available: Vec<usize>,
     design: Vec<usize>,
     merit: f64,
 ) -> (Vec<usize>, f64, usize) {
     let mut position = vec![usize::MAX; problem.poses];
-    for (p, &i) in everyone.iter().enumerate() {
+    for (p, &i) in available.iter().enumerate() {
         position[i] = p;
     }
-    let pool = Pool::new(problem, everyone, settings.replicates);
+    let pool = Pool::new(problem, available, settings.replicates);
     let start = design.iter().map(|&i| position[i]).collect();
     let Some(mut state) = F::start(&pool, start) else {
         return (design, merit, 0);
@@ -345,14 +346,14 @@ fn polish<F: Family>(
     )
 }
 
-/// Disturbances between two looks at the clock by the progress report.
+/// Disturbances between two reports of progress.
 const PART: usize = 50;
-/// Times at which the chains share their best design.
+/// Number of times at which the chains share their best design.
 const ROUNDS: usize = 10;
-/// Disturbances between two such times at most.
+/// Most disturbances between two such times.
 const LONGEST_ROUND: usize = 500;
 
-/// Generator of one start or chain: the same whatever thread runs it.
+/// Random generator of one start or chain, independent of the thread.
 pub(crate) fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);

@@ -1,13 +1,13 @@
-//! Settings and result of a design, and how the settings change a problem.
+//! Settings and result of a design.
 
 use crate::{DesignError, Problem, Status};
 
-/// How the exchange looks for the best design.
+/// Algorithm of the search for the best design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// Best pair from random starts (the paper's).
+    /// Fedorov's exchange of the best pair, from random starts (the paper's).
     Fedorov,
-    /// Best candidate for each row in turn, from random starts.
+    /// Exchange of each row in turn for its best candidate, from random starts.
     RowWise,
     /// Starts drawn from the continuous optimum, then an iterated local search.
     #[default]
@@ -17,17 +17,17 @@ pub enum Method {
 /// Settings of [`d_optimal`].
 #[derive(Debug, Clone)]
 pub struct DSettings {
-    /// Design size, with the included poses and without those measured before.
+    /// Design size: with the included poses, without the poses measured before.
     pub n: usize,
-    /// Independent starts.
+    /// Number of independent starts.
     pub starts: usize,
     /// Search: disturbances in each of the [`CHAINS`] chains; else swaps per start. 0: default.
     pub iterations: usize,
-    /// Seed of all random numbers.
+    /// Seed of the random generator.
     pub seed: u64,
-    /// Worker threads, 0 for all; without influence on the result.
+    /// Worker threads, 0 for all; no influence on the result.
     pub threads: usize,
-    /// How to search.
+    /// Algorithm.
     pub method: Method,
     /// A pose may be chosen more than once.
     pub replicates: bool,
@@ -35,9 +35,9 @@ pub struct DSettings {
     pub include: Vec<usize>,
     /// Candidates that must not be chosen.
     pub exclude: Vec<usize>,
-    /// Regressor rows already measured, any number x k: they count, but are not chosen again.
+    /// Regressor rows already measured, any number x k: they add information, but are not chosen again.
     pub measured: Vec<f64>,
-    /// Information known beforehand, k x k (Bayesian D: ridge = diag(lambda)).
+    /// Prior information, k x k (Bayesian D: ridge = diag(lambda)).
     pub prior: Option<Vec<f64>>,
 }
 
@@ -62,7 +62,7 @@ impl Default for DSettings {
 /// Chains of the iterated local search; a constant, so that threads do not change the result.
 pub const CHAINS: usize = 4;
 
-/// A design and how good it is.
+/// A design, its value and a certified bound.
 #[derive(Debug, Clone)]
 pub struct Design {
     /// Chosen candidates, sorted; repeated when replicates are allowed.
@@ -73,15 +73,15 @@ pub struct Design {
     pub bound: f64,
     /// exp(value - bound), or value / bound.
     pub efficiency: f64,
-    /// Swaps carried out in all starts.
+    /// Number of swaps in all starts.
     pub exchanges: usize,
     /// Why the search ended.
     pub status: Status,
-    /// Kiefer-Wolfowitz gap per coefficient left in the bound (0 for distances).
+    /// Kiefer-Wolfowitz gap of the bound per coefficient (0 for distances).
     pub gap: f64,
 }
 
-/// Applies the lists and the measured rows; the number of rows measured before.
+/// Applies lists and measured rows to a problem; returns the number of measured rows.
 pub(crate) fn apply_settings(
     problem: &mut Problem,
     settings: &DSettings,
@@ -135,7 +135,8 @@ pub(crate) fn apply_settings(
     Ok(measured)
 }
 
-/// Marks what may be chosen: included poses (without repeats) and excluded ones may not.
+/// Marks the candidates that may be chosen; included poses (without replicates) and excluded poses
+/// may not.
 pub(crate) fn apply_lists(
     available: &mut [bool],
     n: usize,

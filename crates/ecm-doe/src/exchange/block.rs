@@ -5,7 +5,7 @@ use super::pool::Pool;
 use super::{State, Swap};
 use crate::linalg::{product, product_transposed, small_inverse};
 
-/// Swaps after which M^-1 is computed anew.
+/// Swaps after which M^-1 is computed again.
 const REBUILD_AFTER: usize = 200;
 
 /// A design with M^-1 and the blocks D_j = A_j M^-1 A_j' of every pool candidate.

@@ -8,12 +8,12 @@ use super::pool::Pool;
 use super::{State, Swap};
 use crate::linalg::{dot, product_transposed};
 
-/// Swaps after which the single-precision table is computed anew.
+/// Swaps after which the single-precision table is computed again.
 const REBUILD_AFTER: usize = 150;
 
 /// A design with G (rows D, columns the pool) and d = diag(X_C M^-1 X_C') kept up to date.
 ///
-/// G is in single precision and proposes; M^-1 is in double precision and decides.
+/// G (single precision) proposes swaps; M^-1 (double precision) decides.
 #[derive(Debug, Clone)]
 pub(crate) struct CrossState<'a> {
     pool: &'a Pool<'a>,
@@ -90,7 +90,7 @@ impl<'a> CrossState<'a> {
         }
     }
 
-    /// M and its inverse anew from the design: bounds the rounding of long runs.
+    /// Computes M and its inverse again from the design, which limits rounding in long runs.
     fn rebuild(&mut self) {
         let fresh = self.pool.information(&self.design);
         let problem = self.pool.problem;

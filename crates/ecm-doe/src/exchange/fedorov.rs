@@ -1,9 +1,9 @@
-//! Fedorov's exchange, the paper's: carry out the best of all swaps until none improves.
+//! Fedorov's exchange (the paper's): make the best of all swaps until none improves the design.
 
 use super::{LEAST_GAIN, State};
 use crate::Control;
 
-/// Swaps carried out and whether a local optimum was reached within `limit` swaps.
+/// Number of swaps, and whether a local optimum was reached within `limit` swaps.
 pub(crate) fn descend<S: State>(
     state: &mut S,
     limit: usize,

@@ -1,4 +1,4 @@
-//! M, kept as its inverse and log determinant under exchanges of single rows.
+//! Inverse and log determinant of M, updated under exchanges of single rows.
 
 use crate::linalg::{dot, inverse};
 
@@ -27,7 +27,7 @@ impl InformationMatrix {
         })
     }
 
-    /// From what [`crate::Problem`] finds regular.
+    /// From a matrix that [`crate::Problem`] has found to be regular.
     pub(crate) fn from_inverse((log_det, inverse): (f64, Vec<f64>), terms: usize) -> Self {
         Self {
             terms,

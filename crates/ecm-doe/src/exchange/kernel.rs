@@ -1,4 +1,4 @@
-//! The inner loops of the exchange in single precision, run with the machine's vector width.
+//! The inner loops of the exchange in single precision, with the SIMD width of the machine.
 //!
 //! They add and multiply elementwise and in a fixed order, so every width gives the same bits.
 

@@ -33,19 +33,19 @@ pub(crate) const LEAST_GAIN: f64 = 1e-9;
 pub(crate) trait State: Clone {
     /// Candidates of the design rows that may be exchanged.
     fn design(&self) -> &[usize];
-    /// What is maximised: log det M, or -k log tr(M^-1 B); whitened coordinates.
+    /// The maximised merit: log det M, or -k log tr(M^-1 B); whitened coordinates.
     fn merit(&self) -> f64;
     /// The best candidate for one row; its gain may be approximate.
     fn best_for_row(&mut self, row: usize) -> Option<Swap>;
     /// The exact gain of one swap.
     fn gain(&self, row: usize, candidate: usize) -> f64;
-    /// Carries out a swap whose exact gain is finite; `false` when it had to be undone.
+    /// Makes a swap whose exact gain is finite; `false` when it had to be undone.
     fn swap(&mut self, row: usize, candidate: usize) -> bool;
-    /// The candidate is not in the design, or may be in it again.
+    /// Whether the candidate is not in the design, or may be repeated.
     fn is_free(&self, candidate: usize) -> bool;
     /// Copies `other` into self without allocating.
     fn copy_from(&mut self, other: &Self);
-    /// Looking at all rows costs little beside a swap.
+    /// Whether a scan of all rows is cheap compared with a swap.
     const SCANS_ARE_CHEAP: bool;
     /// The best swap over all rows.
     fn best_pair(&mut self) -> Option<Swap> {

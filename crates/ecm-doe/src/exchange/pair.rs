@@ -71,14 +71,14 @@ pub(crate) struct Removal {
 
 impl Removal {
     /// From D_i (b x b) and A_i M^-1 (b x k); `None` when M cannot lose this pose alone, or its rows
-    /// are too many: a [`Pair`] is to be asked then.
+    /// are too many; use a [`Pair`] then.
     pub fn new(block: usize, variance: &[f64], solved: &[f64]) -> Option<Self> {
         let b = block;
         let mut l: Vec<f64> = variance.iter().map(|v| -v).collect();
         for r in 0..b {
             l[r * b + r] += 1.0;
         }
-        // A pose that the design cannot do without leaves rounding here; keep well above it.
+        // Only rounding remains here for a pose that the design needs; stay well above it.
         cholesky(&mut l, b, 0.0).ok()?;
         if b > MOST || (0..b).any(|r| l[r * b + r] < 1e-3) {
             return None;

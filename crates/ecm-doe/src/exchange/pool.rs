@@ -1,4 +1,4 @@
-//! The candidates that an exchange looks at, in the layout its scans need.
+//! The candidates of an exchange, in the memory layout of its scans.
 
 use crate::problem::Problem;
 

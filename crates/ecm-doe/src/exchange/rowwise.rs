@@ -1,4 +1,4 @@
-//! The row-wise exchange: each design row in turn takes the candidate that is best for it.
+//! The row-wise exchange: each design row in turn is exchanged for its best candidate.
 
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -6,9 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use super::{LEAST_GAIN, State};
 use crate::Control;
 
-/// Swaps carried out and whether a whole sweep found nothing to improve within `limit` swaps.
+/// Number of swaps, and whether a full sweep brought no improvement within `limit` swaps.
 ///
-/// The rows are visited in an order drawn anew for every sweep.
+/// Every sweep visits the rows in a new random order.
 pub(crate) fn descend<S: State>(
     state: &mut S,
     rng: &mut ChaCha8Rng,

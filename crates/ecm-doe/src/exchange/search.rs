@@ -1,4 +1,4 @@
-//! Iterated local search: disturb a few rows of a good design, repair it, keep the better.
+//! Iterated local search: disturb a few rows of a good design, repair it, keep the better one.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -6,18 +6,18 @@ use rand_chacha::ChaCha8Rng;
 use super::{State, fedorov, rowwise};
 use crate::Control;
 
-/// What a search did.
+/// Work done by a search.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Effort {
-    /// Swaps carried out.
+    /// Number of swaps.
     pub swaps: usize,
-    /// Disturbances tried.
+    /// Number of disturbances.
     pub steps: usize,
 }
 
 /// Up to `steps` disturbances of `best`, each repaired by an exchange.
 ///
-/// `work` is scratch of the same pool and design size. Stops early when told to.
+/// `work` is scratch of the same pool and design size. Stops early on cancellation or at the time limit.
 pub(crate) fn iterate<S: State>(
     best: &mut S,
     work: &mut S,

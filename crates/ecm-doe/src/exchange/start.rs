@@ -1,4 +1,4 @@
-//! Designs to start from.
+//! Initial designs.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -18,9 +18,9 @@ pub(crate) fn random_design(pool: &Pool<'_>, n: usize, rng: &mut ChaCha8Rng) -> 
     design
 }
 
-/// `n` pool positions with the chances `weights` (per pool position, summing to n).
+/// `n` pool positions with probabilities `weights` (per pool position, summing to n).
 ///
-/// Systematic sampling over a random order: a pose of weight w is in floor(w) or ceil(w) times.
+/// Systematic sampling over a random order: a pose of weight w is chosen floor(w) or ceil(w) times.
 pub(crate) fn rounded_design(
     pool: &Pool<'_>,
     weights: &[f64],
@@ -63,8 +63,8 @@ pub(crate) fn rounded_design(
 
 /// `n` pool positions of which the first ones span the model, the others at random.
 ///
-/// Gram-Schmidt with the largest remaining row each time, from a random first pose: finds a
-/// regular design where random ones are singular (grids, many poses alike).
+/// Gram-Schmidt with the largest remaining row each time, from a random first pose: gives a
+/// regular design where random designs are singular (grids, many equal poses).
 pub(crate) fn spanning_design(pool: &Pool<'_>, n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let (b, k, count) = (pool.problem.block, pool.problem.terms, pool.len());
     let mut rest = pool.rows.clone();

@@ -5,7 +5,7 @@ use super::pool::Pool;
 use super::{State, Swap};
 use crate::linalg::{add_transposed_product, dot, product, product_transposed, small_inverse};
 
-/// Swaps after which everything is computed anew.
+/// Swaps after which everything is computed again.
 const REBUILD_AFTER: usize = 100;
 
 /// A design with M^-1, Q = M^-1 B M^-1, and the blocks of both of every pool candidate.
@@ -58,7 +58,7 @@ impl<'a> TraceState<'a> {
         state.rebuild().then_some(state)
     }
 
-    /// Everything anew from the design; `false` when it is singular.
+    /// Computes everything again from the design; `false` when it is singular.
     fn rebuild(&mut self) -> bool {
         let (b, k) = (self.pool.problem.block, self.pool.problem.terms);
         let m = self.pool.information(&self.design);
@@ -191,7 +191,7 @@ impl<'a> TraceState<'a> {
         (t, s)
     }
 
-    /// What the exchange of design row `row` needs of the pose that leaves.
+    /// The removal of design row `row`.
     fn departure(&self, row: usize) -> Departure {
         let b = self.pool.problem.block;
         let (t, s) = self.leaving(row);

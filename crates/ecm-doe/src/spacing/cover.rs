@@ -102,8 +102,8 @@ pub(crate) fn greedy_cover(
 
 /// The smallest squared t for which `tries` greedy covers of at most `sets` sets are found.
 ///
-/// Bisects between `low` (a distance that a design reaches) and `high`; never below the truth,
-/// because only covers that were found count.
+/// Bisects between `low` (a distance that a design reaches) and `high`; the result is a valid
+/// bound, because only covers that exist count.
 pub(crate) fn cover_bound(
     near: &Neighbours<'_>,
     allowed: &[bool],

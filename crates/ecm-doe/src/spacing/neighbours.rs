@@ -1,4 +1,4 @@
-//! Who is near whom: for every candidate its near neighbours, nearest first.
+//! Neighbour lists: for every candidate its near neighbours, nearest first.
 
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 //!
 //! Points nearer than t are in conflict. One point enters and one leaves until no conflict is
 //! left: an independent set of size n in the conflict graph. Conflicts that persist gain weight,
-//! so that no dead end holds the search for long (edge weights and configuration checking of
+//! so that the search leaves dead ends (edge weights and configuration checking of
 //! Cai, Su, Luo and Sattar's NuMVC for vertex covers, the complements of independent sets).
 
 use std::cmp::Reverse;
@@ -18,7 +18,7 @@ use crate::Control;
 pub(crate) struct Chain<'a> {
     near: &'a Neighbours<'a>,
     twins: &'a [u32],
-    /// Points that stay in the design (they stand first).
+    /// Number of points that stay in the design (its first ones).
     fixed: usize,
     design: Vec<usize>,
     /// Position in the design, or `OUT`, or `BARRED` for points that must not be chosen.
@@ -30,7 +30,7 @@ pub(crate) struct Chain<'a> {
     cost: Vec<i64>,
     /// Points of the design that may move and are in conflict.
     torn: Torn,
-    /// Nothing near has moved since the point entered: it must not leave again at once.
+    /// Whether no neighbour has moved since the point entered: it must not leave again yet.
     settled: Vec<bool>,
     moved: Vec<u64>,
     /// The point that left last.
@@ -133,7 +133,7 @@ impl<'a> Chain<'a> {
         self.raise
     }
 
-    /// Sets the threshold above the best distance and counts the conflicts anew.
+    /// Sets the threshold above the best distance and counts the conflicts again.
     fn aim(&mut self) {
         let t = self.best_distance * (1.0 + self.raise) * (1.0 + self.raise);
         // At least the next number, so that the closest pair of the best is in conflict.
@@ -184,7 +184,7 @@ impl<'a> Chain<'a> {
                 self.raise = (self.raise * 1.5).min(0.05);
                 self.aim();
             } else if self.moves_here > patience.min((PATIENCE_PER_RAISE / self.raise) as usize) {
-                // Too high: come nearer to what is known to be possible.
+                // Too high: come nearer to a distance that is known to be possible.
                 self.raise = (self.raise * 0.5).max(1e-9);
                 self.aim();
             }
@@ -284,7 +284,7 @@ impl<'a> Chain<'a> {
         if key(other) > key(one) { other } else { one }
     }
 
-    /// Conflicts that are there gain weight; now and then old weight is forgotten.
+    /// Raises the weights of present conflicts; from time to time all weights decay.
     fn weigh(&mut self) {
         let near = self.near;
         for &i in &self.torn.list {
@@ -315,7 +315,7 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Share of the weights that is kept.
+/// Factor of the decay of the weights.
 const FORGOTTEN: f64 = 0.3;
 
 /// A set of points with additions and removals in constant time.

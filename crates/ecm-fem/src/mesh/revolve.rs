@@ -2,7 +2,7 @@
 //!
 //! A disc (or annulus) of rings of points is triangulated once, extruded into
 //! prisms, and each prism is split into three tetrahedra by a rank of the vertices,
-//! so that neighbours agree. Rings and layers crowd
+//! so that neighbours agree. Rings and layers are finer
 //! towards the two clamped rims, where the bonded, nearly incompressible solid is
 //! singular: there a graded mesh has the error of a uniform one with three times
 //! as many nodes. Edges on the lateral surface are curved.
@@ -11,15 +11,15 @@ use super::{Mesh, quadratic};
 use crate::FemError;
 use std::f64::consts::TAU;
 
-/// How fine a structured mesh is.
+/// Fineness of a structured mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quality {
-    /// Pose error below 1 % of the converged answer, about 1200 nodes: for batches.
+    /// Pose error below 1 % of the converged solution, about 1200 nodes: for batches.
     #[default]
     Standard,
     /// Pose error below 0.5 %.
     Fine,
-    /// Numbers of rings and layers and how strongly they crowd to the rims.
+    /// Numbers of rings and layers, and their grading towards the rims.
     Custom {
         /// Rings of the disc, or layers through a tube's wall.
         rings: usize,
@@ -206,7 +206,7 @@ fn crowd_to_one(n: usize, last_over_first: f64) -> Vec<f64> {
     x.iter().map(|v| v / end).collect()
 }
 
-/// Points 0..=n on [0, 1] crowded to both ends.
+/// Points 0..=n on [0, 1], finer towards both ends.
 fn crowd_to_ends(n: usize, last_over_first: f64) -> Vec<f64> {
     // Steps fall geometrically with the distance from the middle step.
     let middle = (n as f64 - 1.0) / 2.0;

@@ -47,6 +47,25 @@ impl Fem {
     ///
     /// # Errors
     /// A load that is not finite, with its row.
+    ///
+    /// ```
+    /// use ecm_fem::{Fem, Load, Mesh, NeoHookean, Quality, Status, Watch};
+    /// # fn main() -> Result<(), ecm_fem::FemError> {
+    /// let coarse = Quality::Custom {
+    ///     rings: 1,
+    ///     layers: 3,
+    ///     around: 6,
+    ///     layer_grading_per_mille: 1000,
+    ///     ring_grading_per_mille: 1000,
+    /// };
+    /// let mesh = Mesh::cylinder(0.1, 0.03, coarse)?;
+    /// let fem = Fem::new(mesh, Box::new(NeoHookean::new(1e6, 0.49)?), None)?;
+    /// let loads = [5.0, 10.0].map(|f| Load::Wrench([f, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    /// let results = fem.solve_all(&loads, Watch::default())?;
+    /// assert!(results.iter().all(|r| r.status == Status::Solved));
+    /// assert!(results[1].pose[0] > results[0].pose[0]);
+    /// # Ok(()) }
+    /// ```
     pub fn solve_all(&self, loads: &[Load], watch: Watch) -> Result<Vec<CaseResult>, FemError> {
         self.check_loads(loads)?;
         let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();

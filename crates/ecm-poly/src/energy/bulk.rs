@@ -1,158 +1,128 @@
-//! Many poses at once, with the instructions that this machine has.
+//! Evaluation of many poses, with the SIMD instructions of this machine.
 
 use std::vec::Vec;
 
 use ecm_se3::stiffness::StiffnessKind;
-use ecm_se3::{Mat6, Pose, Vec6};
+use ecm_se3::{Mat6, Pose, Vec6, Wrench};
 
 use crate::arithmetic::{Arithmetic, Task, dispatch};
-use crate::energy::lanes::LanePlan;
 use crate::energy::plan::EnergyPlan;
+use crate::energy::simd::SimdPlan;
 use crate::error::ModelError;
 
+/// An evaluator of one energy.
+trait Evaluator: Copy {
+    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64>;
+    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64>;
+}
+
+/// A plan with memory for `S` monomials.
+#[derive(Clone, Copy)]
+struct WithMemory<'a, const S: usize>(EnergyPlan<'a, f64>);
+
+impl<const S: usize> Evaluator for WithMemory<'_, S> {
+    #[inline(always)]
+    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
+        self.0.wrench::<A, S>(pose)
+    }
+    #[inline(always)]
+    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
+        self.0.wrench_and_stiffness::<A, S>(pose, kind).1
+    }
+}
+
+impl<const B: usize> Evaluator for SimdPlan<'_, f64, B> {
+    #[inline(always)]
+    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
+        self.wrench::<A>(pose)
+    }
+    #[inline(always)]
+    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
+        self.wrench_and_stiffness::<A>(pose, kind).1
+    }
+}
+
 /// h of each pose.
+struct Wrenches<'a, E>(E, &'a [Vec6<f64>]);
+
+impl<E: Evaluator> Task for Wrenches<'_, E> {
+    type Output = Vec<Vec6<f64>>;
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
+        let mut results = Vec::with_capacity(self.1.len());
+        for pose in self.1 {
+            results.push(self.0.wrench::<A>(&Pose::from_array(pose)).to_array());
+        }
+        results
+    }
+}
+
+/// The stiffness of each pose.
+struct Stiffnesses<'a, E>(E, &'a [Vec6<f64>], StiffnessKind);
+
+impl<E: Evaluator> Task for Stiffnesses<'_, E> {
+    type Output = Vec<Mat6<f64>>;
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
+        let mut results = Vec::with_capacity(self.1.len());
+        for pose in self.1 {
+            results.push(self.0.stiffness::<A>(&Pose::from_array(pose), self.2));
+        }
+        results
+    }
+}
+
+/// h of each pose (N, N m).
+///
+/// # Errors
+/// More monomials than the largest memory holds.
 pub fn wrenches(
     plan: EnergyPlan<'_, f64>,
     poses: &[Vec6<f64>],
 ) -> Result<Vec<Vec6<f64>>, ModelError> {
     Ok(match plan.products.len() {
-        0..128 => run::<Wrenches<128>>(plan, poses, Wrenches)?,
-        128..256 => run::<Wrenches<256>>(plan, poses, Wrenches)?,
-        256..1024 => run::<Wrenches<1024>>(plan, poses, Wrenches)?,
-        _ => run::<Wrenches<4096>>(plan, poses, Wrenches)?,
+        0..128 => dispatch(Wrenches(checked::<128>(plan)?, poses)),
+        128..256 => dispatch(Wrenches(checked::<256>(plan)?, poses)),
+        256..1024 => dispatch(Wrenches(checked::<1024>(plan)?, poses)),
+        _ => dispatch(Wrenches(checked::<4096>(plan)?, poses)),
     })
 }
 
 /// The stiffness of each pose.
+///
+/// # Errors
+/// More monomials than the largest memory holds.
 pub fn stiffnesses(
     plan: EnergyPlan<'_, f64>,
     poses: &[Vec6<f64>],
     kind: StiffnessKind,
 ) -> Result<Vec<Mat6<f64>>, ModelError> {
     Ok(match plan.products.len() {
-        0..128 => run::<Stiffnesses<128>>(plan, poses, Stiffnesses(kind))?,
-        128..256 => run::<Stiffnesses<256>>(plan, poses, Stiffnesses(kind))?,
-        256..1024 => run::<Stiffnesses<1024>>(plan, poses, Stiffnesses(kind))?,
-        _ => run::<Stiffnesses<4096>>(plan, poses, Stiffnesses(kind))?,
+        0..128 => dispatch(Stiffnesses(checked::<128>(plan)?, poses, kind)),
+        128..256 => dispatch(Stiffnesses(checked::<256>(plan)?, poses, kind)),
+        256..1024 => dispatch(Stiffnesses(checked::<1024>(plan)?, poses, kind)),
+        _ => dispatch(Stiffnesses(checked::<4096>(plan)?, poses, kind)),
     })
 }
 
-/// What is computed of one pose.
-trait Evaluation: Copy {
-    type Output;
-    fn check(plan: &EnergyPlan<'_, f64>) -> Result<(), ModelError>;
-    fn at<A: Arithmetic<f64>>(self, plan: &EnergyPlan<'_, f64>, pose: &Pose<f64>) -> Self::Output;
+fn checked<const S: usize>(plan: EnergyPlan<'_, f64>) -> Result<WithMemory<'_, S>, ModelError> {
+    plan.check::<S>()?;
+    Ok(WithMemory(plan))
 }
 
-#[derive(Clone, Copy)]
-struct Wrenches<const S: usize>;
-
-impl<const S: usize> Evaluation for Wrenches<S> {
-    type Output = Vec6<f64>;
-    fn check(plan: &EnergyPlan<'_, f64>) -> Result<(), ModelError> {
-        Ok(plan.check::<S>()?)
-    }
-    #[inline(always)]
-    fn at<A: Arithmetic<f64>>(self, plan: &EnergyPlan<'_, f64>, pose: &Pose<f64>) -> Vec6<f64> {
-        plan.wrench::<A, S>(pose).to_array()
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Stiffnesses<const S: usize>(StiffnessKind);
-
-impl<const S: usize> Evaluation for Stiffnesses<S> {
-    type Output = Mat6<f64>;
-    fn check(plan: &EnergyPlan<'_, f64>) -> Result<(), ModelError> {
-        Ok(plan.check::<S>()?)
-    }
-    #[inline(always)]
-    fn at<A: Arithmetic<f64>>(self, plan: &EnergyPlan<'_, f64>, pose: &Pose<f64>) -> Mat6<f64> {
-        plan.wrench_and_stiffness::<A, S>(pose, self.0).1
-    }
-}
-
-struct Rows<'a, E> {
-    plan: EnergyPlan<'a, f64>,
-    poses: &'a [Vec6<f64>],
-    evaluation: E,
-}
-
-impl<E: Evaluation> Task for Rows<'_, E> {
-    type Output = Vec<E::Output>;
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Vec<E::Output> {
-        let mut results = Vec::with_capacity(self.poses.len());
-        for pose in self.poses {
-            let pose = Pose::from_array(pose);
-            results.push(self.evaluation.at::<A>(&self.plan, &pose));
-        }
-        results
-    }
-}
-
-fn run<E: Evaluation>(
-    plan: EnergyPlan<'_, f64>,
-    poses: &[Vec6<f64>],
-    evaluation: E,
-) -> Result<Vec<E::Output>, ModelError> {
-    E::check(&plan)?;
-    Ok(dispatch(Rows {
-        plan,
-        poses,
-        evaluation,
-    }))
-}
-
-/// h of each pose, in lanes.
-pub fn wrenches_in_lanes<const B: usize>(
-    plan: LanePlan<'_, f64, B>,
+/// h of each pose (N, N m) by SIMD.
+pub fn simd_wrenches<const B: usize>(
+    plan: SimdPlan<'_, f64, B>,
     poses: &[Vec6<f64>],
 ) -> Vec<Vec6<f64>> {
-    dispatch(LaneWrenches { plan, poses })
+    dispatch(Wrenches(plan, poses))
 }
 
-/// The stiffness of each pose, in lanes.
-pub fn stiffnesses_in_lanes<const B: usize>(
-    plan: LanePlan<'_, f64, B>,
+/// The stiffness of each pose by SIMD.
+pub fn simd_stiffnesses<const B: usize>(
+    plan: SimdPlan<'_, f64, B>,
     poses: &[Vec6<f64>],
     kind: StiffnessKind,
 ) -> Vec<Mat6<f64>> {
-    dispatch(LaneStiffnesses { plan, poses, kind })
-}
-
-struct LaneWrenches<'a, const B: usize> {
-    plan: LanePlan<'a, f64, B>,
-    poses: &'a [Vec6<f64>],
-}
-
-impl<const B: usize> Task for LaneWrenches<'_, B> {
-    type Output = Vec<Vec6<f64>>;
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.poses.len());
-        for pose in self.poses {
-            results.push(self.plan.wrench::<A>(&Pose::from_array(pose)).to_array());
-        }
-        results
-    }
-}
-
-struct LaneStiffnesses<'a, const B: usize> {
-    plan: LanePlan<'a, f64, B>,
-    poses: &'a [Vec6<f64>],
-    kind: StiffnessKind,
-}
-
-impl<const B: usize> Task for LaneStiffnesses<'_, B> {
-    type Output = Vec<Mat6<f64>>;
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.poses.len());
-        for pose in self.poses {
-            let pose = Pose::from_array(pose);
-            results.push(self.plan.wrench_and_stiffness::<A>(&pose, self.kind).1);
-        }
-        results
-    }
+    dispatch(Stiffnesses(plan, poses, kind))
 }

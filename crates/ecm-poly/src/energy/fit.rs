@@ -12,16 +12,16 @@ use crate::energy::regressor::{check_length, regressor};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
 
-/// What to fit.
+/// Settings of the fit of an energy.
 #[derive(Clone, Copy, Debug)]
 pub struct EnergyFit<'a> {
     /// Undeformed length of the mechanism (m).
     pub length_m: f64,
     /// Highest degree in q.
     pub degree: usize,
-    /// What the mechanism's shape leaves unchanged.
+    /// Symmetry of the mechanism.
     pub symmetry: Symmetry,
-    /// What of it the mechanism breaks.
+    /// Groups of terms that break the symmetry.
     pub groups: &'a [Group],
     /// Covariance of each row's wrench (N², N² m, N² m²); without it the components are
     /// weighted by the spread of each, and the residuals give the noise.
@@ -29,11 +29,39 @@ pub struct EnergyFit<'a> {
 }
 
 impl EnergyFit<'_> {
-    /// Coefficients β of the least Σ (h − Φ β)ᵀ Σ⁻¹ (h − Φ β), with their covariance.
+    /// Coefficients β that minimise Σ (h − Φ β)ᵀ Σ⁻¹ (h − Φ β), with their covariance.
     ///
     /// Each row is whitened by the Cholesky factor of its covariance, columns are scaled to unit
     /// length, and the singular values above rounding are used. The covariance of β is
-    /// (ΦᵀΣ⁻¹Φ)⁻¹, times the residual variance where no covariance was given.
+    /// (ΦᵀΣ⁻¹Φ)⁻¹, times the residual variance if no covariance is given.
+    ///
+    /// # Errors
+    /// Wrong shapes, numbers that are not finite, a degree out of range, fewer equations than
+    /// coefficients, a covariance that is not positive definite.
+    ///
+    /// ```
+    /// use ecm_poly::{EnergyFit, Symmetry};
+    /// # fn main() -> Result<(), ecm_poly::ModelError> {
+    /// // A spring along the axis: f_x = 500 N/m (x - L).
+    /// let poses: Vec<[f64; 6]> = (0..20)
+    ///     .map(|i| [0.09 + 0.001 * f64::from(i), 0.0, 0.0, 0.0, 0.0, 0.0])
+    ///     .collect();
+    /// let wrenches: Vec<[f64; 6]> = poses
+    ///     .iter()
+    ///     .map(|p| [500.0 * (p[0] - 0.1), 0.0, 0.0, 0.0, 0.0, 0.0])
+    ///     .collect();
+    /// let fit = EnergyFit {
+    ///     length_m: 0.1,
+    ///     degree: 2,
+    ///     symmetry: Symmetry::Alike,
+    ///     groups: &[],
+    ///     covariance: None,
+    /// };
+    /// let model = fit.run(&poses, &wrenches)?;
+    /// let h = model.predict(&[[0.105, 0.0, 0.0, 0.0, 0.0, 0.0]])?;
+    /// assert!((h[0][0] - 2.5).abs() < 1e-9);
+    /// # Ok(()) }
+    /// ```
     pub fn run(
         &self,
         poses: &[Vec6<f64>],
@@ -115,9 +143,9 @@ fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
             largest[part] = largest[part].max(square.sqrt());
         }
     }
-    let usable = |found: f64, otherwise: f64| {
-        if found > 1e-12 * otherwise {
-            found
+    let usable = |largest: f64, otherwise: f64| {
+        if largest > 1e-12 * otherwise {
+            largest
         } else {
             otherwise
         }
@@ -125,7 +153,7 @@ fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
     [usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)]
 }
 
-/// Rows of six times L⁻¹ of Σ = L Lᵀ, one pose at a time.
+/// Multiplies the six rows of each pose by L⁻¹, Σ = L Lᵀ.
 fn whiten(
     covariance: &[Mat6<f64>],
     matrix: &mut [f64],

@@ -1,9 +1,9 @@
-//! What a real mechanism breaks of its symmetry: groups of terms that are switched on by name.
+//! Groups of terms that break the symmetry of a mechanism, switched on by name.
 //!
 //! With C = c_y + i c_z and D = −θ_z + i θ_y (both polar vectors of the yz plane, D the direction in
 //! which the top leans), a monomial c_xⁿ θ_xᵏ Cᵃ C̄ᵇ Dᶜ D̄ᵈ turns m = a − b + c − d times when
-//! the body turns once about its axis. Exchanging the ends, a mirror at x = L/2, turns the signs
-//! of C and θ_x; a mirror through the axis conjugates C and D and turns the sign of θ_x.
+//! the body turns once about its axis. Exchanging the ends, a mirror at x = L/2, changes the
+//! signs of C and θ_x; a mirror through the axis conjugates C and D and changes the sign of θ_x.
 //!
 //! | group | m | exchange of the ends | mirror through the axis |
 //! |---|---|---|---|
@@ -21,7 +21,7 @@ use crate::basis::advance;
 use crate::energy::invariants::Symmetry;
 use crate::error::ModelError;
 
-/// Highest degree of a group's terms: what breaks a symmetry is small already.
+/// Highest degree of a group's terms; broken symmetries are small.
 pub const GROUP_DEGREE: usize = 4;
 
 /// A broken symmetry.
@@ -93,7 +93,7 @@ impl Group {
         Ok(groups)
     }
 
-    fn holds(self, term: &GroupTerm) -> bool {
+    fn contains(self, term: &GroupTerm) -> bool {
         let [_, k, a, b, ..] = term.powers;
         let ends_odd = (a + b + k) % 2 == 1;
         // Re is even under the mirror, Im odd, and θ_x turns its sign.
@@ -125,7 +125,7 @@ impl GroupTerm {
         a - b + c - d
     }
 
-    /// As in a model file: n, k, a, b, c, d, and 0 for Re or 1 for Im.
+    /// Row of a model file: n, k, a, b, c, d, and 0 for Re or 1 for Im.
     pub fn row(&self) -> Vec<u8> {
         let mut row = self.powers.to_vec();
         row.push(u8::from(self.imaginary));
@@ -147,7 +147,7 @@ impl GroupTerm {
     }
 }
 
-/// The terms of all groups together, each once: by degree, then as the paper's eq. (4).
+/// The terms of all groups without repeats: by degree, then in the order of the paper's eq. (4).
 pub fn group_terms(groups: &[Group], degree: usize) -> Vec<GroupTerm> {
     let highest = degree.min(GROUP_DEGREE);
     let mut found = Vec::new();
@@ -160,10 +160,10 @@ pub fn group_terms(groups: &[Group], degree: usize) -> Vec<GroupTerm> {
                 imaginary,
                 monomials: Vec::new(),
             };
-            // Of a pair of conjugates the first alone: the other is the same up to its sign.
+            // Only the first of a pair of conjugates: the second is the same up to its sign.
             let [n, k, a, b, c, d] = powers;
             let first = term.turns() > 0 || (term.turns() == 0 && [a, b, c, d] >= [b, a, d, c]);
-            if first && groups.iter().any(|g| g.holds(&term)) {
+            if first && groups.iter().any(|g| g.contains(&term)) {
                 term.monomials = expanded([n, k, a, b, c, d], imaginary);
                 if !term.monomials.is_empty() {
                     found.push(term);

@@ -1,19 +1,19 @@
 //! The variables that an energy is a polynomial in, and their derivatives in q.
 //!
-//! A body of revolution about x sees c and θ only through c_x, |c⊥|², |θ⊥|², θ_x,
+//! The energy of a body of revolution about x depends on c and θ only through c_x, |c⊥|², |θ⊥|², θ_x,
 //! a = c⊥·θ⊥ and b = c_y θ_z − c_z θ_y. A mirror plane through the axis turns the signs of
-//! θ_x and a, so they enter with an even joint power; alike ends turn the sign of b.
+//! θ_x and a, so their joint power is even; for equal ends b changes its sign as well.
 
 use ecm_se3::{Mat6, Real, Vec6};
 
-/// What the mechanism's shape and material leave unchanged.
+/// Symmetry of the shape and material of a mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Symmetry {
-    /// Body of revolution whose ends are alike: powers of θ_x and a even together, no b.
+    /// Body of revolution with equal ends: even joint powers of θ_x and a, no b.
     Alike,
-    /// Body of revolution: as alike, and once more with one factor b.
+    /// Body of revolution: the terms of `Alike`, and the same with one factor b.
     Revolution,
-    /// None: all monomials in (c, θ).
+    /// No symmetry: all monomials in (c, θ).
     General,
 }
 
@@ -26,7 +26,7 @@ impl Symmetry {
         }
     }
 
-    /// How many lengths and how many angles each of the six variables is a product of.
+    /// Number of lengths and of angles in each of the six variables.
     pub fn lengths_and_angles(self) -> [(u8, u8); 6] {
         match self {
             Symmetry::General => [(1, 0), (1, 0), (1, 0), (0, 1), (0, 1), (0, 1)],

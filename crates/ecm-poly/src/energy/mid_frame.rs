@@ -1,8 +1,10 @@
-//! From an energy of mid-frame coordinates to wrench and stiffness, without std or allocation.
+//! An energy of mid-frame coordinates term by term: its value, and the wrench of each term.
+//!
+//! This is the definition from which the regressor is made; [`crate::energy::plan`] evaluates wrench
+//! and stiffness of a fitted energy fast.
 
 use ecm_se3::mid_frame::MidFrame;
-use ecm_se3::stiffness::{StiffnessKind, convert};
-use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
+use ecm_se3::{Pose, Real, Vec6};
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::potential::{MAX_POWER, Powers};
@@ -10,7 +12,7 @@ use crate::shape::ShapeError;
 
 /// U(q) = Σ_t β_t Π v_i^e_ti with v the variables of [`Symmetry`] at (c/l, θ/α).
 ///
-/// The tables are borrowed, so that they may lie in flash.
+/// The tables are borrowed, so that they can be constants in flash memory.
 #[derive(Clone, Copy, Debug)]
 pub struct EnergyMap<'a, R> {
     symmetry: Symmetry,
@@ -59,44 +61,13 @@ impl<'a, R: Real> EnergyMap<'a, R> {
         sum
     }
 
-    /// The wrench h that the pose needs.
-    pub fn wrench(&self, pose: &Pose<R>) -> Wrench<R> {
-        let frame = MidFrame::new(pose, self.length_m);
-        let q = self.dimensionless(&frame);
-        let powers = Powers::new(&self.symmetry.variables(&q));
-        frame.wrench(&self.force(&q, &self.slope(&powers)))
-    }
-
-    /// h and its stiffness of the kind asked for.
-    pub fn wrench_and_stiffness(
-        &self,
-        pose: &Pose<R>,
-        kind: StiffnessKind,
-    ) -> (Wrench<R>, Mat6<R>) {
-        let frame = MidFrame::new(pose, self.length_m);
-        let q = self.dimensionless(&frame);
-        let powers = Powers::new(&self.symmetry.variables(&q));
-        let first = self.slope(&powers);
-        let force = self.force(&q, &first);
-        let wrench = frame.wrench(&force);
-        let hessian = frame.hessian(&force, &self.curvature(&q, &first, &powers));
-        let stiffness = match kind {
-            StiffnessKind::Generalised => hessian,
-            StiffnessKind::Partial => frame.partial_from_generalised(&hessian, &wrench),
-            StiffnessKind::Screw => {
-                convert(&hessian, pose, &wrench, StiffnessKind::Generalised, kind)
-            }
-        };
-        (wrench, stiffness)
-    }
-
     /// The wrench of one term with coefficient 1: a column of the regressor.
     pub fn term_wrench(&self, point: &TermPoint<R>, exponents: &[u8; 6]) -> Vec6<R> {
         let first = point.powers.gradient(exponents);
         point.frame.wrench(&self.force(&point.q, &first)).to_array()
     }
 
-    /// What all terms share at one pose.
+    /// The part of the evaluation at one pose that all terms share.
     pub fn term_point(&self, pose: &Pose<R>) -> TermPoint<R> {
         let frame = MidFrame::new(pose, self.length_m);
         let q = self.dimensionless(&frame);
@@ -113,49 +84,15 @@ impl<'a, R: Real> EnergyMap<'a, R> {
         core::array::from_fn(|i| q[i] / self.scale[i / 3])
     }
 
-    /// ∂U/∂v.
-    #[inline(always)]
-    fn slope(&self, powers: &Powers<R>) -> Vec6<R> {
-        let mut first = [R::ZERO; 6];
-        for (row, &weight) in self.exponents.iter().zip(self.coefficients) {
-            let term = powers.gradient(row);
-            for i in 0..6 {
-                first[i] += weight * term[i];
-            }
-        }
-        first
-    }
-
     /// Q = ∂U/∂q (N, N m) from ∂U/∂v.
     #[inline(always)]
     fn force(&self, q: &Vec6<R>, first: &Vec6<R>) -> Vec6<R> {
         let gradient = self.symmetry.gradient(q, first);
         core::array::from_fn(|i| gradient[i] / self.scale[i / 3])
     }
-
-    /// ∂²U/∂q².
-    #[inline(always)]
-    fn curvature(&self, q: &Vec6<R>, first: &Vec6<R>, powers: &Powers<R>) -> Mat6<R> {
-        let mut second = [[R::ZERO; 6]; 6];
-        for (row, &weight) in self.exponents.iter().zip(self.coefficients) {
-            powers.add_hessian(row, weight, &mut second);
-        }
-        for j in 0..6 {
-            for i in 0..j {
-                second[j][i] = second[i][j];
-            }
-        }
-        let mut hessian = self.symmetry.hessian(q, first, &second);
-        for i in 0..6 {
-            for j in 0..6 {
-                hessian[i][j] = hessian[i][j] / (self.scale[i / 3] * self.scale[j / 3]);
-            }
-        }
-        hessian
-    }
 }
 
-/// One pose, ready for the wrench of any term.
+/// Powers of the variables at one pose, for [`EnergyMap::term_wrench`].
 #[derive(Clone, Copy, Debug)]
 pub struct TermPoint<R> {
     powers: Powers<R>,

@@ -1,10 +1,10 @@
 //! Energy models U(q) in mid-frame coordinates: symmetric Hessian by construction.
 
 pub mod invariants;
-pub mod lanes;
 pub mod mid_frame;
 pub mod plan;
 pub mod potential;
+pub mod simd;
 
 #[cfg(feature = "std")]
 mod bulk;
@@ -26,10 +26,10 @@ pub use fit::EnergyFit;
 #[cfg(feature = "std")]
 pub use groups::Group;
 pub use invariants::Symmetry;
-pub use lanes::LanePlan;
 pub use mid_frame::EnergyMap;
 #[cfg(feature = "std")]
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
+pub use simd::SimdPlan;
 #[cfg(feature = "std")]
-pub use tables::{EnergyTables, LaneTables};
+pub use tables::{EnergyTables, SimdTables};

@@ -11,7 +11,7 @@ use crate::energy::groups::{Group, GroupTerm, group_terms, in_coordinates};
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
 use crate::energy::regressor::{check_length, check_scale, regressor};
-use crate::energy::tables::{EnergyTables, LaneTables};
+use crate::energy::tables::{EnergyTables, SimdTables};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
 
@@ -33,9 +33,9 @@ pub struct EnergyModel {
     /// The groups' part as monomials in (c, θ); `None` without groups.
     extra: Option<Broken>,
     tables: EnergyTables<f64>,
-    /// The same energy in eight or sixteen lanes, where it has a body of revolution's degrees.
-    narrow: Option<LaneTables<f64, 8>>,
-    wide: Option<LaneTables<f64, 16>>,
+    /// The same energy for SIMD with eight or sixteen lanes, for a body of revolution of degree 4 to 6.
+    narrow: Option<SimdTables<f64, 8>>,
+    wide: Option<SimdTables<f64, 16>>,
 }
 
 /// Monomials in (c, θ), their coefficients and the tables of fast evaluation.
@@ -104,8 +104,8 @@ impl EnergyModel {
         let tables = EnergyTables::new(symmetry, &exponents, coefficients, scale, length_m);
         Ok(Self {
             tables,
-            narrow: LaneTables::new(symmetry, &exponents, coefficients, scale, length_m),
-            wide: LaneTables::new(symmetry, &exponents, coefficients, scale, length_m),
+            narrow: SimdTables::new(symmetry, &exponents, coefficients, scale, length_m),
+            wide: SimdTables::new(symmetry, &exponents, coefficients, scale, length_m),
             length_m,
             degree,
             symmetry,
@@ -135,7 +135,7 @@ impl EnergyModel {
         self.residual_variance = residual_variance;
     }
 
-    /// The evaluation tables of the symmetric part.
+    /// The symmetric part, term by term.
     pub fn map(&self) -> Result<EnergyMap<'_, f64>, ModelError> {
         Ok(EnergyMap::new(
             self.symmetry,
@@ -146,9 +146,9 @@ impl EnergyModel {
         )?)
     }
 
-    /// One energy of one set of variables, for an export: symmetry, exponents, coefficients (J).
+    /// Symmetry, exponents and coefficients (J) of one energy, for an export.
     ///
-    /// With groups everything is written out in (c, θ).
+    /// With groups all terms are expanded in (c, θ).
     pub fn written_out(&self) -> (Symmetry, Vec<[u8; 6]>, Vec<f64>) {
         let own = || self.exponents.iter().zip(&self.coefficients);
         let Some(extra) = &self.extra else {
@@ -186,8 +186,8 @@ impl EnergyModel {
     pub fn predict(&self, poses: &[Vec6<f64>]) -> Result<Vec<Vec6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
         let mut wrenches = match (&self.narrow, &self.wide) {
-            (Some(lanes), _) => bulk::wrenches_in_lanes(lanes.plan(), poses),
-            (None, Some(lanes)) => bulk::wrenches_in_lanes(lanes.plan(), poses),
+            (Some(simd), _) => bulk::simd_wrenches(simd.plan(), poses),
+            (None, Some(simd)) => bulk::simd_wrenches(simd.plan(), poses),
             (None, None) => bulk::wrenches(self.tables.plan(), poses)?,
         };
         if let Some(extra) = &self.extra {
@@ -205,8 +205,8 @@ impl EnergyModel {
     ) -> Result<Vec<Mat6<f64>>, ModelError> {
         check_finite("poses", poses.as_flattened(), 6)?;
         let mut stiffnesses = match (&self.narrow, &self.wide) {
-            (Some(lanes), _) => bulk::stiffnesses_in_lanes(lanes.plan(), poses, kind),
-            (None, Some(lanes)) => bulk::stiffnesses_in_lanes(lanes.plan(), poses, kind),
+            (Some(simd), _) => bulk::simd_stiffnesses(simd.plan(), poses, kind),
+            (None, Some(simd)) => bulk::simd_stiffnesses(simd.plan(), poses, kind),
             (None, None) => bulk::stiffnesses(self.tables.plan(), poses, kind)?,
         };
         if let Some(extra) = &self.extra {
@@ -229,7 +229,7 @@ impl EnergyModel {
         )
     }
 
-    /// What of the symmetry is broken.
+    /// Groups of terms that break the symmetry.
     pub fn groups(&self) -> &[Group] {
         &self.groups
     }
@@ -262,7 +262,7 @@ impl EnergyModel {
     pub fn degree(&self) -> usize {
         self.degree
     }
-    /// What the mechanism's shape leaves unchanged.
+    /// Symmetry of the mechanism.
     pub fn symmetry(&self) -> Symmetry {
         self.symmetry
     }
@@ -274,7 +274,7 @@ impl EnergyModel {
     pub fn condition_number(&self) -> f64 {
         self.condition_number
     }
-    /// Whitened residual square per degree of freedom; 1 where the covariance tells the truth.
+    /// Whitened squared residual per degree of freedom; 1 where the given covariance is right.
     pub fn residual_variance(&self) -> f64 {
         self.residual_variance
     }

@@ -1,4 +1,5 @@
-//! Energies at full speed: all monomials once, then sparse sums; the cost does not depend on the pose.
+//! Fast evaluation of any energy: all monomials once, then sparse sums. The cost does not depend on
+//! the pose.
 //!
 //! U, ∂U/∂v and ∂²U/∂v² are 28 polynomials of the same few monomials of the six variables v.
 //! Each monomial is one product of an earlier one with a variable; each polynomial is one row
@@ -18,13 +19,13 @@ pub const ROWS: usize = 28;
 /// Tables of one energy; monomial 0 is 1, and scales are folded into the weights.
 #[derive(Clone, Copy, Debug)]
 pub struct EnergyPlan<'a, R> {
-    /// What the shape leaves unchanged.
+    /// Symmetry of the mechanism.
     pub symmetry: Symmetry,
     /// Undeformed length (m).
     pub length_m: R,
     /// Monomial t + 1 is monomial `.0` times variable `.1`.
     pub products: &'a [(u16, u8)],
-    /// Where each row's entries end.
+    /// End of the entries of each row.
     pub ends: [u16; ROWS],
     /// Monomial of each entry.
     pub columns: &'a [u16],
@@ -33,7 +34,7 @@ pub struct EnergyPlan<'a, R> {
 }
 
 impl<R: Real> EnergyPlan<'_, R> {
-    /// `Ok` where a memory of `S` monomials, a power of two, is enough.
+    /// `Ok` where memory for `S` monomials, a power of two, is sufficient.
     pub fn check<const S: usize>(&self) -> Result<(), ShapeError> {
         ShapeError::check("weights", self.weights.len(), self.columns.len())?;
         if S.is_power_of_two() && self.products.len() < S {
@@ -54,7 +55,7 @@ impl<R: Real> EnergyPlan<'_, R> {
         self.row::<A, S>(0, &monomials)
     }
 
-    /// The wrench h that the pose needs.
+    /// The wrench h that holds the pose.
     #[inline(always)]
     pub fn wrench<A: Arithmetic<R>, const S: usize>(&self, pose: &Pose<R>) -> Wrench<R> {
         let frame = MidFrame::new(pose, self.length_m);
@@ -64,7 +65,7 @@ impl<R: Real> EnergyPlan<'_, R> {
         frame.wrench(&self.symmetry.gradient(&q, &first))
     }
 
-    /// h and its stiffness of the kind asked for.
+    /// h, and the stiffness of one kind.
     #[inline(always)]
     pub fn wrench_and_stiffness<A: Arithmetic<R>, const S: usize>(
         &self,
@@ -90,7 +91,7 @@ impl<R: Real> EnergyPlan<'_, R> {
 
     #[inline(always)]
     fn monomials<const S: usize>(&self, variables: &Vec6<R>) -> [R; S] {
-        // Masks instead of bounds: S is a power of two, checked where the plan is taken up.
+        // Masks instead of bounds checks: S is a power of two, see `check`.
         let [a, b, c, d, e, f] = *variables;
         let v = [a, b, c, d, e, f, R::ZERO, R::ZERO];
         let mut values = [R::ONE; S];
@@ -103,17 +104,17 @@ impl<R: Real> EnergyPlan<'_, R> {
 
     #[inline(always)]
     fn row<A: Arithmetic<R>, const S: usize>(&self, row: usize, monomials: &[R; S]) -> R {
-        let begin = match row {
+        let start = match row {
             0 => 0,
             _ => usize::from(self.ends[(row - 1) % ROWS]),
         };
-        let range = begin..usize::from(self.ends[row % ROWS]);
+        let range = start..usize::from(self.ends[row % ROWS]);
         let (Some(columns), Some(weights)) =
             (self.columns.get(range.clone()), self.weights.get(range))
         else {
             return R::ZERO;
         };
-        // Four sums at a time: the additions need not wait for each other.
+        // Four independent sums, so that additions do not wait for each other.
         let mut sums = [R::ZERO; 4];
         let (whole, rest) = columns.as_chunks::<4>();
         let (heavy, light) = weights.as_chunks::<4>();

@@ -1,6 +1,6 @@
 //! Value and derivatives of a polynomial of six variables, term by term.
 
-use ecm_se3::{Mat6, Real, Vec6};
+use ecm_se3::{Real, Vec6};
 
 /// Highest power of one variable.
 pub const MAX_POWER: usize = 8;
@@ -22,35 +22,22 @@ impl<R: Real> Powers<R> {
         Self(table)
     }
 
-    /// d^order(v_i^e)/dv_i^order.
+    /// v_i^e, or its derivative by v_i.
     #[inline(always)]
-    fn factor(&self, i: usize, e: u8, order: u8) -> R {
-        if e < order {
-            return R::ZERO;
-        }
-        let falling = match order {
-            0 => R::ONE,
-            1 => R::from_f64(f64::from(e)),
-            _ => R::from_f64(f64::from(e) * f64::from(e - 1)),
-        };
+    fn factor(&self, i: usize, e: u8, derivative: bool) -> R {
         // Exponents are checked against MAX_POWER where a map is made.
-        falling * self.0[i][usize::from(e - order) % (MAX_POWER + 1)]
+        let power = |e: u8| self.0[i][usize::from(e) % (MAX_POWER + 1)];
+        match (derivative, e) {
+            (false, _) => power(e),
+            (true, 0) => R::ZERO,
+            (true, _) => R::from_f64(f64::from(e)) * power(e - 1),
+        }
     }
 
     /// Π v_i^e_i.
     #[inline]
     pub fn value(&self, exponents: &[u8; 6]) -> R {
-        self.derivative(exponents, &[0; 6])
-    }
-
-    /// The mixed derivative of order `orders` of Π v_i^e_i.
-    #[inline(always)]
-    fn derivative(&self, exponents: &[u8; 6], orders: &[u8; 6]) -> R {
-        let mut product = R::ONE;
-        for i in 0..6 {
-            product = product * self.factor(i, exponents[i], orders[i]);
-        }
-        product
+        self.product(exponents, None)
     }
 
     /// ∂(Π v_i^e_i)/∂v.
@@ -60,28 +47,17 @@ impl<R: Real> Powers<R> {
             if exponents[i] == 0 {
                 return R::ZERO;
             }
-            let mut orders = [0; 6];
-            orders[i] = 1;
-            self.derivative(exponents, &orders)
+            self.product(exponents, Some(i))
         })
     }
 
-    /// Adds weight · ∂²(Π v_i^e_i)/∂v² to the upper triangle of `hessian`.
-    #[inline]
-    pub fn add_hessian(&self, exponents: &[u8; 6], weight: R, hessian: &mut Mat6<R>) {
+    /// Π v_i^e_i, or its derivative by one variable.
+    #[inline(always)]
+    fn product(&self, exponents: &[u8; 6], by: Option<usize>) -> R {
+        let mut product = R::ONE;
         for i in 0..6 {
-            if exponents[i] == 0 {
-                continue;
-            }
-            for j in i..6 {
-                if exponents[j] == 0 || (i == j && exponents[i] < 2) {
-                    continue;
-                }
-                let mut orders = [0; 6];
-                orders[i] += 1;
-                orders[j] += 1;
-                hessian[i][j] += weight * self.derivative(exponents, &orders);
-            }
+            product = product * self.factor(i, exponents[i], by == Some(i));
         }
+        product
     }
 }

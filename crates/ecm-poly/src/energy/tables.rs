@@ -6,8 +6,8 @@ use std::vec::Vec;
 use ecm_se3::Real;
 
 use crate::energy::invariants::Symmetry;
-use crate::energy::lanes::LanePlan;
 use crate::energy::plan::{EnergyPlan, ROWS};
+use crate::energy::simd::SimdPlan;
 
 /// Owned tables of an [`EnergyPlan`].
 #[derive(Clone, Debug)]
@@ -20,16 +20,16 @@ pub struct EnergyTables<R> {
     weights: Vec<R>,
 }
 
-/// Owned tables of a [`LanePlan`] of `B` lanes.
+/// Owned tables of a [`SimdPlan`] of `B` lanes.
 #[derive(Clone, Debug)]
-pub struct LaneTables<R, const B: usize> {
+pub struct SimdTables<R, const B: usize> {
     length_m: R,
     degree: usize,
     powers: [[u8; 3]; B],
     coefficients: Vec<[R; B]>,
 }
 
-impl<R: Real, const B: usize> LaneTables<R, B> {
+impl<R: Real, const B: usize> SimdTables<R, B> {
     /// As [`EnergyTables::new`]; `None` for a general energy, degrees other
     /// than 4, 5, 6, or one that needs more lanes.
     pub fn new(
@@ -83,8 +83,8 @@ impl<R: Real, const B: usize> LaneTables<R, B> {
     }
 
     /// The tables, borrowed.
-    pub fn plan(&self) -> LanePlan<'_, R, B> {
-        LanePlan {
+    pub fn plan(&self) -> SimdPlan<'_, R, B> {
+        SimdPlan {
             length_m: self.length_m,
             degree: self.degree,
             powers: self.powers,

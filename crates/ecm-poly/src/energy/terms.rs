@@ -1,4 +1,4 @@
-//! Which monomials an energy of a symmetry and degree has, and how they are called.
+//! Monomials of an energy by symmetry and degree, and their names.
 
 use std::format;
 use std::string::String;
@@ -13,8 +13,8 @@ pub const MAX_DEGREE: usize = 8;
 
 /// Exponents of the six variables, by degree in q, then in the order of the paper's eq. (4).
 ///
-/// Without the constant, which makes no wrench. The linear term c_x of a body of revolution
-/// stays: it is a force at the rest pose, which a length that is not quite L makes.
+/// Without the constant, which has no wrench. The linear term c_x of a body of revolution is
+/// included: a true length slightly different from L causes a force at the rest pose.
 pub fn terms(symmetry: Symmetry, degree: usize) -> Result<Vec<[u8; 6]>, ModelError> {
     if !(1..=MAX_DEGREE).contains(&degree) {
         return Err(ModelError::Setting {

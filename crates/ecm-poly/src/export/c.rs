@@ -63,7 +63,7 @@ pub fn export(
         Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
     };
     let golden = Golden::new(&model, precision)?;
-    let held = list(golden.held.iter().map(|&x| cast(x, &name)));
+    let hold = list(golden.hold.iter().map(|&x| cast(x, &name)));
     let golden = golden_header(&golden, &name, n, m);
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
@@ -80,7 +80,7 @@ pub fn export(
     ];
     if (inputs.as_str(), outputs.as_str()) == (POSE, WRENCH) {
         let control = include_str!("templates/control.c");
-        let control = filled(control, &[("HELD", held.as_str())]);
+        let control = filled(control, &[("HELD", hold.as_str())]);
         files.push(file("_control.c", filled(&control, &common)));
     }
     Ok(files)
@@ -215,7 +215,7 @@ fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
     )
 }
 
-/// A constant of the code's own type.
+/// A constant of the floating-point type of the code.
 fn real(x: f64) -> String {
     format!("R({x:e})")
 }

@@ -1,4 +1,4 @@
-//! Points that an export is checked at, spread over the model's range.
+//! Points at which an export is checked, spread over the range of the model.
 
 use std::vec::Vec;
 
@@ -9,7 +9,7 @@ use crate::error::ModelError;
 use crate::export::Precision;
 use crate::export::model::Model;
 
-/// Inputs and what the model says there.
+/// Inputs and the predictions of the model there.
 pub struct Golden {
     /// (count, n).
     pub points: Vec<Vec<f64>>,
@@ -17,9 +17,9 @@ pub struct Golden {
     pub values: Vec<Vec<f64>>,
     /// (count, m n).
     pub jacobians: Vec<Vec<f64>>,
-    /// (n) a moderate pose, for a control loop to hold: a quarter of the way to the edge.
-    pub held: Vec<f64>,
-    /// Largest difference that rounding explains, of values and of Jacobians.
+    /// (n) set point of the control loop: a quarter of the way to the edge of the range.
+    pub hold: Vec<f64>,
+    /// Largest difference due to rounding, of values and of Jacobians.
     pub tolerance: [f64; 2],
 }
 
@@ -32,7 +32,7 @@ impl Golden {
             points: Vec::new(),
             values: Vec::new(),
             jacobians: Vec::new(),
-            held: point(model, 5, 0.25),
+            hold: point(model, 5, 0.25),
             tolerance: [0.0; 2],
         };
         for i in 0..COUNT {
@@ -57,7 +57,7 @@ impl Golden {
     }
 }
 
-/// Additive recurrence of irrational steps: well spread, the same on every machine.
+/// Additive recurrence with irrational steps: evenly spread, and the same on every machine.
 fn wave(i: usize, k: usize) -> f64 {
     const STEPS: [f64; 6] = [
         0.414_213, 0.732_050, 0.236_067, 0.645_751, 0.316_624, 0.605_551,
@@ -66,7 +66,7 @@ fn wave(i: usize, k: usize) -> f64 {
     2.0 * ((i as f64 * step).fract() - 0.5) * if i == 0 { 0.0 } else { 1.0 }
 }
 
-/// Point i, drawn towards the centre by `share`.
+/// Point i, scaled towards the centre by `share`.
 fn point(model: &Model, i: usize, share: f64) -> Vec<f64> {
     match model {
         Model::Polynomial(model) => (0..model.inputs())

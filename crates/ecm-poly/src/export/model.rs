@@ -1,4 +1,4 @@
-//! The model of an opened file, as evaluation needs it.
+//! The model in a model file, ready for evaluation.
 
 use std::boxed::Box;
 use std::format;
@@ -23,7 +23,7 @@ pub enum Model {
 }
 
 impl Model {
-    /// Of the document that [`crate::open_model`] returns; effects are not part of the map.
+    /// From the document that [`crate::open_model`] returns, without its effects.
     pub fn from_document(document: &Map<String, Value>) -> Result<Self, ModelError> {
         let degree = document.get("degree").and_then(Value::as_u64).unwrap_or(0) as usize;
         let ranges = |key: &str| numbers(document.get("normalisation").and_then(|n| n.get(key)));
@@ -109,7 +109,7 @@ fn numbers(value: Option<&Value>) -> Vec<f64> {
     }
 }
 
-/// A name that C and Rust take: lower case, digits and `_`, a letter first.
+/// Checks a name that is valid in C and Rust: lower case, digits and `_`, a letter first.
 pub fn identifier(name: &str) -> Result<String, ModelError> {
     let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let starts = name.starts_with(|c: char| c.is_ascii_lowercase());

@@ -1,7 +1,7 @@
 //! A model as a `no_std` Rust crate of constants: `Cargo.toml`, `src/lib.rs`, `tests/golden.rs`.
 //!
-//! The constants are tables for the evaluation of this crate, whose source the export carries
-//! along: no std, no allocation, no libm, no other crate. `examples/control.rs` is a control loop.
+//! The constants are tables for the evaluation of this crate, whose source the export
+//! contains: no std, no allocation, no libm, no other crate. `examples/control.rs` is a control loop.
 
 use std::format;
 use std::string::{String, ToString};
@@ -44,10 +44,10 @@ pub fn export(
     };
     let common = [("NAME", name.as_str()), ("REAL", real), ("SUM", sum)];
     let golden = Golden::new(&model, precision)?;
-    let held = list(golden.held.iter().map(|&x| number(x)));
+    let hold = list(golden.hold.iter().map(|&x| number(x)));
     let control = filled(
         include_str!("templates/control.rs.txt"),
-        &[("HELD", held.as_str())],
+        &[("HELD", hold.as_str())],
     );
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),

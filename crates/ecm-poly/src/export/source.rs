@@ -1,4 +1,4 @@
-//! The evaluation that an exported crate carries along, so that it depends on nothing else.
+//! Source of the evaluation that is copied into an exported crate, so that it has no dependencies.
 
 use std::format;
 use std::string::ToString;
@@ -6,7 +6,7 @@ use std::vec::Vec;
 
 use crate::export::{SourceFile, filled};
 
-/// File name and content, below `src`: this crate's part without std.
+/// Name and content of the files below `src` that need no std.
 const FILES: &[(&str, &str)] = &[
     ("lib.rs", include_str!("../lib.rs")),
     ("arithmetic.rs", include_str!("../arithmetic.rs")),
@@ -20,7 +20,7 @@ const FILES: &[(&str, &str)] = &[
         "energy/invariants.rs",
         include_str!("../energy/invariants.rs"),
     ),
-    ("energy/lanes.rs", include_str!("../energy/lanes.rs")),
+    ("energy/simd.rs", include_str!("../energy/simd.rs")),
     (
         "energy/mid_frame.rs",
         include_str!("../energy/mid_frame.rs"),
@@ -32,7 +32,7 @@ const FILES: &[(&str, &str)] = &[
     ),
 ];
 
-/// Both crates, in the folder `evaluation` of the export.
+/// Files of both crates, in the folder `evaluation` of the export.
 pub fn crates() -> Vec<SourceFile> {
     let version = env!("CARGO_PKG_VERSION");
     let dependency = "\n[dependencies]\necm-se3 = { path = \"../ecm-se3\" }\n";

@@ -1,4 +1,4 @@
-//! The canonical form of a document, which its sum is taken over.
+//! The canonical form of a document, from which its checksum is computed.
 //!
 //! UTF-8 without any white space; keys of every object in the order of their bytes; strings
 //! with the escapes `\"`, `\\` and `\u00xx` for control characters only; a number that is whole
@@ -14,7 +14,7 @@ use std::vec::Vec;
 use serde_json::{Map, Number, Value};
 use sha2::{Digest, Sha256};
 
-/// Sum of the canonical form.
+/// SHA-256 of the canonical form.
 pub fn sha256(map: &Map<String, Value>) -> String {
     let digest = Sha256::digest(canonical(map).as_bytes());
     digest.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -1,4 +1,4 @@
-//! Whether a model document says what its kind needs.
+//! Checks that a model document has the keys that its kind needs, with valid values.
 
 use std::format;
 use std::string::{String, ToString};
@@ -25,7 +25,7 @@ const POSE: [&str; 6] = [
 ];
 const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 
-/// Format and version.
+/// Checks format and version.
 pub fn head(map: &Document) -> Result<(), ModelError> {
     let format = text(map, "format", "\"ecm-model\"")?;
     if format != FORMAT {
@@ -41,7 +41,7 @@ pub fn head(map: &Document) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// Everything but the sum.
+/// Checks everything but the checksum.
 pub fn document(map: &Document) -> Result<(), ModelError> {
     head(map)?;
     let inputs = names(map, "inputs")?;
@@ -154,7 +154,7 @@ fn degree(map: &Document, limit: u64) -> Result<usize, ModelError> {
     }
 }
 
-/// The terms must be those of the degree: a file cannot bring its own order.
+/// The terms must be those of the degree, in the order of this crate.
 fn term_table(map: &Document, rows: &[Vec<u8>]) -> Result<(), ModelError> {
     let expected = format!("the {} exponents of this degree, in order", rows.len());
     let found = array(map, "terms", &expected)?;
@@ -290,7 +290,7 @@ fn wrong(key: &str, found: Option<&Value>, expected: &str) -> ModelError {
     }
 }
 
-/// A value for a message: at most some sixty characters of it.
+/// A value for a message, cut to about sixty characters.
 pub fn short(value: &Value) -> String {
     let text = value.to_string();
     if text.chars().count() <= 60 {

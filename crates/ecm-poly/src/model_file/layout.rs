@@ -1,4 +1,4 @@
-//! Layout of a model file: the keys in the order of their importance, tables row by row.
+//! Layout of a model file: important keys first, tables row by row.
 
 use std::string::{String, ToString};
 use std::vec::Vec;

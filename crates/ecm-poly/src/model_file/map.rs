@@ -1,4 +1,4 @@
-//! The part of a model document that says what map it holds.
+//! The part of a model document that describes the map.
 
 use std::format;
 use std::string::String;
@@ -56,7 +56,7 @@ pub fn energy_document(model: &EnergyModel) -> Map<String, Value> {
     document
 }
 
-/// Terms, ranges and coefficients of a polynomial from these columns to those.
+/// Terms, ranges and coefficients of a polynomial from `inputs` to `outputs` columns.
 pub fn polynomial_document<S: AsRef<str>>(
     model: &PolynomialModel,
     inputs: &[S],

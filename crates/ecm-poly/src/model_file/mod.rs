@@ -1,9 +1,9 @@
-//! Model files: JSON that people can read, and that does not open when it is damaged.
+//! Model files: readable JSON with a checksum, which refuses to open when it is damaged.
 //!
 //! | key | meaning |
 //! |---|---|
 //! | `format`, `version` | `"ecm-model"`, 1; added by [`seal_model`] where they are missing |
-//! | `kind` | `polynomial`, `energy` or `physics` (an energy that stands for FEM, times a factor); `gp`, `mlp`, `rod`, `constant-curvature`, which hold only `parameters` |
+//! | `kind` | `polynomial`, `energy` or `physics` (an energy fitted to FEM, times a factor); `gp`, `mlp`, `rod`, `constant-curvature`, which hold only `parameters` |
 //! | `inputs`, `outputs` | columns of the measurement table |
 //! | `length_m` | undeformed length; `null` for a polynomial |
 //! | `degree` | highest degree of a term |
@@ -14,9 +14,9 @@
 //! | `coefficients` | polynomial: (k, outputs); energies: (k), J |
 //! | `covariance` | square and symmetric, or `null` |
 //! | `noise`, `effects`, `domain`, `training` | any JSON; `null` where missing when sealed |
-//! | `sha256` | of everything else in the form of [`canonical`] |
+//! | `sha256` | checksum of all other keys in the form of [`canonical`] |
 //!
-//! Any other key is carried along unchanged, under the sum.
+//! Any other key is kept unchanged and is part of the checksum.
 
 pub mod canonical;
 mod check;
@@ -31,16 +31,17 @@ use serde_json::{Map, Value};
 use crate::error::ModelError;
 use crate::model_file::unique::Unique;
 
-/// The one version of the format that this crate writes and reads.
+/// Version of the format that this crate writes and reads.
 pub const VERSION: u64 = 1;
-/// What `format` says.
+/// Value of `format`.
 pub const FORMAT: &str = "ecm-model";
 
 const MAY_BE_MISSING: [&str; 5] = ["covariance", "noise", "effects", "domain", "training"];
 
-/// A model document (JSON text) checked, laid out for people and sealed with its sum.
+/// Checks a model document (JSON text), formats it and adds its checksum, replacing an existing one.
 ///
-/// A sum that the document brings along is replaced.
+/// # Errors
+/// Text that is not JSON, or a key that is missing or out of range.
 pub fn seal_model(document: &str) -> Result<String, ModelError> {
     let mut map = parse(document)?;
     map.remove("sha256");
@@ -57,7 +58,10 @@ pub fn seal_model(document: &str) -> Result<String, ModelError> {
     Ok(layout::text(&map))
 }
 
-/// The document of a model file, checked against its sum and its own tables.
+/// Opens a model file: its document, after a check of checksum, version, keys and tables.
+///
+/// # Errors
+/// Text that is not JSON, a wrong checksum, or a key that is missing or out of range.
 pub fn open_model(text: &str) -> Result<Map<String, Value>, ModelError> {
     let mut map = parse(text)?;
     check::head(&map)?;

@@ -1,4 +1,4 @@
-//! JSON whose objects name each key once: of two values of one key no reader knows which was meant.
+//! JSON whose objects have no duplicate keys: two values for one key would be ambiguous.
 
 use std::fmt;
 use std::format;
@@ -8,7 +8,7 @@ use std::vec::Vec;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 
-/// A value in which no object repeats a key.
+/// A value in which no object has a duplicate key.
 pub struct Unique(pub Value);
 
 impl<'de> Deserialize<'de> for Unique {

@@ -14,7 +14,7 @@ use crate::error::{ModelError, check_count};
 pub struct LeaveOneOut {
     /// Singular values σ₁ ≥ σ₂ ≥ …; row r − 1 of `rmse` keeps the first r of them.
     pub singular_values: Vec<f64>,
-    /// (ranks, outputs), row-major; infinite where a row decides a coefficient alone.
+    /// (ranks, outputs), row-major; infinite where one row alone determines a coefficient.
     pub rmse: Vec<f64>,
     outputs: usize,
 }

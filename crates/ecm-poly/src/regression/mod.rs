@@ -10,29 +10,30 @@ use std::vec::Vec;
 use crate::dense::ThinSvd;
 use crate::error::ModelError;
 
-/// How the coefficients are found.
+/// Method of regression.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     /// Ordinary least squares; the shortest solution where the regressor has no full rank.
     LeastSquares,
     /// Least squares with the penalty λ |β|² on all coefficients of the normalised regressor.
     Ridge(f64),
-    /// Principal components: singular values of the normalised, un-centred regressor below b go.
+    /// Principal components: drops singular values of the normalised, un-centred regressor below b.
     Pcr(f64),
 }
 
-/// Coefficients and what is known about how they were found.
+/// Coefficients and the quality of the fit.
 #[derive(Clone, Debug)]
 pub struct Solution {
     /// (k, outputs), row-major.
     pub coefficients: Vec<f64>,
-    /// Singular values that were kept.
+    /// Number of singular values in use.
     pub rank: usize,
-    /// κ of what was kept.
+    /// Condition number over the singular values in use.
     pub condition_number: f64,
-    /// What the fit spends of the degrees of freedom, per output: tr(2H − H²) of the hat matrix.
+    /// Effective number of parameters per output: tr(2H − H²) of the hat matrix H.
     pub effective_parameters: f64,
-    /// (XᵀX)⁻¹ of what was kept, row-major (k, k): times σ² the coefficients' covariance.
+    /// (XᵀX)⁻¹ over the singular values in use, row-major (k, k); times σ² it is the covariance
+    /// of the coefficients.
     pub unscaled_covariance: Vec<f64>,
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 
-/// What the design is to be good at.
+/// Criterion of the design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Criterion {
     /// Largest determinant of the information
@@ -21,7 +21,7 @@ pub enum Criterion {
     Maximin,
 }
 
-/// How to search.
+/// Algorithm of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Search {
     /// The best found within the budget
@@ -135,7 +135,7 @@ pub struct Args {
     /// Stop after so many seconds; then the result depends on the machine
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     pub time_limit: f64,
-    /// Seed of the random numbers
+    /// Seed of the random generator
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Threads, 0 for all; without influence on the result

@@ -1,6 +1,6 @@
-//! How a run can fail, and the exit code of each way.
+//! Failures of a run and their exit codes.
 
-/// Why there is no design.
+/// Reason why there is no design.
 #[derive(Debug)]
 pub enum Failure {
     /// Bad input: exit code 2.

@@ -1,4 +1,4 @@
-//! From candidates to a design: what the options mean.
+//! From candidates and options to a design.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -293,7 +293,7 @@ impl Job {
         }
     }
 
-    /// The library counts from 0 and knows no files; the user counts rows and knows this one.
+    /// Errors of the library with the file and with rows counted from 1.
     fn explain(&self, error: DesignError, args: &Args) -> Failure {
         match error {
             DesignError::TooMany { n, candidates } => Failure::Input(format!(
@@ -313,7 +313,7 @@ impl Job {
     }
 }
 
-/// Rows of as many values as `scale` has, times it.
+/// Multiplies each row by `scale`.
 fn scaled(values: &[f64], scale: &[f64]) -> Vec<f64> {
     let rows = values.chunks_exact(scale.len());
     rows.flat_map(|row| row.iter().zip(scale).map(|(v, s)| v * s))
@@ -339,7 +339,7 @@ fn prior(args: &Args, model: Model, terms: usize) -> Result<Option<Vec<f64>>, Fa
     Ok(Some(prior))
 }
 
-/// Excludes rows whose coordinates occurred before, preferring included ones; their number.
+/// Excludes rows that repeat the coordinates of another, but never included rows; returns their number.
 fn set_aside_repeats(columns: &Columns, include: &[usize], out: &mut [bool]) -> usize {
     let width = columns.at.len();
     // + 0.0 makes -0 and 0 the same pose.

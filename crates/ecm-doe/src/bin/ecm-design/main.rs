@@ -1,4 +1,4 @@
-//! `ecm-design`: chooses the poses worth measuring from a CSV table of candidates.
+//! `ecm-design`: chooses informative poses from a CSV table of candidates.
 
 mod args;
 mod failure;
@@ -113,7 +113,7 @@ fn run(args: &Args) -> Result<u8, Failure> {
     })
 }
 
-/// What the user should know about the design.
+/// Summary of the design for the user.
 fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
     let mut lines = Vec::new();
     if job.skipped() > 0 {
@@ -199,7 +199,7 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
     })
 }
 
-/// What the distance of two poses is.
+/// Name of the distance between two poses.
 fn distance_in_words(args: &Args) -> String {
     args.metres_per_radian.map_or_else(
         || "coordinates scaled to [-1, 1]".into(),

@@ -1,4 +1,4 @@
-//! The plan: the chosen rows as they stand in the candidates, in visiting order.
+//! The plan: the chosen rows, with the text of the candidates, in visiting order.
 
 use std::io::Write;
 use std::path::Path;
@@ -13,20 +13,20 @@ use crate::table::{POSE, Table, WRENCH};
 /// Columns that a plan adds to a table of poses.
 const ADDED: [&str; 5] = ["kind", "approach", "dwell_s", "run", "action"];
 
-/// How the rows become a plan.
+/// Settings of a plan.
 pub struct Protocol {
-    /// Of the visiting order.
+    /// Seed of the visiting order.
     pub seed: u64,
-    /// Which visits; each pose once without.
+    /// Kind of visits; `None`: each pose once.
     pub preset: Option<Preset>,
-    /// Where the top rests, for the checks of a preset; without it the candidates tell.
+    /// Rest position x of the platform for the checks of a preset; `None`: median of the candidates.
     pub length_m: Option<f64>,
 }
 
 /// Writes the rows (from 0) of `table` to `out`, or to standard output.
 ///
-/// A table of poses is visited in an order drawn with `seed`, so that a drift over time is no
-/// trend over the workspace, and gets the columns of a plan; any other keeps its order.
+/// A table of poses is visited in an order drawn with `seed`, so that drift over time does not
+/// become a trend over the workspace, and gets the columns of a plan; any other keeps its order.
 pub fn write(
     table: &Table,
     rows: &[usize],
@@ -68,13 +68,13 @@ fn render_rows(table: &Table, rows: &[usize]) -> Result<Vec<u8>, csv::Error> {
 fn render(table: &Table, visits: &[Visit], rest_x_m: f64) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let own_id = table.header.iter().position(|h| h == "pose_id");
-    // What was measured and how the row was visited before says nothing about the plan.
+    // Results and visits of an earlier campaign do not belong to the plan.
     let replaced = |name: &str| {
         WRENCH.contains(&name.strip_prefix("sd_").unwrap_or(name))
             || ["time_s", "repeat", "pose_id"].contains(&name)
             || ADDED.contains(&name)
     };
-    let kept: Vec<usize> = (0..table.header.len())
+    let copied: Vec<usize> = (0..table.header.len())
         .filter(|&c| !replaced(&table.header[c]) || Some(c) == own_id)
         .collect();
     let id = |row: usize| match own_id {
@@ -83,7 +83,7 @@ fn render(table: &Table, visits: &[Visit], rest_x_m: f64) -> Result<Vec<u8>, csv
         }
         None => row.to_string(),
     };
-    let mut header: Vec<&str> = kept.iter().map(|&c| table.header[c].as_str()).collect();
+    let mut header: Vec<&str> = copied.iter().map(|&c| table.header[c].as_str()).collect();
     if own_id.is_none() {
         header.push("pose_id");
     }
@@ -96,7 +96,7 @@ fn render(table: &Table, visits: &[Visit], rest_x_m: f64) -> Result<Vec<u8>, csv
     for visit in visits {
         let cells = table.cells(visit.row);
         let check = visit.kind != "pose";
-        for &c in &kept {
+        for &c in &copied {
             match rest(&table.header[c]).filter(|_| check) {
                 Some(value) => writer.write_field(value)?,
                 None if check && Some(c) == own_id => writer.write_field("-1")?,
@@ -130,12 +130,12 @@ fn finish(writer: csv::Writer<Vec<u8>>) -> Result<Vec<u8>, csv::Error> {
         .map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
 }
 
-/// Writes a file by way of a temporary one, or standard output.
+/// Writes a file atomically through a temporary file, or standard output.
 pub fn save(text: &[u8], out: Option<&Path>) -> Result<(), Failure> {
     let Some(path) = out.filter(|p| p.as_os_str() != "-") else {
         let mut stdout = std::io::stdout().lock();
         let done = stdout.write_all(text).and_then(|()| stdout.flush());
-        // A reader that has seen enough (head) is no failure.
+        // A closed pipe (for example `head`) is not a failure.
         return match done {
             Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
                 Err(Failure::System(format!("standard output: {e}")))

@@ -1,4 +1,4 @@
-//! The visits of a campaign: which pose when, from where, after how long a rest.
+//! The visits of a campaign: order, side of approach and dwell time of each pose.
 
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -7,27 +7,27 @@ use crate::args::Preset;
 use crate::failure::Failure;
 use crate::table::{POSE, Table};
 
-/// Rests before a reading in a diagnosable campaign, s: relaxation shows in their difference.
+/// Dwell times before a reading in a diagnosable campaign, s; their difference shows relaxation.
 const DWELLS_S: [&str; 3] = ["2.0", "8.0", "30.0"];
 const HOME_EVERY: usize = 10;
 const UNLOAD_EVERY: usize = 40;
 
 /// One row of the plan.
 pub struct Visit {
-    /// Row of the table; of a check the candidate nearest to the rest pose.
+    /// Row of the table; for a check, the candidate nearest to the rest pose.
     pub row: usize,
     /// `pose`, `home` or `unloaded`.
     pub kind: &'static str,
-    /// `initial`, or the row that it is approached from.
+    /// Row from which the pose is approached; `None`: the initial pose.
     pub from: Option<usize>,
-    /// Rest in s; empty leaves it to the rig.
+    /// Dwell time, s; empty: the choice of the rig.
     pub dwell_s: &'static str,
-    /// What the rig does.
+    /// Action of the rig.
     pub action: &'static str,
 }
 
 impl Visit {
-    fn of(row: usize, dwell_s: &'static str) -> Self {
+    fn new(row: usize, dwell_s: &'static str) -> Self {
         Self {
             row,
             kind: "pose",
@@ -52,27 +52,30 @@ pub fn visits(
     };
     let mut order = rows.to_vec();
     order.shuffle(rng);
-    Ok(order.into_iter().map(|row| Visit::of(row, dwell)).collect())
+    Ok(order
+        .into_iter()
+        .map(|row| Visit::new(row, dwell))
+        .collect())
 }
 
-/// Each pose from the initial pose and from one beyond it, so that the side of approach differs;
-/// dwells dealt independently of both; a home check after every tenth visit, the sensor unloaded
-/// at the beginning, the end and after every fortieth.
+/// Each pose from the initial pose and from a pose beyond it, so that the side of approach differs.
+/// Dwell times are independent of both. A home check after every tenth visit; the sensor is unloaded
+/// at the beginning, at the end and after every fortieth visit.
 fn diagnosable(table: &Table, rows: &[usize], rng: &mut ChaCha8Rng) -> Result<Vec<Visit>, Failure> {
     let poses = poses(table)?;
     let rest = rest_pose(&poses);
-    let beyond = beyond(&poses, rows, &rest);
+    let outer = outer_poses(&poses, rows, &rest);
     let (m, n) = (rows.len(), 2 * rows.len());
     let mut legs: Vec<(usize, Option<usize>)> = rows.iter().map(|&row| (row, None)).collect();
-    let mut mixed: Vec<usize> = (0..m).collect();
-    mixed.shuffle(rng);
-    let sides = mixed
+    let mut order: Vec<usize> = (0..m).collect();
+    order.shuffle(rng);
+    let sides = order
         .iter()
-        .filter_map(|&i| Some((rows[i], Some(beyond[i]?))));
+        .filter_map(|&i| Some((rows[i], Some(outer[i]?))));
     legs.extend(sides.take(3 * m / 4));
-    mixed.shuffle(rng);
-    let again = mixed.iter().cycle().take(n - legs.len());
-    legs.extend(again.map(|&i| (rows[i], None)).collect::<Vec<_>>());
+    order.shuffle(rng);
+    let repeats = order.iter().cycle().take(n - legs.len());
+    legs.extend(repeats.map(|&i| (rows[i], None)).collect::<Vec<_>>());
     legs.shuffle(rng);
     let mut dwells: Vec<&str> = DWELLS_S.iter().copied().cycle().take(n).collect();
     dwells.shuffle(rng);
@@ -80,24 +83,24 @@ fn diagnosable(table: &Table, rows: &[usize], rng: &mut ChaCha8Rng) -> Result<Ve
     let check = |kind, action| Visit {
         kind,
         action,
-        ..Visit::of(nearest, DWELLS_S[0])
+        ..Visit::new(nearest, DWELLS_S[0])
     };
-    let mut found = vec![check("unloaded", "unload")];
+    let mut visits = vec![check("unloaded", "unload")];
     for (i, ((row, from), dwell_s)) in legs.into_iter().zip(dwells).enumerate() {
         if i > 0 && i % UNLOAD_EVERY == 0 {
-            found.push(check("unloaded", "unload"));
+            visits.push(check("unloaded", "unload"));
         }
         if i % HOME_EVERY == 0 {
-            found.push(check("home", "home"));
+            visits.push(check("home", "home"));
         }
-        found.push(Visit {
+        visits.push(Visit {
             from,
-            ..Visit::of(row, dwell_s)
+            ..Visit::new(row, dwell_s)
         });
     }
-    found.push(check("home", "home"));
-    found.push(check("unloaded", "unload"));
-    Ok(found)
+    visits.push(check("home", "home"));
+    visits.push(check("unloaded", "unload"));
+    Ok(visits)
 }
 
 /// All candidates' poses.
@@ -120,12 +123,12 @@ fn poses(table: &Table) -> Result<Vec<[f64; 6]>, Failure> {
     Ok(all)
 }
 
-/// The rest position on the axis where the length is not known: the candidates scatter around it.
+/// Median x of the candidates, as the rest position where the length is not known.
 pub fn median_rest_x_m(table: &Table) -> Result<f64, Failure> {
     poses(table).map(|poses| rest_pose(&poses)[0])
 }
 
-/// The pose without load, as far as the candidates tell.
+/// Rest pose, estimated from the candidates.
 fn rest_pose(poses: &[[f64; 6]]) -> [f64; 6] {
     let mut x: Vec<f64> = poses
         .iter()
@@ -146,7 +149,7 @@ fn rest_pose(poses: &[[f64; 6]]) -> [f64; 6] {
 ///
 /// The side of approach is a = sign((p - p_from) M (p - p0)), M = diag(1, 1, 1, L^2, L^2, L^2);
 /// the rest pose gives +1, so a pose with a clearly negative product gives the other side.
-fn beyond(poses: &[[f64; 6]], rows: &[usize], rest: &[f64; 6]) -> Vec<Option<usize>> {
+fn outer_poses(poses: &[[f64; 6]], rows: &[usize], rest: &[f64; 6]) -> Vec<Option<usize>> {
     let scaled: Vec<[f64; 6]> = rows
         .iter()
         .map(|&row| {

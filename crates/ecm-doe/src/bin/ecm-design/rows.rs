@@ -67,7 +67,7 @@ pub fn list_or_region(
         };
         conditions.push((position, sign.to_owned(), limit));
     }
-    let holds = |row: &[f64]| {
+    let inside_region = |row: &[f64]| {
         conditions
             .iter()
             .all(|(c, sign, limit)| match sign.as_str() {
@@ -80,7 +80,7 @@ pub fn list_or_region(
     };
     let inside = columns.values.chunks_exact(width).zip(&columns.rows);
     Ok(inside
-        .filter(|(values, _)| holds(values))
+        .filter(|(values, _)| inside_region(values))
         .map(|(_, row)| *row)
         .collect())
 }

@@ -1,4 +1,4 @@
-//! A CSV table: its text stays as it is, chosen columns become numbers.
+//! A CSV table: its text is unchanged, and some columns are parsed as numbers.
 
 use std::collections::HashSet;
 use std::io::Read;
@@ -19,10 +19,10 @@ pub const POSE: [&str; 6] = [
 pub const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 /// Standard columns that are numbers but no coordinates.
 const BOOKKEEPING: [&str; 5] = ["pose_id", "time_s", "run", "repeat", "dwell_s"];
-/// Places named in a message about bad cells.
+/// Most places named in a message about bad cells.
 const PLACES: usize = 10;
 
-/// The text of a CSV file and where its rows begin.
+/// The text of a CSV file and the positions of its rows.
 #[derive(Debug)]
 pub struct Table {
     /// The file's name for messages.
@@ -34,7 +34,7 @@ pub struct Table {
     rows: Vec<(usize, usize, u64)>,
 }
 
-/// Numbers of some columns and the rows they come from.
+/// Numbers of some columns, and their rows.
 #[derive(Debug)]
 pub struct Columns {
     /// Positions of the columns.
@@ -70,7 +70,7 @@ impl Table {
         Self::parse(name, text, interrupted)
     }
 
-    /// Finds header and rows; refuses what is not a rectangular table.
+    /// Finds header and rows; refuses a table that is not rectangular.
     pub fn parse(
         name: String,
         text: Vec<u8>,
@@ -167,7 +167,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// Cells of a data row as they stand in the file.
+    /// Cells of a data row with the text of the file.
     pub fn cells(&self, row: usize) -> csv::ByteRecord {
         let (start, end, _) = self.rows[row];
         let mut reader = csv::ReaderBuilder::new()
@@ -180,7 +180,7 @@ impl Table {
         record
     }
 
-    /// The coordinate columns: those asked for, else the pose columns, else all numeric ones.
+    /// The coordinate columns: the requested ones, else the pose columns, else all numeric columns.
     pub fn coordinates(&self, wanted: &[String]) -> Result<Vec<usize>, Failure> {
         let find = |name: &str| self.header.iter().position(|h| h == name);
         if !wanted.is_empty() {
@@ -356,7 +356,7 @@ fn likely_name(name: &str) -> Option<String> {
     None
 }
 
-/// The first places of a fault and how many there are.
+/// The first places of an error and their total number.
 #[derive(Default)]
 struct Places {
     first: Vec<String>,

@@ -1,8 +1,8 @@
-//! Energies of a body of revolution in vector lanes: the fastest way at degrees 4, 5 and 6.
+//! SIMD evaluation of the energy of a body of revolution, for degrees 4, 5 and 6.
 //!
 //! U = Σ_β B_β(θ_x, a, b) G_β(c_x, |c⊥|², |θ⊥|²). One lane per product B_β of powers, eight or
-//! sixteen of them; Horner's rule runs over c_x inside |θ⊥|² inside |c⊥|², with the first
-//! and second derivatives carried along, so that all lanes do the same work at every pose.
+//! sixteen of them; Horner's rule runs over c_x inside |θ⊥|² inside |c⊥|² and
+//! updates first and second derivatives, so that all lanes do the same operations at every pose.
 
 use core::hint::black_box;
 
@@ -14,12 +14,12 @@ use crate::arithmetic::Arithmetic;
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::wrench_and_stiffness;
 
-/// Highest power of a lane's factor, and so the highest degree.
+/// Highest power of the factor of a lane, which is the highest degree.
 const MAX_POWER: usize = 8;
 
 /// Tables of one energy of a body of revolution.
 #[derive(Clone, Copy, Debug)]
-pub struct LanePlan<'a, R, const B: usize> {
+pub struct SimdPlan<'a, R, const B: usize> {
     /// Undeformed length (m).
     pub length_m: R,
     /// Highest degree in q: 4, 5 or 6.
@@ -111,8 +111,8 @@ impl<R: Real, const B: usize> Inner<R, B> {
     }
 }
 
-impl<R: Real, const B: usize> LanePlan<'_, R, B> {
-    /// The wrench h that the pose needs.
+impl<R: Real, const B: usize> SimdPlan<'_, R, B> {
+    /// The wrench h that holds the pose.
     #[inline(always)]
     pub fn wrench<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> Wrench<R> {
         let frame = MidFrame::new(pose, self.length_m);
@@ -123,7 +123,7 @@ impl<R: Real, const B: usize> LanePlan<'_, R, B> {
         frame.wrench(&Symmetry::Revolution.gradient(&q, &first))
     }
 
-    /// h and its stiffness of the kind asked for.
+    /// h, and the stiffness of one kind.
     #[inline(always)]
     pub fn wrench_and_stiffness<A: Arithmetic<R>>(
         &self,
@@ -132,7 +132,7 @@ impl<R: Real, const B: usize> LanePlan<'_, R, B> {
     ) -> (Wrench<R>, Mat6<R>) {
         let frame = MidFrame::new(pose, self.length_m);
         let v = Symmetry::Revolution.variables(&frame.coordinates());
-        // In memory, so that the compiler sees whole vectors: twice as fast as without.
+        // Forced into memory, so that the compiler keeps vectors: twice as fast as without.
         let inner = black_box(self.inner::<A, true>(&v));
         let (first, second) = self.combined::<A, true>(&v, &inner);
         let derivatives = (&first, &second);
@@ -145,7 +145,7 @@ impl<R: Real, const B: usize> LanePlan<'_, R, B> {
         let mut rest = self.coefficients;
         let mut sums = Inner::zero();
         // One power of |c⊥|²: for each power of |θ⊥|² so many coefficients of powers of c_x.
-        // Written out, not looped, so that all sums stay in registers.
+        // Unrolled, so that all sums stay in registers.
         macro_rules! powers {
             ($($count:literal)*) => {{
                 let mut level = Inner::zero();
@@ -170,13 +170,13 @@ impl<R: Real, const B: usize> LanePlan<'_, R, B> {
                 powers!(1 3 5);
                 powers!(1 3 5 7);
             }
-            // `LaneTables` makes no others.
+            // `SimdTables` makes no other degrees.
             _ => {}
         }
         sums
     }
 
-    /// ∂U/∂v and, where asked for, ∂²U/∂v², lane by lane.
+    /// ∂U/∂v and, with `SECOND`, ∂²U/∂v², summed over the lanes.
     #[inline(always)]
     fn combined<A: Arithmetic<R>, const SECOND: bool>(
         &self,

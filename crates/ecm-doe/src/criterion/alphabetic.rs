@@ -1,4 +1,5 @@
-//! I- and A-optimal designs: the smallest average variance of predictions or coefficients.
+//! D-, I-, A- and compound designs: the largest determinant of the information matrix, the smallest
+//! average variance of predictions or of coefficients, or D and I together.
 
 use super::search::search;
 use super::settings::{DSettings, Design, apply_settings};
@@ -6,6 +7,25 @@ use crate::budget::on_threads;
 use crate::linalg::{add_transposed_product, cholesky, product_transposed};
 use crate::problem::Objective;
 use crate::{Control, DesignError, Problem};
+
+/// The `settings.n` poses whose regressor rows have the largest log det(X'X).
+///
+/// # Arguments
+/// - `regressor`: (N * block) x k row-major, `block` rows a pose
+///
+/// # Errors
+/// Wrong input: shapes, numbers that are not finite, n larger than the candidates or too small
+/// for the coefficients, candidates that cannot determine the model, contradictory lists.
+pub fn d_optimal(
+    regressor: &[f64],
+    block: usize,
+    terms: usize,
+    settings: &DSettings,
+    control: &Control<'_>,
+) -> Result<Design, DesignError> {
+    let problem = Problem::new(regressor, block, terms, settings.prior.as_deref())?;
+    finish(problem, settings, control)
+}
 
 /// The design with the smallest mean of tr(A M^-1 A') over `region`: the average variance of
 /// the predicted rows of a pose, in units of the noise variance.
@@ -105,6 +125,7 @@ fn region_root(problem: &Problem, region: Option<&[f64]>) -> Result<Vec<f64>, De
     Ok(root_of_moment(&white, None, block, k))
 }
 
+/// Applies the settings and searches.
 fn finish(
     mut problem: Problem,
     settings: &DSettings,
