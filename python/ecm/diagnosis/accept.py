@@ -94,14 +94,29 @@ def accept(
     chosen = tuple(chosen)
     checks: tuple[AcceptanceCheck, ...] = ()
     while chosen:
-        pairs = [_checked(problem, chosen, item, seed, class_of) for item in chosen]
-        checks = tuple(check for check, _ in pairs)
-        failing = [i for i, check in enumerate(checks) if not check.accepted]
-        if not failing:
-            return Accepted(chosen, tuple(members for _, members in pairs), checks)
-        weakest = min(failing, key=lambda i: checks[i].delta_bic)
-        chosen = (*chosen[:weakest], *chosen[weakest + 1 :])
+        # The weakest that fails is dropped: stronger ones need no bootstraps in this pass.
+        pairs: dict[int, tuple[AcceptanceCheck, tuple[str, ...]]] = {}
+        strength = [_delta_bic(problem, chosen, item) for item in chosen]
+        for i in sorted(range(len(chosen)), key=strength.__getitem__):
+            pairs[i] = _checked(problem, chosen, chosen[i], seed, class_of)
+            if not pairs[i][0].accepted:
+                break
+        else:
+            in_order = [pairs[i] for i in range(len(chosen))]
+            return Accepted(
+                chosen,
+                tuple(members for _, members in in_order),
+                tuple(check for check, _ in in_order),
+            )
+        checks = (pairs[i][0],)
+        chosen = (*chosen[:i], *chosen[i + 1 :])
     return Accepted(checks=checks)
+
+
+def _delta_bic(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
+    """Return the fall of BIC by one effect beside the other chosen ones."""
+    others = [other for other in chosen if other is not item]
+    return next(one.delta_bic for one in rank(problem, others) if one.id == item.id)
 
 
 def _checked(
