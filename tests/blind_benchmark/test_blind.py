@@ -27,7 +27,7 @@ from blind_parts.analysis import (
     same_verdicts,
     worked_answer,
 )
-from blind_parts.data import Data, data_of, shared_model, shared_plan
+from blind_parts.data import Data, Sources, data_of, shared_model, shared_plan
 from blind_parts.once import Work
 from blind_parts.plans import rod_samples
 from blind_parts.print_table import table_text
@@ -175,25 +175,25 @@ def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path, method: Metho
     assert honest(result_of(asked, folder, method))
 
 
-def test_the_rig_s_generator_on_a_closed_form(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_rig_s_generator_on_a_closed_form(folder: Path) -> None:
     """The sets of the rig as the benchmark makes them, but for FEM."""
     from support.campaigns import model, plan
     from support.stand_in import StandIn
 
-    monkeypatch.setattr("blind_parts.data.shared_plan", lambda *_: plan())
-    monkeypatch.setattr("blind_parts.data.shared_model", lambda _: model())
-    monkeypatch.setattr("blind_parts.data.fem_source", lambda _: StandIn())
-    monkeypatch.setattr("blind_parts.data.cache_directory", lambda: folder)
+    sources = Sources(
+        plan=lambda *_: plan(),
+        model=lambda _: model(),
+        plant=lambda _: StandIn(),
+        cache=lambda: folder,
+    )
     named = Set(1, 960, "rig", hidden=(("fts_frame", 1.0),))
     nothing = Set(0, 960, "rig")
-    data = data_of(named, folder)
+    data = data_of(named, folder, sources=sources)
     result = {"set": named.to_dict(), "ours": our_answer(named, data)}
     assert one_right(result), result["ours"]["answer"]
     (found,) = parameters(named, data, result["ours"])
     assert found["relative_error"] < 0.25
-    assert our_answer(nothing, data_of(nothing, folder))["verdict"] == "none"
+    assert our_answer(nothing, data_of(nothing, folder, sources=sources))["verdict"] == "none"
 
 
 def test_the_answer_does_not_look_at_the_truth(folder: Path) -> None:

@@ -250,7 +250,7 @@ def _allowed(problem: Problem, chosen: tuple[Candidate, ...]) -> bool:
 
 
 def _beyond_one(problem: Problem, pair: tuple[Candidate, ...]) -> bool:
-    """Whether two effects explain more, chance apart, than any one, whose form is never exact."""
+    """Whether two effects explain more beyond chance than any single one, whose form is inexact."""
     settings = problem.settings
     total = delta_chi2(problem, pair)
     own = total - sum(item.parameters for item in pair)

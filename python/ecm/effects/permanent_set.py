@@ -33,7 +33,7 @@ class PermanentSet(LinearEffect):
     """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
 
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
-    with rotations times the length. It ends with a run, or is `kept` where tables were joined.
+    with rotations times the length. It ends with a run, or is `kept` in joined tables.
     """
 
     id = "permanent_set"

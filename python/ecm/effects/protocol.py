@@ -52,7 +52,7 @@ class Parameter:
     upper: float = np.inf
 
     def allows(self, direction: float) -> bool:
-        """Whether the parameter may move this way from zero."""
+        """Whether the bounds let the parameter move in this direction from zero."""
         return (self.lower < 0.0 or direction >= 0.0) and (self.upper > 0.0 or direction <= 0.0)
 
 

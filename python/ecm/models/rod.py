@@ -143,7 +143,7 @@ class RodMap(_Backbone):
     kind = "rod"
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6); NaN where no equilibrium was found."""
+        """(N, 6) to (N, 6); NaN where no equilibrium exists."""
         return self._solved(np.ascontiguousarray(poses, dtype=np.float64))[0]
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
