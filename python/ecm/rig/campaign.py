@@ -14,7 +14,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.rig.calibration.before import Calibration, calibrated
+from ecm.rig.calibration.pre_campaign import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import (
@@ -34,10 +34,10 @@ from ecm.rig.hidden.calibrate import CannotHide
 from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
 from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.physics import TRUE_EFFECTS, Physics
-from ecm.rig.plan import requests, rest_pose, split_by_limits
+from ecm.rig.plan import requests, rest_pose
 from ecm.rig.plant import Plant, visits_of, warm_up_of
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.reachability import reachable
+from ecm.rig.reachability import reachable, split_by_limits
 from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream

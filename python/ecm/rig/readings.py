@@ -21,8 +21,8 @@ from ecm.rig.visits import OFFSET
 
 if TYPE_CHECKING:
     from ecm.rig.physics import Physics
-    from ecm.rig.plan import Skipped
     from ecm.rig.plant import Plant
+    from ecm.rig.reachability import Skipped
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Timeline
     from ecm.rig.visits import Visits
