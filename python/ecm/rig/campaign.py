@@ -86,12 +86,12 @@ class Campaign:
         smooth = source.surrogate(anchors)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Plant, RawStream] | None = None
-        lottery = stream(seed, "hidden effect")
+        draws = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
         named = tuple(h.effect for h in hide if h.effect != "random")
         for wanted in hide:
             taken = (*named, *(h.effect for h in self._hide))
-            self._hide.append(wanted.drawn(lottery, taken, streamed=settings.rig.stream_Hz > 0.0))
+            self._hide.append(wanted.drawn(draws, taken, streamed=settings.rig.stream_Hz > 0.0))
         elastic = Elastic(anchors, smooth)
 
         def plant() -> Plant:
@@ -110,10 +110,10 @@ class Campaign:
         direction = random.uniform(-1.0, 1.0, 6)
         self.physics = Physics().put(warm_up_of(settings, direction))
         self.injected: list[InjectedEffect] = []
-        self._inject(hide, lottery, plant, base_columns)
+        self._inject(hide, draws, plant, base_columns)
         self._stand = CameraStand(settings.instrument)
         self.frames: Calibration | None = None
-        """What the calibration found, where the frames are not known."""
+        """Calibrated frames, where the true ones are not known."""
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
             self.plant.calibrated_top_from_sensor = self.frames.top_from_sensor
@@ -212,7 +212,7 @@ class Campaign:
     def _inject(
         self,
         hide: Sequence[Hidden],
-        lottery: np.random.Generator,
+        draws: np.random.Generator,
         plant: Callable[[], Plant],
         base_columns: Callable[[F], F] | None,
     ) -> None:
@@ -234,7 +234,7 @@ class Campaign:
                     impossible = (*impossible, self._hide[i].effect)
                     taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
                     self._hide[i] = wanted.drawn(
-                        lottery,
+                        draws,
                         (*named, *taken),
                         impossible,
                         streamed=self.settings.rig.stream_Hz > 0.0,
