@@ -29,6 +29,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 
+import ecm
 from blind_parts.analysis import oracle, other_base_answer, parameters, same_verdicts, worked_answer
 from blind_parts.data import data_of, shared_model, shared_plan
 from blind_parts.print_table import write_table
@@ -36,6 +37,7 @@ from blind_parts.second import second_answer
 from blind_parts.sets import ALL_SETS, ARM, Set, balanced, each_of, sets_of
 from blind_parts.simple import simple_answers
 from blind_parts.workers import cores, run_all
+from ecm import _native
 from ecm.io.cache import write_atomically
 
 _SEEDS_EVERY = 15
@@ -88,10 +90,7 @@ def run_task(task: Task, folder: Path) -> None:
 
 
 def code_hash() -> str:
-    """Of all that a result depends on: library, its compiled part, and benchmark."""
-    import ecm
-    from ecm import _native
-
+    """Return the hash of all that a result depends on: library, compiled part, benchmark."""
     library = Path(ecm.__file__).parent
     not_run = (library / "cli", library / "report")
     files = [f for f in sorted(library.rglob("*.py")) if not set(not_run) & set(f.parents)]

@@ -29,7 +29,7 @@ from ecm.fem.simulate import fem_poses
 from ecm.io.cache import write_atomically
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
-from ecm.io.table import POSE, Table
+from ecm.io.table import POSE, Table, read_table
 from ecm.models import Model, physics_map
 from ecm.rig import RigSettings, run_campaign
 
@@ -140,8 +140,6 @@ def main() -> int:
     mechanism = Mechanism()
     plan_file = given.out / f"plan-{given.poses}-{given.visits}.csv"
     if plan_file.exists():
-        from ecm.io.table import read_table
-
         plan = read_table(plan_file)
     else:
         plan = plan_of(mechanism, given.poses, given.visits)

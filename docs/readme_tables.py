@@ -96,7 +96,7 @@ def rest(summary: dict[str, Any], times: dict[str, Any]) -> list[str]:
     designs = summary["select"]["designs"]
     share = summary["identify"]["symmetric_share"]["smallest"]
     history = summary["loop"]["history"]
-    held = " → ".join(f"{rung['held_out']:.2f}" for rung in history)
+    held = " → ".join(f"{fit['held_out']:.2f}" for fit in history)
     stages = times["stages_s"]
     hidden = ", ".join(summary["loop"]["score"]["truth"]) if summary["loop"]["score"] else "nothing"
     return [

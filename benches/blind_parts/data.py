@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,11 +20,12 @@ from ecm.diagnosis.base import choose_base
 from ecm.effects import Rows
 from ecm.io.cache import cache_directory
 from ecm.io.columns import WRENCH
-from ecm.io.table import Table
+from ecm.io.table import Table, read_table
 from ecm.models import Model, PhysicsMap
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import declared_noise
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source
+from ecm.rig.arm.campaign import RobotCampaign
 
 F = NDArray[np.float64]
 BASE_ERROR = 0.1
@@ -38,7 +40,7 @@ class Data:
 
     table: Table
     quiet: Table
-    """Of the arm, whose readings are taken on the way, the table itself."""
+    """The table without noise; for the arm, which reads on the way, the table itself."""
     model: Model
     truth: dict[str, Any]
     """What was hidden, so that another campaign can measure the same."""
@@ -47,8 +49,6 @@ class Data:
 @lru_cache(maxsize=8)
 def shared_plan(source: str, protocol: str, folder: Path) -> Table:
     """The plan of a source, kept in `folder`."""
-    from ecm.io.table import read_table
-
     path = folder / f"plan-{source}-{protocol}.csv"
     if path.exists():
         return read_table(path)
@@ -68,16 +68,35 @@ def shared_model(source: str) -> Model:
     return _model(source == "rod")
 
 
+@dataclass(frozen=True)
+class Sources:
+    """Where plans, bases and plants come from."""
+
+    plan: Callable[[str, str, Path], Table] = shared_plan
+    model: Callable[[str], Model] = shared_model
+    plant: Callable[[Table], Any] = fem_source
+    cache: Callable[[], Path] = cache_directory
+
+
+SHARED = Sources()
+"""Those that all sets share."""
+
+
 def data_of(
-    asked: Set, folder: Path, plan: Table | None = None, truth: dict[str, Any] | None = None
+    asked: Set,
+    folder: Path,
+    plan: Table | None = None,
+    truth: dict[str, Any] | None = None,
+    *,
+    sources: Sources = SHARED,
 ) -> Data:
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
-    usual = shared_plan(asked.source, asked.protocol, folder)
+    usual = sources.plan(asked.source, asked.protocol, folder)
     plan = usual if plan is None else plan
-    model = shared_model(asked.source)
+    model = sources.model(asked.source)
     uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
     if asked.source == "arm":
-        table = quiet = _arm(asked, plan)
+        table = quiet = _arm(asked, plan, sources)
         truth = {}
     elif asked.source == "rod":
         base = model.base
@@ -92,7 +111,8 @@ def data_of(
         )
         table, quiet, truth = made.table, made.quiet, dict(made.sizes)
     else:
-        table, quiet, truth = _rig(asked, plan, uneven, truth, choose_base(model, plan))
+        base = choose_base(model, plan)
+        table, quiet, truth = _rig(asked, plan, truth, base, sources)
     if asked.strange:
         table, quiet = _with(STRANGE[asked.strange], asked.strength, (table, quiet), model, asked)
     if asked.variant == "base_error":
@@ -103,7 +123,7 @@ def data_of(
 
 
 def _rig(
-    asked: Set, plan: Table, uneven: float, truth: dict[str, Any] | None, base: StiffnessMap
+    asked: Set, plan: Table, truth: dict[str, Any] | None, base: StiffnessMap, sources: Sources
 ) -> tuple[Table, Table, dict[str, Any]]:
     settings = RigSettings()
     if asked.variant == "noise":
@@ -112,16 +132,16 @@ def _rig(
             instrument=replace(
                 settings.instrument,
                 outlier_share=0.01,
-                force_noise_per_load=uneven * np.sqrt(_RIG_SAMPLES),
+                force_noise_per_load=UNEVEN_NOISE * np.sqrt(_RIG_SAMPLES),
             ),
         )
     campaign = Campaign(
         plan,
         settings,
-        fem_source(plan),
+        sources.plant(plan),
         hide=[Hidden(id, s, (truth or {}).get(id, ())) for id, s in asked.hidden],
         seed=asked.seed + (0 if truth is None else 1_000_000),
-        folder=cache_directory(),
+        folder=sources.cache(),
         base_columns=base.columns,
     )
     table = campaign.run()
@@ -134,25 +154,23 @@ def _rig(
     # rows share, would be off by up to half a count.
     silent["fts_resolution"] = (0.0,) * 6
     campaign.settings = replace(settings, instrument=replace(settings.instrument, **silent))
-    found = {
+    hidden = {
         injected.effect: tuple(sorted(injected.truth.parameters().items()))
         for injected in campaign.injected
     }
-    return table, campaign.run(), found
+    return table, campaign.run(), hidden
 
 
-def _arm(asked: Set, plan: Table) -> Table:
+def _arm(asked: Set, plan: Table, sources: Sources) -> Table:
     """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
-    from ecm.rig.arm.campaign import RobotCampaign
-
     settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
     campaign = RobotCampaign(
         plan,
         settings,
-        fem_source(plan),
+        sources.plant(plan),
         hide=[Hidden(id, s) for id, s in asked.hidden],
         seed=asked.seed,
-        folder=cache_directory(),
+        folder=sources.cache(),
     )
     for _ in campaign.lines((), 1):
         pass

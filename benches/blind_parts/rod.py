@@ -83,7 +83,7 @@ class Section:
     curvature: tuple[float, float] = (0.0, 0.0)
     """Natural curvature, 1/m, about the body's y and z."""
     face_tilt: tuple[float, float] = (0.0, 0.0)
-    """Of the clamped face, about y and z; it is the body's own end, which a remount turns."""
+    """Tilt of the clamped face about y and z; a remount turns it with the body."""
     base_shift_m: float = 0.0
     """The clamped face stands this far along x."""
     base_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)

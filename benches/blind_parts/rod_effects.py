@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind_parts.rod import cross, turn, turn_back
-from blind_parts.rod_course import Course
-from blind_parts.rod_world import Physics, World
+from blind_parts.rod_state import Physics, RodState
+from blind_parts.rod_visits import Visits
 
 F = NDArray[np.float64]
 Made = tuple[float, Callable[[float], Physics]]
-Draw = Callable[[np.random.Generator, World], Made]
+Draw = Callable[[np.random.Generator, RodState], Made]
 G = np.array([-9.81, 0.0, 0.0])
 
 
@@ -35,7 +35,7 @@ def _section(first: float, **names: Callable[[float], object]) -> Made:
     return first, lambda size: Physics({name: make(size) for name, make in names.items()})
 
 
-def _factor(first: float, law: Callable[[float, Course], F]) -> Made:
+def _factor(first: float, law: Callable[[float, Visits], F]) -> Made:
     def physics(size: float) -> Physics:
         return Physics(wrench=[lambda h, p, c: h * law(size, c)[:, None]])
 
@@ -43,54 +43,54 @@ def _factor(first: float, law: Callable[[float, Course], F]) -> Made:
 
 
 # --- body ---------------------------------------------------------------------------------------
-def anisotropy(random: np.random.Generator, world: World) -> Made:
+def anisotropy(random: np.random.Generator, rod_state: RodState) -> Made:
     """Second moments of area that differ about two axes."""
     angle = float(random.uniform(0.0, np.pi))
     return _section(0.02, uneven=lambda s: s, uneven_angle_rad=lambda s: angle)
 
 
-def strain_stiffening(random: np.random.Generator, world: World) -> Made:
+def strain_stiffening(random: np.random.Generator, rod_state: RodState) -> Made:
     return _section(0.1, hardening=lambda s: s)
 
 
-def compressibility(random: np.random.Generator, world: World) -> Made:
+def compressibility(random: np.random.Generator, rod_state: RodState) -> Made:
     sign = _sign(random)
     return _section(0.02, twist_share=lambda s: sign * s)
 
 
-def pretension(random: np.random.Generator, world: World) -> Made:
+def pretension(random: np.random.Generator, rod_state: RodState) -> Made:
     sign = _sign(random)
     return _section(1e-3, free_stretch=lambda s: sign * s)
 
 
-def taper(random: np.random.Generator, world: World) -> Made:
+def taper(random: np.random.Generator, rod_state: RodState) -> Made:
     sign = _sign(random)
     return _section(0.02, taper=lambda s: sign * s)
 
 
-def length_error(random: np.random.Generator, world: World) -> Made:
+def length_error(random: np.random.Generator, rod_state: RodState) -> Made:
     sign = _sign(random)
     return _section(1e-4, base_shift_m=lambda s: sign * s)
 
 
-def diameter_error(random: np.random.Generator, world: World) -> Made:
+def diameter_error(random: np.random.Generator, rod_state: RodState) -> Made:
     sign = _sign(random)
     return _section(0.01, thicker=lambda s: sign * s)
 
 
-def face_tilt(random: np.random.Generator, world: World) -> Made:
+def face_tilt(random: np.random.Generator, rod_state: RodState) -> Made:
     a = float(random.uniform(0.0, 2.0 * np.pi))
     return _section(2e-3, face_tilt=lambda s: (s * np.cos(a), s * np.sin(a)))
 
 
-def pre_curvature(random: np.random.Generator, world: World) -> Made:
+def pre_curvature(random: np.random.Generator, rod_state: RodState) -> Made:
     a = float(random.uniform(0.0, 2.0 * np.pi))
     return _section(0.02, curvature=lambda s: (s * np.cos(a), s * np.sin(a)))
 
 
-def base_compliance(random: np.random.Generator, world: World) -> Made:
+def base_compliance(random: np.random.Generator, rod_state: RodState) -> Made:
     shares = random.uniform([0.1, 0.8, 0.8], [0.4, 1.2, 1.2])
-    give = random.uniform([0.0, 0.02, 0.02], [0.01, 0.06, 0.06]) * world.section.length_m**2
+    give = random.uniform([0.0, 0.02, 0.02], [0.01, 0.06, 0.06]) * rod_state.section.length_m**2
     return _section(
         5e-4,
         base_turn=lambda s: tuple(s * shares),
@@ -98,39 +98,39 @@ def base_compliance(random: np.random.Generator, world: World) -> Made:
     )
 
 
-def own_weight(random: np.random.Generator, world: World) -> Made:
-    return _section(0.3, weight_N_m=lambda s: (-9.81 * s / world.section.length_m, 0.0, 0.0))
+def own_weight(random: np.random.Generator, rod_state: RodState) -> Made:
+    return _section(0.3, weight_N_m=lambda s: (-9.81 * s / rod_state.section.length_m, 0.0, 0.0))
 
 
-def debonding(random: np.random.Generator, world: World) -> Made:
+def debonding(random: np.random.Generator, rod_state: RodState) -> Made:
     """The bond lifts off in tension: softer on one side."""
     return _section(0.05, lift_off=lambda s: s)
 
 
 # --- history ------------------------------------------------------------------------------------
-def temperature_modulus(random: np.random.Generator, world: World) -> Made:
+def temperature_modulus(random: np.random.Generator, rod_state: RodState) -> Made:
     """Williams, Landel and Ferry: a shift of the modulus, bent in T."""
-    mean = float(world.first.temperature_degC.mean())
+    mean = float(rod_state.first.temperature_degC.mean())
 
-    def law(size: float, c: Course) -> F:
+    def law(size: float, c: Visits) -> F:
         change = c.temperature_degC - mean
         return np.asarray(np.exp(-size * 60.0 * change / (60.0 + change)))
 
     return _factor(0.01, law)
 
 
-def ageing(random: np.random.Generator, world: World) -> Made:
-    end = float(world.first.time_s[-1]) * float(random.uniform(0.5, 1.5))
+def ageing(random: np.random.Generator, rod_state: RodState) -> Made:
+    end = float(rod_state.first.time_s[-1]) * float(random.uniform(0.5, 1.5))
     sign = _sign(random)
     return _factor(0.02, lambda size, c: 1.0 - sign * size * np.expm1(-c.time_s / end))
 
 
-def stress_relaxation(random: np.random.Generator, world: World) -> Made:
+def stress_relaxation(random: np.random.Generator, rod_state: RodState) -> Made:
     """Generalised Maxwell: the hereditary integral over the whole path, home and back included."""
     taus = np.array([1.2, 9.0, 70.0]) * random.uniform(0.7, 1.4, 3)
     shares = random.dirichlet([4.0, 4.0, 4.0])
 
-    def held(h: F, c: Course) -> F:
+    def held(h: F, c: Visits) -> F:
         state, here = np.zeros((3, 6)), np.zeros(6)
         out = np.zeros_like(h)
         for i, way in enumerate(c.ways):
@@ -148,14 +148,14 @@ def stress_relaxation(random: np.random.Generator, world: World) -> Made:
     return 0.05, lambda size: Physics(wrench=[lambda h, p, c: h + size * held(h, c)])
 
 
-def hysteresis(random: np.random.Generator, world: World) -> Made:
+def hysteresis(random: np.random.Generator, rod_state: RodState) -> Made:
     """Bouc-Wen, each coordinate by itself, along the way from pose to pose."""
-    length = world.section.length_m
+    length = rod_state.section.length_m
     reach = float(random.uniform(0.02, 0.05)) * length
     power = float(random.uniform(1.0, 2.0))
     metric = np.array([1.0, 1.0, 1.0, length, length, length])
 
-    def states(c: Course) -> F:
+    def states(c: Visits) -> F:
         z, here = np.zeros(6), c.rest
         out = np.zeros((len(c.poses), 6))
         for i, way in enumerate(c.ways):
@@ -175,8 +175,8 @@ def hysteresis(random: np.random.Generator, world: World) -> Made:
             out[i] = z
         return out
 
-    kept = states(world.course)
-    s = world.section
+    kept = states(rod_state.visits)
+    s = rod_state.section
     stiffness = np.array(
         [s.axial_N, 0.2 * s.shear_N, 0.2 * s.shear_N, s.torsion_Nm2, s.bending_Nm2, s.bending_Nm2]
     ) / np.array([length] * 3 + [length] * 3)
@@ -187,25 +187,25 @@ def hysteresis(random: np.random.Generator, world: World) -> Made:
     return 1e-4, physics
 
 
-def mullins_softening(random: np.random.Generator, world: World) -> Made:
+def mullins_softening(random: np.random.Generator, rod_state: RodState) -> Made:
     """Softer below the largest bend so far: a hyperbolic tangent of what is lacking to it."""
-    bend = np.linalg.norm(world.course.poses[:, 3:], axis=1)
-    bend = np.where(world.loaded, bend, 0.0)
+    bend = np.linalg.norm(rod_state.visits.poses[:, 3:], axis=1)
+    bend = np.where(rod_state.loaded, bend, 0.0)
     largest = np.maximum.accumulate(bend)
-    first = len(world.first.poses)
+    first = len(rod_state.first.poses)
     width = float(random.uniform(0.2, 0.5)) * float(largest[:first].max())
     return _factor(0.03, lambda size, c: 1.0 - size * np.tanh((largest - bend) / width))
 
 
-def permanent_set(random: np.random.Generator, world: World) -> Made:
+def permanent_set(random: np.random.Generator, rod_state: RodState) -> Made:
     """Creep that stays: the rest pose follows each large pose a little."""
-    course = world.course
-    length = course.rest[0]
+    visits = rod_state.visits
+    length = visits.rest[0]
     metric = np.array([1.0, 1.0, 1.0, length, length, length])
-    away = (course.poses - course.rest) * world.loaded[:, None]
+    away = (visits.poses - visits.rest) * rod_state.loaded[:, None]
     far = np.linalg.norm(away * metric, axis=1)
-    first = len(world.first.poses)
-    limit = float(np.quantile(far[:first][world.loaded[:first]], random.uniform(0.6, 0.8)))
+    first = len(rod_state.first.poses)
+    limit = float(np.quantile(far[:first][rod_state.loaded[:first]], random.uniform(0.6, 0.8)))
     flow = np.maximum(0.0, 1.0 - limit / np.maximum(far, 1e-12))[:, None] * away
     total = np.cumsum(flow, axis=0)
     total = np.concatenate([np.zeros((1, 6)), total[:-1]])
@@ -213,12 +213,12 @@ def permanent_set(random: np.random.Generator, world: World) -> Made:
     return 1e-4, lambda size: Physics(felt=[lambda p, _, c: p - size * total])
 
 
-def platform_slip(random: np.random.Generator, world: World) -> Made:
-    at = float(random.uniform(0.3, 0.7)) * float(world.first.time_s[-1])
+def platform_slip(random: np.random.Generator, rod_state: RodState) -> Made:
+    at = float(random.uniform(0.3, 0.7)) * float(rod_state.first.time_s[-1])
     direction = _unit(random, 6) * np.repeat([1.0, 10.0], 3)
 
     def physics(size: float) -> Physics:
-        def felt(p: F, _: F, c: Course) -> F:
+        def felt(p: F, _: F, c: Visits) -> F:
             jump = size * direction * (c.time_s > at)[:, None]
             matrices = turn(p[:, 3:])
             place = p[:, :3] + np.einsum("nij,nj->ni", matrices, jump[:, :3])
@@ -230,15 +230,15 @@ def platform_slip(random: np.random.Generator, world: World) -> Made:
 
 
 # --- surroundings -------------------------------------------------------------------------------
-def contact_stop(random: np.random.Generator, world: World) -> Made:
+def contact_stop(random: np.random.Generator, rod_state: RodState) -> Made:
     """A ring that the platform's rim meets beyond a tilt: a true kink, with Coulomb friction."""
-    poses = world.first.poses
+    poses = rod_state.first.poses
     tilt = np.linalg.norm(poses[:, 4:], axis=1)
-    limit = float(np.quantile(tilt[world.first.loaded], random.uniform(0.5, 0.75)))
+    limit = float(np.quantile(tilt[rod_state.first.loaded], random.uniform(0.5, 0.75)))
     friction, radius = float(random.uniform(0.1, 0.3)), 0.033
 
     def physics(size: float) -> Physics:
-        def push(h: F, p: F, c: Course) -> F:
+        def push(h: F, p: F, c: Visits) -> F:
             angle = np.linalg.norm(p[:, 4:], axis=1)
             depth = radius * np.maximum(0.0, angle - limit)
             side = np.zeros_like(p[:, :3])
@@ -258,11 +258,11 @@ def contact_stop(random: np.random.Generator, world: World) -> Made:
     return 2000.0, physics
 
 
-def payload(random: np.random.Generator, world: World) -> Made:
+def payload(random: np.random.Generator, rod_state: RodState) -> Made:
     centre = random.uniform([0.01, -0.02, -0.02], [0.06, 0.02, 0.02])
 
     def physics(size: float) -> Physics:
-        def weight(h: F, p: F, c: Course) -> F:
+        def weight(h: F, p: F, c: Visits) -> F:
             force = np.tile(-size * G, (len(p), 1)) * c.asked.payload_on[:, None]
             arm = np.einsum("nij,j->ni", turn(p[:, 3:]), centre)
             return np.concatenate([force, cross(arm, force)], axis=1)
@@ -272,7 +272,7 @@ def payload(random: np.random.Generator, world: World) -> Made:
     return 0.1, physics
 
 
-def cable_drag(random: np.random.Generator, world: World) -> Made:
+def cable_drag(random: np.random.Generator, rod_state: RodState) -> Made:
     """A cable: its hanging weight, and a pull that grows with the square of its stretch."""
     azimuth = float(random.uniform(0.0, 2.0 * np.pi))
     away = np.array([0.05, 0.25 * np.cos(azimuth), 0.25 * np.sin(azimuth)])
@@ -281,7 +281,7 @@ def cable_drag(random: np.random.Generator, world: World) -> Made:
     heavy = float(random.uniform(0.005, 0.02))
 
     def physics(size: float) -> Physics:
-        def pull(h: F, p: F, c: Course) -> F:
+        def pull(h: F, p: F, c: Visits) -> F:
             arm = np.einsum("nij,j->ni", turn(p[:, 3:]), arm_top)
             way = c.rest[:3] + away - (p[:, :3] + arm)
             long = np.linalg.norm(way, axis=1, keepdims=True)

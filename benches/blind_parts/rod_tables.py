@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from blind_parts.rod import Section
-from blind_parts.rod_course import Asked, Course, gone_on, lay_out
+from blind_parts.rod import Section, turn, turn_back
 from blind_parts.rod_effects import BODY
 from blind_parts.rod_instruments import INSTRUMENTS, occluded
-from blind_parts.rod_world import (
+from blind_parts.rod_state import (
     COUNT,
     FORCE_SD_N,
     POSITION_SD_M,
@@ -22,9 +22,10 @@ from blind_parts.rod_world import (
     SENSOR_IN_TOP,
     TORQUE_SD_NM,
     Physics,
-    World,
+    RodState,
     measured,
 )
+from blind_parts.rod_visits import Asked, Visits, gone_on, lay_out
 from blind_parts.strength import Strength
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
@@ -86,34 +87,34 @@ def rod_table(
     """
     visit = 0 if before is None else 1
     rest = np.array([Section().length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    course = lay_out(asked_of(plan), rest, np.random.default_rng([seed, 77, visit]))
-    first = course
+    visits = lay_out(asked_of(plan), rest, np.random.default_rng([seed, 77, visit]))
+    first = visits
     if before is not None:
         first = lay_out(asked_of(before), rest, np.random.default_rng([seed, 77, 0]))
-        course = gone_on(first, course)
+        visits = gone_on(first, visits)
     own_rows = slice(0 if before is None else len(first.poses), None)
     lens_azimuth_rad = float(np.random.default_rng(seed).uniform(0.0, 6.28))
-    world = World(course, Section(), first, lens_azimuth_rad)
-    rows = np.asarray([kind == "pose" for kind in course.asked.kind])
-    covariance = world.covariance()[rows[world.loaded]]
-    strength = Strength(covariance, base_columns(course.poses[rows]))
-    plain = _excess(world, Physics())[rows]
+    rod_state = RodState(visits, Section(), first, lens_azimuth_rad)
+    rows = np.asarray([kind == "pose" for kind in visits.asked.kind])
+    covariance = rod_state.covariance()[rows[rod_state.loaded]]
+    strength = Strength(covariance, base_columns(visits.poses[rows]))
+    plain = _excess(rod_state, Physics())[rows]
     physics, found = Physics(), {}
     for id, s in hidden:
         own = np.random.default_rng([seed, 79, sorted(EFFECTS).index(id)])
-        start, make = EFFECTS[id](own, world)
+        start, make = EFFECTS[id](own, rod_state)
 
         def change(size: float, make: Callable[[float], Physics] = make) -> F:
-            return np.asarray(_excess(world, make(size))[rows] - plain)
+            return np.asarray(_excess(rod_state, make(size))[rows] - plain)
 
         known = sizes is not None and id in sizes
         found[id] = sizes[id] if sizes and known else strength.size(change, start, s)
         physics = _joined(physics, make(found[id]))
     noise = np.random.default_rng([seed, 78, visit])
-    poses, wrenches = measured(world, physics, noise, uneven_noise=uneven_noise)
+    poses, wrenches = measured(rod_state, physics, noise, uneven_noise=uneven_noise)
     meta = _meta(plan)
-    quiet_poses, quiet_wrenches = world.readings(physics)
-    build = _Build(course, own_rows, meta, lens_azimuth_rad)
+    quiet_poses, quiet_wrenches = rod_state.readings(physics)
+    build = _Build(visits, own_rows, meta, lens_azimuth_rad)
     return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found, covariance)
 
 
@@ -157,17 +158,15 @@ def asked_of(plan: Table) -> Asked:
     )
 
 
-def _excess(world: World, physics: Physics) -> F:
+def _excess(rod_state: RodState, physics: Physics) -> F:
     """Readings without noise minus the ideal rod at the pose that was seen, first order."""
-    poses, wrenches = world.readings(physics)
+    poses, wrenches = rod_state.readings(physics)
     ideal = np.zeros_like(wrenches)
-    ideal[world.loaded] = world.elastic
-    true = world.course.poses
-    from blind_parts.rod import turn, turn_back
-
+    ideal[rod_state.loaded] = rod_state.elastic
+    true = rod_state.visits.poses
     angle = turn_back(turn(poses[:, 3:]) @ np.swapaxes(turn(true[:, 3:]), 1, 2))
-    step = np.concatenate([poses[:, :3] - true[:, :3], angle], axis=1)[world.loaded]
-    ideal[world.loaded] += np.einsum("nij,nj->ni", world.screw, step)
+    step = np.concatenate([poses[:, :3] - true[:, :3], angle], axis=1)[rod_state.loaded]
+    ideal[rod_state.loaded] += np.einsum("nij,nj->ni", rod_state.screw, step)
     return wrenches - ideal
 
 
@@ -185,9 +184,9 @@ def _joined(a: Physics, b: Physics) -> Physics:
 class _Build:
     """The columns that a table has whatever was measured."""
 
-    def __init__(self, course: Course, rows: slice, meta: Meta, lens_azimuth_rad: float) -> None:
+    def __init__(self, visits: Visits, rows: slice, meta: Meta, lens_azimuth_rad: float) -> None:
         self._rows = rows
-        asked = course.asked
+        asked = visits.asked
         seen: dict[tuple[str, int], int] = {}
         repeat = []
         for kind, id in zip(asked.kind, asked.pose_id, strict=True):
@@ -197,17 +196,17 @@ class _Build:
             source if kind == "pose" else "initial"
             for source, kind in zip(asked.approach, asked.kind, strict=True)
         ]
-        hidden = occluded(course.poses, lens_azimuth_rad)
+        hidden = occluded(visits.poses, lens_azimuth_rad)
         self._columns: dict[str, Any] = {
             "pose_id": asked.pose_id.astype(np.float64),
             "run": asked.run.astype(np.float64),
             "repeat": np.asarray(repeat, dtype=np.float64),
-            "time_s": course.time_s,
-            "dwell_s": course.dwell_s,
+            "time_s": visits.time_s,
+            "dwell_s": visits.dwell_s,
             "approach": np.asarray(approach, dtype=object),
             "kind": np.asarray(asked.kind, dtype=object),
-            "temperature_degC": course.temperature_degC,
-            "sensor_temperature_degC": course.sensor_degC,
+            "temperature_degC": visits.temperature_degC,
+            "sensor_temperature_degC": visits.sensor_degC,
             "leds_visible": 9.0 - hidden,
         }
         runs: dict[int, dict[str, Any]] = {}
@@ -236,8 +235,6 @@ class _Build:
 
 
 def _meta(plan: Table) -> Meta:
-    from scipy.spatial.transform import Rotation
-
     lever, angle = SENSOR_IN_TOP
     quaternion = Rotation.from_rotvec(angle).as_quat(scalar_first=True)
     return Meta(

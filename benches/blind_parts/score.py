@@ -15,7 +15,7 @@ GOALS_TWO = {0.5: 0.85, 1.0: 0.93}
 GOALS_FOREIGN = {0.5: 0.20, 1.0: 0.05}
 OURS = "ours"
 ON_THESE = "ours on the same sets"
-"""Of the simpler methods, where they were run on some sets only."""
+"""Ours on the sets of the simpler methods, where these were run on some sets only."""
 FEM_BASE = "FEM base"
 """Ours with the solid of the rod's size as base, on the rod's sets."""
 Result = dict[str, Any]

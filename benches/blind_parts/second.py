@@ -129,7 +129,7 @@ def _readings(
 
 
 def _size(truth: Any) -> float:
-    """Of what a source hid: the rod tells a number, the rig its parameters."""
+    """Return the size of what a source hid: a number for the rod, parameters for the rig."""
     if truth is None:
         return 0.0
     return float(truth) if isinstance(truth, (int, float)) else float(dict(truth)["size"])

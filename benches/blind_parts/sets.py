@@ -52,7 +52,7 @@ class Set:
 
     @property
     def seed(self) -> int:
-        """Of the data."""
+        """Seed of the data."""
         return 10_000 * (self.tier + 1) + self.index
 
     @property

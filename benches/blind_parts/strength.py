@@ -14,7 +14,7 @@ F = NDArray[np.float64]
 
 
 class Strength:
-    """Of effects (N, 6) on rows with covariance (N, 6, 6), beside base columns (N, 6, k)."""
+    """Strength of effects (N, 6) on rows with covariance (N, 6, 6), beside a base (N, 6, k)."""
 
     def __init__(self, covariance: F, base: F) -> None:
         self._white = np.linalg.inv(np.linalg.cholesky(covariance))

@@ -88,7 +88,10 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> N
     same_tables(tmp_path / "plan.csv", planned.plan)
     document = json.loads((tmp_path / "plan.json").read_text())
     assert document == json.loads(json.dumps(planned.to_dict()))
-    assert planned.design.sentence() in done.out
+    assert str(planned) in done.out
+    assert len(planned.to_pandas()) == len(planned.plan)
+    candidates, chosen = planned.plot("x_m", "theta_z_rad").data
+    assert (len(candidates.x), len(chosen.x)) == (80, 9)
     assert not set(planned.design.indices.tolist()) & set(range(5))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.diagnosis import diagnose
-from ecm.effects import Rows, effect, get_effect, unregister
+from ecm.effects import (
+    LinearEffect,
+    Parameter,
+    Rows,
+    effect,
+    get_effect,
+    register,
+    unregister,
+    with_shape,
+)
+from ecm.effects.protocol import needs_columns, needs_full, needs_varying, optional
 from ecm.errors import InputError
 from ecm.io.columns import WRENCH
 from ecm.io.table import Table
@@ -85,3 +96,41 @@ def test_it_stands_in_a_class_with_what_looks_alike() -> None:
     assert found.verdict == "ambiguous"
     assert {"payload", "weight"} <= set(found.answer[0]), found.sentence()
     assert any({"payload", "weight"} == set(pair) for pair in found.confusable)
+
+
+@dataclass(eq=False)
+class Tide(LinearEffect):
+    """An effect with a shape: the moment of the flood, and a place that is left out by default."""
+
+    id = "tide"
+    physics = "The sea lifts the rig."
+    parameters = (Parameter("lift", "N", 1.0),)
+    requires = (needs_full, needs_columns("moon", "sun"), needs_varying("time_s", 1.0))
+
+    at_s: float = 0.0
+    place: str = optional("harbour")
+
+    def columns(self, rows: Rows) -> F:
+        return np.zeros((len(rows), 6, 1))
+
+
+def test_the_fields_are_the_shape_and_the_first_need_that_fails_is_the_reason() -> None:
+    register(Tide())
+    try:
+        assert Tide().shape == {"at_s": 0.0}
+        assert Tide(3.0, "beach").shape == {"at_s": 3.0, "place": "beach"}
+        again = with_shape("tide", {"at_s": 3.0, "place": "beach"})
+        assert again.shape == {"at_s": 3.0, "place": "beach"}
+        with pytest.raises(InputError, match="shape"):
+            with_shape("tide", {"hour": 1.0})
+    finally:
+        unregister("tide")
+    table = campaign("", 1.0, 4)
+    lacking = Tide().missing(table)
+    assert lacking is not None
+    assert (lacking.reason, lacking.record, lacking.absent) == ("no column moon", "moon, sun", True)
+    sky = table.with_columns({"moon": np.ones(len(table)), "sun": np.ones(len(table))})
+    assert Tide().missing(sky) is None
+    still = Tide().missing(sky.with_columns({"time_s": np.zeros(len(table))}))
+    assert still is not None
+    assert still.reason == "time_s does not vary"

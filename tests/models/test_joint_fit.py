@@ -1,4 +1,4 @@
-"""Add and refit: values, errors, freezing, bounds, shapes and the error ladder."""
+"""Add and refit: values, errors, freezing, bounds, shapes and the history of fits."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_frozen_values_stay_and_the_rest_moves() -> None:
     assert loose.base.coefficients[0] != 1.0
 
 
-def test_with_all_frozen_the_ladder_still_gets_its_rung() -> None:
+def test_with_all_frozen_the_history_still_gets_its_record() -> None:
     """Nothing to fit is no error: how far the model as it stands is from these rows."""
     table = campaign("payload", 1.0, 0)
     (bare,) = model().freeze("base").fit(table).history
@@ -105,7 +105,7 @@ def test_with_all_frozen_the_ladder_still_gets_its_rung() -> None:
     assert kept.correlations == ()
 
 
-def test_a_frozen_base_is_as_it_is_on_every_rung() -> None:
+def test_a_frozen_base_is_the_same_in_every_record() -> None:
     """Else what the base could take would be missing from the worth of the addition."""
     table = campaign("payload", 1.0, 0)
     stiff = physics().with_coefficients(1.02 * physics().coefficients)
@@ -117,7 +117,7 @@ def test_a_frozen_base_is_as_it_is_on_every_rung() -> None:
     assert f"chi2 falls by {bare.chi2 - after.chi2:.1f} with 4 parameters more" in after.test
 
 
-def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:
+def test_the_error_falls_to_the_noise_floor_and_fits_can_be_undone() -> None:
     table = campaign("fts_drift", 1.0, 1)
     better = model().add("fts_drift").fit(table)
     before, after = better.history
@@ -136,9 +136,9 @@ def test_the_ladder_falls_to_the_floor_and_can_be_climbed_back() -> None:
 
 def test_an_effect_that_is_not_there_costs_held_out_error() -> None:
     table = campaign(seed=3)
-    ladder = model().add("fts_gain").fit(table).history
-    assert ladder[1].train <= ladder[0].train
-    assert ladder[1].held_out > ladder[0].held_out - 0.003
+    history = model().add("fts_gain").fit(table).history
+    assert history[1].train <= history[0].train
+    assert history[1].held_out > history[0].held_out - 0.003
 
 
 def test_the_best_shape_is_taken_and_kept() -> None:
@@ -177,7 +177,7 @@ def test_an_addition_is_tested_at_once_and_can_be_undone_by_name() -> None:
     table = campaign("payload", 1.0, 0)
     first = model().add("payload").fit(table)
     second = first.add("fts_gain").fit(table)
-    gained, useless = (rung.test for rung in second.history[1:])
+    gained, useless = (record.test for record in second.history[1:])
     assert "4 parameters more" in gained
     fall = float(gained.split("chi2 falls by ")[1].split()[0])
     before, after = second.history[:2]

@@ -36,7 +36,13 @@ _LEVEL = 0.9
 
 @dataclass(frozen=True)
 class Component:
-    """One wrench component, in its unit."""
+    """Errors of one wrench component, in its unit.
+
+    Examples
+    --------
+    >>> Component("fx_N", 1.25, 0.0, 0.75, 1.0, 0.9, 1.1, None).excess
+    1.0
+    """
 
     name: str
     rmse: float
@@ -68,6 +74,16 @@ class Comparison:
 
     `print` shows one sentence, `plot` the residuals, `to_pandas` the components, `where` where the
     model fails, and `to_dict` is the report.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 1e10 * x**3})
+    >>> result = ecm.compare(ecm.fit_model(table, "linear"), table)
+    >>> len(result.where().worst(3))
+    3
     """
 
     model: str

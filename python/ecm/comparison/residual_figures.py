@@ -20,29 +20,37 @@ _FRAMES = {"base": "base axes", "top": "top axes"}
 
 
 def residual_figure(
-    found: ResidualMaps,
+    maps: ResidualMaps,
     variable: str | None = None,
     *,
     frame: str = "base",
     over_noise: bool = True,
     predicted: F | None = None,
 ) -> dict[str, Any]:
-    """One panel per component against a variable; a menu changes variable, frame and unit."""
-    variable = found.strongest()[0] if variable is None else variable
-    columns = found.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
-    curves = [] if predicted is None else _predicted(found, columns, variable)
-    data = [*_panels(found, columns, variable), *curves]
-    layout = draw.component_layout(found.outputs, "" if curves else None)
+    """Return one panel per component against a variable; menus change variable, frame and unit.
+
+    Parameters are those of `ResidualMaps.residual_map`.
+
+    Returns
+    -------
+    dict
+        A plotly figure as plain values.
+    """
+    variable = maps.strongest()[0] if variable is None else variable
+    columns = maps.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
+    curves = [] if predicted is None else _predicted(maps, columns, variable)
+    data = [*_panels(maps, columns, variable), *curves]
+    layout = draw.component_layout(maps.outputs, "" if curves else None)
     layout["annotations"].append(_x_title(variable))
     last = len(layout["annotations"]) - 1
-    names = list(found.variables)
+    names = list(maps.variables)
     menus = [
         _menu(0.0, [
             {
                 "label": draw.plain(name),
                 "method": "update",
                 "args": [
-                    {"x": [_plain(found.variables[name])]},
+                    {"x": [_plain(maps.variables[name])]},
                     {f"annotations[{last}].text": _x_title(name)["text"]},
                 ],
             }
@@ -50,12 +58,10 @@ def residual_figure(
         ], names.index(variable))
     ]  # fmt: skip
     if not curves:
-        kinds = [
-            (key, unit) for key in found.physical for unit in ("over its noise", "in its unit")
-        ]
+        kinds = [(key, unit) for key in maps.physical for unit in ("over its noise", "in its unit")]
         buttons = []
         for key, unit in kinds:
-            values = (found.over_noise if unit == "over its noise" else found.physical)[key]
+            values = (maps.over_noise if unit == "over its noise" else maps.physical)[key]
             arrays = [_plain(values[:, j]) for j in range(values.shape[1])]
             label = f"{_FRAMES[key]}, {unit}"
             buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
@@ -65,46 +71,46 @@ def residual_figure(
     return {"data": data, "layout": layout}
 
 
-def residual_section(found: ResidualMaps, variables: Sequence[str] = ()) -> Section:
-    """Maps, signature, residual stiffness and the worst rows.
+def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Section:
+    """Return the section of maps, signature, residual stiffness and the worst rows.
 
     Parameters
     ----------
     variables
-        What to draw the residual against; default what it follows most, each alone.
+        Variables to draw the residual against; default: those that it follows most.
     """
-    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
+    blocks: list[Block] = [TextBlock(maps.sentence(), strong=True)]
     linked = "Click a point, or a row of the table, to mark that row everywhere; again to clear."
-    given = [name for name in variables if name in found.variables]
-    first, *second = (given or found.strongest())[:_DRAWN]
+    given = [name for name in variables if name in maps.variables]
+    first, *second = (given or maps.strongest())[:_DRAWN]
     blocks.append(
         FigureBlock(
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
             f"the axes and the unit. {linked}",
-            residual_figure(found, first),
+            residual_figure(maps, first),
         )
     )
     blocks += [
-        FigureBlock("The same against another variable.", residual_figure(found, name))
+        FigureBlock("The same against another variable.", residual_figure(maps, name))
         for name in second
     ]
-    if "theta_z_rad" in found.variables and "theta_y_rad" in found.variables:
+    if "theta_z_rad" in maps.variables and "theta_y_rad" in maps.variables:
         blocks.append(
             FigureBlock(
                 "Where in the workspace: the larger the marker, the larger the row's residual "
                 "over its noise.",
-                workspace_figure(found),
+                workspace_figure(maps),
             )
         )
-    if found.shares:
+    if maps.shares:
         blocks.append(
             FigureBlock(
                 "Share of the residual, beyond chance, that each signature explains alone; shares "
                 "overlap.",
-                signature_figure(found),
+                signature_figure(maps),
             )
         )
-    if (lacking := stiffness_figure(found)) is not None:
+    if (lacking := stiffness_figure(maps)) is not None:
         blocks.append(
             FigureBlock(
                 "Stiffness ΔK at rest that the model lacks, ± its standard deviation, in N and "
@@ -112,9 +118,9 @@ def residual_section(found: ResidualMaps, variables: Sequence[str] = ()) -> Sect
                 lacking,
             )
         )
-    worst = found.worst()
+    worst = maps.worst()
     header = ["row", "residual / noise", "component", "residual"]
-    header += ["leverage"] if found.leverage is not None else []
+    header += ["leverage"] if maps.leverage is not None else []
     blocks.append(
         TableBlock(
             "The ten worst rows of the table.",
@@ -135,7 +141,7 @@ def residual_section(found: ResidualMaps, variables: Sequence[str] = ()) -> Sect
     return Section("Where", blocks)
 
 
-def _panels(found: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
+def _panels(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
     return [
         {
             "type": "scatter",
@@ -148,17 +154,15 @@ def _panels(found: ResidualMaps, columns: Mapping[str, F], variable: str) -> lis
             "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
             "unselected": {"marker": {"opacity": 0.35}},
             "meta": LINK,
-            "customdata": found.row.tolist(),
+            "customdata": maps.row.tolist(),
             "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
             **draw.panel_axes(j),
         }
-        for j, name in enumerate(found.outputs)
+        for j, name in enumerate(maps.outputs)
     ]
 
 
-def _predicted(
-    found: ResidualMaps, columns: Mapping[str, F], variable: str
-) -> list[dict[str, Any]]:
+def _predicted(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list[dict[str, Any]]:
     return [
         {
             "type": "scatter",
@@ -169,38 +173,38 @@ def _predicted(
             "legendgroup": "predicted",
             "showlegend": j == 0,
             "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
-            "customdata": found.row.tolist(),
+            "customdata": maps.row.tolist(),
             "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
             **draw.panel_axes(j),
         }
-        for j, name in enumerate(found.outputs)
+        for j, name in enumerate(maps.outputs)
     ]
 
 
-def workspace_figure(found: ResidualMaps) -> dict[str, Any]:
-    """The rows in views of the workspace, markers as large as their residuals over the noise."""
-    columns = found.workspace_map()
+def workspace_figure(maps: ResidualMaps) -> dict[str, Any]:
+    """Return views of the workspace, with markers as large as the residuals over the noise."""
+    columns = maps.workspace_map()
     size = columns["over_noise"]
     views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
     return draw.linked_views(
         [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
          if a in columns and b in columns],
         size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
-        rows=found.row.tolist(),
+        rows=maps.row.tolist(),
         text=[f"{value:.2f} times its noise" for value in size],
         link=LINK,
     )  # fmt: skip
 
 
-def signature_figure(found: ResidualMaps) -> dict[str, Any]:
-    """One bar per signature, the largest first."""
-    shares = found.signature_map()
+def signature_figure(maps: ResidualMaps) -> dict[str, Any]:
+    """Return one bar per signature, the largest first."""
+    shares = maps.signature_map()
     return draw.bars({"share": list(shares.values())}, list(shares), y_title="share")
 
 
-def stiffness_figure(found: ResidualMaps) -> dict[str, Any] | None:
-    """Residual stiffness in numbers, bold and coloured beyond three standard deviations."""
-    known = found.stiffness_map()
+def stiffness_figure(maps: ResidualMaps) -> dict[str, Any] | None:
+    """Return the residual stiffness in numbers, coloured beyond three standard deviations."""
+    known = maps.stiffness_map()
     if known is None:
         return None
     rows, names = ["fx", "fy", "fz", "τx", "τy", "τz"], ["x", "y", "z", "θx", "θy", "θz"]

@@ -22,7 +22,18 @@ _WORTH_SAYING = 0.05
 
 @dataclass(frozen=True)
 class ResidualMaps:
-    """Residuals, measured minus predicted: N measured poses in file order, m components."""
+    """Residuals, measured minus predicted: N measured poses in file order, m components.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 20)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 1e10 * x**3})
+    >>> maps = ecm.compare(ecm.fit_model(table, "linear"), table).where()
+    >>> sorted(maps.residual_map("x_m"))
+    ['fx_N', 'row', 'x_m']
+    """
 
     outputs: tuple[str, ...]
     row: I

@@ -27,28 +27,28 @@ _MEANING = {
 }
 
 
-def compare_section(found: Comparison, warnings: Sequence[str]) -> Section:
-    """One sentence, the error of each component against its noise, and warnings."""
-    names = [item.name for item in found.components]
+def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
+    """Return one sentence, the error of each component against its noise, and warnings."""
+    names = [item.name for item in result.components]
     rows = [
         [
             item.name,
             *(number(value) for value in (item.rmse, item.bias, item.floor, item.excess)),
             f"{number(item.excess_low, 2)} to {number(item.excess_high, 2)}",
-            *_lack_of_fit(found, item.lack_of_fit),
+            *_lack_of_fit(result, item.lack_of_fit),
         ]
-        for item in found.components
+        for item in result.components
     ]
     header = ["component", "RMSE", "bias", "noise floor", "excess", "90 % interval"]
-    if found.lack_of_fit is not None:
+    if result.lack_of_fit is not None:
         header += ["lack of fit F", "p"]
-    floor = np.array([item.floor for item in found.components])
+    floor = np.array([item.floor for item in result.components])
     shares: dict[str, Sequence[float]] = {
         "noise floor": [1.0] * len(names),
-        "RMSE": [item.rmse / f for item, f in zip(found.components, floor, strict=True)],
-        "excess": [item.excess / f for item, f in zip(found.components, floor, strict=True)],
+        "RMSE": [item.rmse / f for item, f in zip(result.components, floor, strict=True)],
+        "excess": [item.excess / f for item, f in zip(result.components, floor, strict=True)],
     }
-    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
+    blocks: list[Block] = [TextBlock(result.sentence(), strong=True)]
     blocks += [
         TableBlock("Residuals in the unit of each column.", header, rows),
         FigureBlock(
@@ -58,7 +58,7 @@ def compare_section(found: Comparison, warnings: Sequence[str]) -> Section:
         FigureBlock(
             "Residuals over their noise; noise alone would have a standard deviation of 1.",
             draw.histograms(
-                {"rows": found.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
+                {"rows": result.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
             ),
         ),
         *warnings_table(warnings),
@@ -66,15 +66,15 @@ def compare_section(found: Comparison, warnings: Sequence[str]) -> Section:
     return Section("Compare", blocks)
 
 
-def _lack_of_fit(found: Comparison, test: FTest | None) -> list[str]:
-    if found.lack_of_fit is None:
+def _lack_of_fit(result: Comparison, test: FTest | None) -> list[str]:
+    if result.lack_of_fit is None:
         return []
     return ["–", "–"] if test is None else [number(test.F), number(test.p, 2)]
 
 
-def references_section(found: Comparison) -> Section:
-    """Physics base, symmetric energy, ceiling and noise floor, and the family they point to."""
-    known = found.references
+def references_section(result: Comparison) -> Section:
+    """Return the errors of the reference models, and the family that they point to."""
+    known = result.references
     if known is None:
         text = "No references: they need all six pose and wrench columns and the length."
         return Section("References", [TextBlock(text)])

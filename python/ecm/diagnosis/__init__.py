@@ -1,4 +1,4 @@
-"""Which physical effect is missing: rank, search, accept, and say what cannot be told."""
+"""Which physical effect is missing: gate, rank, search, accept, classify, verdict."""
 
 from ecm.diagnosis.procedure import Stages, diagnose, find_missing
 from ecm.diagnosis.result import Diagnosis

@@ -37,7 +37,7 @@ class AcceptanceCheck:
     """It is still chosen without the most influential rows."""
     within_bounds: bool
     own_seen: bool
-    """Its own sign is seen, or its class says that it may be something plainer."""
+    """Its own sign is seen, or its plain form is in its class."""
     winners: dict[str, float] = field(repr=False)
     """Share of bootstraps that each effect wins."""
     settings: DiagnosisSettings = field(default=DEFAULTS, repr=False)
@@ -185,7 +185,7 @@ def _share(winners: dict[str, float], members: Sequence[str], settings: Diagnosi
 def _is_own_seen(
     problem: Problem, chosen: Sequence[Candidate], item: Candidate, members: Sequence[str]
 ) -> bool:
-    """Whether the effect is more than its plainer form, or its class says that it may be that."""
+    """Whether the effect explains more than its plain form, or the plain form is in its class."""
     plain = item.effect.plain_form()
     if plain is None or (plain.id != item.id and plain.id in members):
         return True

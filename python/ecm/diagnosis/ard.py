@@ -1,8 +1,8 @@
 """Which variables a residual follows: a Gaussian process with one length scale per variable (ARD).
 
 y_c ~ GP(0, s^2 exp(-sum_j w_j (u_j - u_j')^2 / 2) + n^2), the weights w_j >= 0 of the standardised
-variables u_j shared by all residual components c and found by maximum likelihood. A weight near 0
-says that the residual does not depend on that variable (Rasmussen and Williams, section 5.1).
+variables u_j shared by all residual components c, by maximum likelihood. A weight near 0 means
+that the residual does not depend on that variable (Rasmussen and Williams, section 5.1).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _FADES = 0.02
 
 
 def ard_relevance(variables: F, targets: F) -> F:
-    """(q,) share of each variable in what the process explains; sums to 1, or all 0.
+    """Return (q,) the share of each variable in what the process explains; sums to 1, or all 0.
 
     Parameters
     ----------
     variables
         (N, q), each of zero mean and unit spread.
     targets
-        (N, c) directions of the residual in which something was seen.
+        (N, c) residual along the directions in which something is seen.
     """
     take = np.linspace(0, len(variables) - 1, min(len(variables), _MOST_ROWS)).astype(np.int64)
     u = variables[take]
@@ -38,7 +38,7 @@ def ard_relevance(variables: F, targets: F) -> F:
     y = y[:, spread > 0.0] / spread[spread > 0.0]
     squares = (u[:, None, :] - u[None, :, :]) ** 2
     start = np.concatenate([np.full(u.shape[1], -2.5), [np.log(0.5), np.log(0.5)]])
-    found = minimize(
+    result = minimize(
         _negative_log_likelihood,
         start,
         args=(squares, y),
@@ -47,7 +47,7 @@ def ard_relevance(variables: F, targets: F) -> F:
         bounds=[_LOG_BOUNDS] * u.shape[1] + [(-7.0, 3.0), (-5.0, 1.0)],
         options={"maxiter": _ITERATIONS},
     )
-    return _shares(found.x, squares, y)
+    return _shares(result.x, squares, y)
 
 
 def _negative_log_likelihood(log: F, squares: F, y: F) -> tuple[float, F]:
@@ -70,14 +70,14 @@ def _negative_log_likelihood(log: F, squares: F, y: F) -> tuple[float, F]:
 
 
 def _shares(log: F, squares: F, y: F) -> F:
-    """Loss of what is explained when a variable no longer counts, over the sum of the losses."""
+    """Return the loss of what is explained without each variable, over the sum of the losses."""
     weights, signal, noise = np.exp(log[:-2]), np.exp(log[-2]), np.exp(log[-1])
     kernel = signal * np.exp(-0.5 * (squares @ weights))
     alpha = np.linalg.solve(kernel + (noise + 1e-8) * np.eye(len(y)), y)
     total = kernel @ alpha
     losses = np.zeros(len(weights))
     for j in range(len(weights)):
-        # The kernel averaged over the variable: what the other variables alone foretell.
+        # The kernel averaged over the variable: the prediction of the other variables alone.
         blind = kernel * np.exp(0.5 * weights[j] * squares[:, :, j])
         blind = blind * float(np.exp(-0.5 * weights[j] * squares[:, :, j]).mean())
         losses[j] = ((total - blind @ alpha) ** 2).mean()

@@ -1,4 +1,4 @@
-"""The base against which effects are named: one that cannot swallow them."""
+"""The base that effects are named against: one that cannot absorb them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
-    """Physics where there is a body, else a symmetric energy, else a polynomial.
+    """Choose physics where there is a body, else a symmetric energy, else a polynomial.
 
-    Of the physics E and nu are free; L and D enter only as effects. Degrees are taken by
-    generalised cross-validation: rows over fitted coefficients decide. A rod that was fitted states
-    no body: held in their ratios its sections, which took their share of what is missing, would ask
-    for an effect of their own (a payload came with a compliance that was not there).
+    E and nu of the physics are free; L and D enter only as effects. Degrees are chosen by
+    generalised cross-validation. A rod that was fitted is no physics base: its sections absorbed a
+    part of the missing effect, and with fixed ratios they would need an effect of their own.
     """
     if isinstance(model.base, PhysicsMap):
         return model.base if model.base.family is None else model.base.with_free(*FREE)

@@ -30,20 +30,20 @@ class Bounded:
 
 
 def bounded_estimate(
-    problem: Problem, chosen: Sequence[Candidate], kept: Sequence[Candidate]
+    problem: Problem, chosen: Sequence[Candidate], bounded: Sequence[Candidate]
 ) -> Bounded:
     """Fit base and chosen effects, the parameters of some of them within their bounds.
 
     Parameters
     ----------
-    kept
+    bounded
         The chosen effects whose bounds count.
     """
     fit = estimate(problem, chosen)
     theta, columns, matrix = fit.theta, fit.columns, fit.matrix
     place = {column: i for i, column in enumerate(columns)}
     lower, upper = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
-    for item in kept:
+    for item in bounded:
         for column, parameter in zip(item.columns, item.effect.parameters, strict=True):
             lower[place[column]] = parameter.lower * problem.norms[column]
             upper[place[column]] = parameter.upper * problem.norms[column]
@@ -53,12 +53,12 @@ def bounded_estimate(
     if np.all((theta >= lower) & (theta <= upper)):
         return Bounded(theta, take, np.zeros(len(take), dtype=np.bool_), free, 0.0)
     root = np.linalg.cholesky(matrix + 1e-9 * np.trace(matrix) / len(take) * np.eye(len(take)))
-    bounded = lsq_linear(
+    values = lsq_linear(
         root.T,
         np.linalg.solve(root, vector),
         bounds=(lower - _SLACK, upper + _SLACK),
         method="bvls",
     ).x
-    at_bound = (bounded <= lower + _SLACK) | (bounded >= upper - _SLACK)
-    explained = 2.0 * float(bounded @ vector) - float(bounded @ matrix @ bounded)
-    return Bounded(bounded, take, at_bound, explained, max(0.0, free - explained))
+    at_bound = (values <= lower + _SLACK) | (values >= upper - _SLACK)
+    explained = 2.0 * float(values @ vector) - float(values @ matrix @ values)
+    return Bounded(values, take, at_bound, explained, max(0.0, free - explained))

@@ -1,4 +1,4 @@
-"""Stages classify and verdict: which names stand alone, and the headline."""
+"""Stages classify and verdict: the final class of each effect, and the headline."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Verdict:
 def classify(problem: Problem, accepted: Accepted, left: Leftover) -> Accepted:
     """Widen the class of each effect where its form is in doubt, or several effects are named.
 
-    Two names that stand in for a third leave little: each needs its rivals far away.
+    Two wrong names together may explain a third effect: each needs its rivals far away.
     """
     settings = problem.settings
     if left.remains or modulus_warning(problem) or is_noisy(problem):

@@ -99,7 +99,7 @@ def confusion_class(
 
 
 class _LaterRuns:
-    """What each run that was measured after the first says about the rivals of an effect.
+    """Evidence of each run that was measured after the first, about the rivals of an effect.
 
     A chosen experiment has few rows. In the sum over all rows, of which the form of the right
     effect may leave a share as well, it would not count.

@@ -1,4 +1,4 @@
-"""What all stages found together, before it is reported."""
+"""The results of all stages together, before they are reported."""
 
 from __future__ import annotations
 

@@ -123,10 +123,10 @@ class ConfusionClass:
         least = 1.0
         for item in (form for form in self.shapes[truth] if form.columns == best.columns):
             for shape in self.shapes[rival]:
-                gained, excess, whole, explained = added.excess(item, own, self.others, shape)
+                gained, excess, total, explained = added.excess(item, own, self.others, shape)
                 # Whatever was to be expected: the data so far have not separated the two.
-                least_all = max(settings.least_bic, settings.form_share * whole)
-                chances = [_exceeds(gained, least_all, whole, settings)]
+                least_all = max(settings.least_bic, settings.form_share * total)
+                chances = [_exceeds(gained, least_all, total, settings)]
                 chances += [
                     _exceeds(
                         float(e),
@@ -229,8 +229,8 @@ class _Added:
         gained = squares_left_after(self.matrix, at, own, more) - squares_left_after(
             self.old, at, own, more
         )
-        whole = squares_left_after(self.matrix, at, own, rest)
-        return gained, excess.astype(np.float64), whole, explained.astype(np.float64)
+        total = squares_left_after(self.matrix, at, own, rest)
+        return gained, excess.astype(np.float64), total, explained.astype(np.float64)
 
     def _after(self, at: Sequence[int], own: F, fixed: Sequence[int]) -> F:
         """(r,) what a fit of the fixed columns to all rows leaves of columns `at` @ own."""

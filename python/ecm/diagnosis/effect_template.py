@@ -1,4 +1,4 @@
-"""A first draft of an effect of one's own, from what the residual follows."""
+"""Effect template: a first draft of a user's effect, from the variables of the residual."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _STANDARD = {"approach": "sides(rows.table)", "row": "np.arange(len(rows))"}
 
 
 def effect_template(terms: Sequence[tuple[Sequence[str], str]], outputs: Sequence[str]) -> str:
-    """Python text of ten lines that registers an effect.
+    """Return Python text of ten lines that registers an effect.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def effect_template(terms: Sequence[tuple[Sequence[str], str]], outputs: Sequenc
 
 
 def _unit(component: str, factors: Sequence[str]) -> str:
-    """'N/(s m)': the component's unit over those that stand at the end of the factors' names."""
+    """Return 'N/(s m)': the component's unit over the units at the end of the factors' names."""
     over = [name.rsplit("_", 1)[1] for name in factors if "_" in name and name not in _STANDARD]
     force = unit_of(component)
     if not over:
@@ -65,5 +65,5 @@ def _value(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A Python string: names come from data files, and what they hold must stay text."""
+    """Return a Python string literal: names come from data files and must stay text."""
     return json.dumps(text, ensure_ascii=False)

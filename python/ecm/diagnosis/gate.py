@@ -38,7 +38,7 @@ class Leftover:
     """Squares beyond chance, over the noise scale."""
     dof: float
     share: float
-    """Of the structure that was there before."""
+    """The same over the structure before."""
     p: float
     remains: bool = field(metadata={"json": ""})
     """Whether it is seen, strong, and more than the form of right effects may leave."""

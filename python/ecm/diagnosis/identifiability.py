@@ -1,4 +1,4 @@
-"""Which effects a plan can name, and from what size, before anything is measured.
+"""Identifiability of effects by a plan: which it can name, and from what size.
 
 The plan is laid out in time as the rig would run it, its wrenches are predicted by the nominal
 base, and the Fisher information of base and effects gives the smallest size that the diagnosis
@@ -36,21 +36,22 @@ class Identifiability:
     id: str
     parameter: str = ""
     size: float = np.inf
-    """Of the effect's best visible parameter, named with chance 0.9."""
+    """Size of the effect's best visible parameter that is named with chance 0.9."""
     unit: str = ""
     rivals: tuple[str, ...] = ()
-    """Effects of the list that this plan cannot tell from it."""
+    """Effects of the list that this plan cannot separate from it."""
     reason: str = ""
     """Why it cannot be seen at all."""
     record: str = ""
+    """What to record so that it can be seen."""
 
     @property
     def named(self) -> bool:
-        """It can be seen, and told from every other of the list."""
+        """Whether it can be seen and separated from every other of the list."""
         return not self.reason and not self.rivals
 
     def sentence(self) -> str:
-        """One line for people."""
+        """Return one plain line."""
         if self.reason:
             return f"{self.id}: not visible, {self.reason} (record: {self.record})"
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
@@ -60,7 +61,7 @@ class Identifiability:
         return f"{self.id}: named {size}"
 
     def to_dict(self) -> dict[str, Any]:
-        """For --json."""
+        """Return plain JSON."""
         if self.reason:
             return {"id": self.id, "reason": self.reason, "record": self.record}
         return {
@@ -73,7 +74,7 @@ class Identifiability:
 
 
 def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = None) -> Table:
-    """What the rig would record of a plan, without noise and without any effect."""
+    """Return what the rig would record of a plan, without noise and without any effect."""
     settings = RigSettings() if rig is None else rig
     length = base.meta.length_m
     if length is None:
@@ -105,7 +106,7 @@ def predicted_table(plan: Table, base: NominalModel, rig: RigSettings | None = N
 
 
 def _a_little_noisy(table: Table, base: NominalModel, noise: Noise) -> Table:
-    """A hundredth of the noise, so that no row seems better than all others."""
+    """Return the table with a hundredth of the noise, so that no row is exact."""
     covariance = noise.covariance(Rows(table, base.base))
     random = np.random.default_rng(0).standard_normal((len(table), 6, 1))
     added = 0.01 * (np.linalg.cholesky(covariance) @ random)[:, :, 0]
@@ -120,22 +121,36 @@ def identifiability(
     noise: Noise | None = None,
     rig: RigSettings | None = None,
 ) -> list[Identifiability]:
-    """What the plan can tell about each of `effects`, those that are named from least first."""
+    """Return what a plan can show about each effect, those that it can name first.
+
+    Parameters
+    ----------
+    plan
+        Table of poses with the columns of a plan.
+    base
+        Nominal model: base, noise and description.
+    effects
+        Effects to look for.
+    noise
+        Noise of one row; default: that of the nominal model.
+    rig
+        Settings of the rig; default: those of a new rig.
+    """
     table = predicted_table(plan, base, rig)
     declared = base.noise if noise is None else noise
     problem = assemble(base.base, _a_little_noisy(table, base, declared), effects, declared)
-    # The residual says nothing here; the noise is the declared one.
+    # There is no residual here; the noise is the declared one.
     problem = replace(problem, scale=1.0)
     limits = detection_limits(problem)
     rivals: dict[str, list[str]] = {}
     for first, second in confusable_pairs(problem):
         rivals.setdefault(first, []).append(second)
         rivals.setdefault(second, []).append(first)
-    found = []
+    results = []
     for effect in effects:
         if effect.id in limits:
             limit = limits[effect.id]
-            found.append(
+            results.append(
                 Identifiability(
                     effect.id,
                     limit.parameter,
@@ -150,5 +165,5 @@ def identifiability(
             record = "[mechanism]" if missing is None else missing.record
             if missing is None and effect.kind == "noise":
                 reason, record = "it changes the scatter, not the mean", "repeats"
-            found.append(Identifiability(effect.id, reason=reason, record=record))
-    return sorted(found, key=lambda item: (bool(item.reason), bool(item.rivals)))
+            results.append(Identifiability(effect.id, reason=reason, record=record))
+    return sorted(results, key=lambda item: (bool(item.reason), bool(item.rivals)))

@@ -48,8 +48,8 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
     if not tested:
         return []
     use = problem.scored & (problem.weights > 0.9)
-    residual, kept = _residual(problem, use)
-    found = []
+    residual, unfitted = _residual(problem, use)
+    findings = []
     for effect in tested:
         best: NoiseFinding | None = None
         for j, parameter in enumerate(effect.parameters):
@@ -57,21 +57,21 @@ def noise_findings(problem: Problem, effects: Sequence[Effect]) -> list[NoiseFin
             unit[j] = parameter.scale
             variance = effect.variance(rows, unit)[use]
             whitener = problem.whitener[use]
-            acting = whitener @ variance @ np.swapaxes(whitener, 1, 2)
-            z, square = _score(residual, kept, acting)
+            effect_variance = whitener @ variance @ np.swapaxes(whitener, 1, 2)
+            z, square = _score(residual, unfitted, effect_variance)
             if z > problem.settings.noise_effect_deviations and (best is None or z > best.z):
                 value = parameter.scale * float(np.sqrt(square))
                 best = NoiseFinding(effect.id, parameter.name, value, parameter.unit, z)
         if best is not None:
-            found.append(best)
-    return sorted(found, key=lambda item: -item.z)
+            findings.append(best)
+    return sorted(findings, key=lambda item: -item.z)
 
 
-def with_load_growth(noise: Noise, found: Sequence[NoiseFinding]) -> Noise:
+def with_load_growth(noise: Noise, findings: Sequence[NoiseFinding]) -> Noise:
     """Return the noise with scatter that grows with the load, where that is seen most clearly."""
-    if noise.components is not None or not found or found[0].id != "heteroscedastic_noise":
+    if noise.components is not None or not findings or findings[0].id != "heteroscedastic_noise":
         return noise
-    first = found[0]
+    first = findings[0]
     if first.parameter == "force_growth":
         return replace(noise, growth_per_N=first.value)
     return replace(noise, growth_per_Nm=first.value)
@@ -91,18 +91,18 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     return residual, np.eye(m) - own @ np.swapaxes(own, 1, 2)
 
 
-def _score(residual: F, kept: F, acting: F) -> tuple[float, float]:
+def _score(residual: F, unfitted: F, effect_variance: F) -> tuple[float, float]:
     """Return z of U with the common scale estimated, and the parameter's square over its unit."""
-    scale = float((residual**2).sum() / np.einsum("nii->", kept))
-    products = acting @ kept
+    scale = float((residual**2).sum() / np.einsum("nii->", unfitted))
+    products = effect_variance @ unfitted
     traces = np.einsum("nii->n", products)
-    plain = np.einsum("nii->n", kept)
+    plain = np.einsum("nii->n", unfitted)
     # Without its part along a common scale.
     share = traces.sum() / plain.sum()
-    centred = acting - share * np.eye(acting.shape[1])
-    moved = centred @ kept
+    centred = effect_variance - share * np.eye(effect_variance.shape[1])
+    product = centred @ unfitted
     score = float(np.einsum("ni,nij,nj->", residual, centred, residual)) / scale
-    information = float(np.einsum("nij,nji->", moved, moved))
+    information = float(np.einsum("nij,nji->", product, product))
     if information <= 0.0:
         return 0.0, 0.0
     return score / float(np.sqrt(2.0 * information)), max(score / information, 0.0)

@@ -144,7 +144,7 @@ class Problem:
 
     @cached_property
     def smooth_columns(self) -> F:
-        """(N, m, q) smooth functions that stand for any structure; see `omnibus_columns`."""
+        """(N, m, q) smooth functions that test for any structure; see `omnibus_columns`."""
         return omnibus_columns(self)
 
     @property

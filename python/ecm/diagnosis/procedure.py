@@ -10,7 +10,7 @@ Each stage is a function that can be called by itself; what it returns is the in
     chosen = search(problem, ranking)                   the smallest set that explains it
     accepted = accept(problem, chosen)                  what passes every check, with its class
     left = leftover(problem, first, accepted.effects)   is anything still missing?
-    accepted = classify(problem, accepted, left)        which names stand alone
+    accepted = classify(problem, accepted, left)        rivals in doubt join the classes
     final = verdict(problem, first, accepted, left)     none, named, ambiguous or unknown
 """
 
@@ -48,7 +48,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stages:
-    """The functions that `diagnose` calls in turn; replace one to study what it does."""
+    """The functions that `diagnose` calls in turn; replace one to study what it does.
+
+    Examples
+    --------
+    >>> nothing = Stages(search=lambda problem, ranking: ())
+    >>> nothing.accept is accept
+    True
+    """
 
     assemble: Callable[..., Problem] = assemble
     noise: Callable[[Problem, Sequence[Effect]], list[NoiseFinding]] = noise_findings
@@ -63,7 +70,7 @@ class Stages:
 
 
 STAGES = Stages()
-"""The procedure as it stands."""
+"""The procedure without replaced stages."""
 
 
 @one_blas_thread()
@@ -82,7 +89,7 @@ def diagnose(
     Parameters
     ----------
     model
-        The model as it stands; a physics model is also the base that effects are named against.
+        The model; a physics model is also the base that effects are named against.
     table
         Measurements; at least 8 rows.
     seed
@@ -143,6 +150,15 @@ def find_missing(
 
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
     effects are named against the symmetric energy model instead.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 0.01 * np.cos(40 * np.arange(12))})
+    >>> find_missing(ecm.fit_model(table, "linear"), table, effects=[]).answer
+    ()
     """
     prepared = prepare(model, table, effects)
 
@@ -205,8 +221,8 @@ def decide(
 def may_be_another_body(decision: Decision) -> bool:
     """Whether the physics of the stated body leaves so much that it may be another body.
 
-    As long as such structure stands above the noise it hides everything else, and effects that can
-    imitate a little of it are named for the rest of it.
+    Such structure hides everything else, and effects that can imitate a part of it would be named
+    for all of it.
     """
     problem, table = decision.problem, decision.prepared.unexplained
     settings = problem.settings

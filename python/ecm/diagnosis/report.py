@@ -108,12 +108,12 @@ def upper_bound(test: FTest, size: int) -> float:
         # Not a number far out, where the chance is 0.
         return float(np.nan_to_num(special.chndtr(squares, test.dof, value)))
 
-    bound = optimize.bisect(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
+    bound = optimize.brentq(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
     return float(np.sqrt(bound / size))
 
 
 def _ranked(problem: Problem, item: Ranked) -> RankedEffect:
-    """Return one line of the ranking; the best determined parameter stands for the size."""
+    """Return one line of the ranking; the size is that of the best determined parameter."""
     candidate = item.candidate
     fit = estimate(problem, [candidate])
     theta = fit.of(candidate)

@@ -48,13 +48,13 @@ class NoiseSummary:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the part of the report."""
-        found = {"effects": to_json(self.effects), "tested": list(self.tested)}
-        return self.figures.to_dict() | found
+        effects = {"effects": to_json(self.effects), "tested": list(self.tested)}
+        return self.figures.to_dict() | effects
 
 
 @dataclass(frozen=True)
 class RankedEffect:
-    """One line of the ranking; the best determined parameter stands for the size."""
+    """One line of the ranking; the size is that of the best determined parameter."""
 
     id: str
     p: float
@@ -72,13 +72,13 @@ class ComponentErrors:
     """Root mean square error of each component, in the unit of its column."""
 
     before: dict[str, float]
-    """Of the model as given."""
+    """Errors of the model as given."""
     after: dict[str, float]
     """With the accepted effects."""
     floor: dict[str, float]
-    """Of the noise."""
+    """Errors by noise alone."""
     ceiling: dict[str, float]
-    """Of the base with a free cubic of the pose, held out; empty where poses are not complete."""
+    """Held-out errors of the base with a free cubic of the pose; empty without full poses."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class HeldOut:
     after: float
     ceiling: float | None = field(default=None, metadata={"optional": True})
     by_run: tuple[RunError, ...] = field(default=(), metadata={"optional": True})
-    """Of a continuous test, run by run."""
+    """Errors of a continuous test, run by run."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,16 @@ class Diagnosis:
 
     `print` shows one sentence, `plot` draws the ranking, `to_pandas` gives it as a table, and
     `to_dict` is the report. Rows are counted from 0 here and from 1 in the report.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import ecm
+    >>> x = np.linspace(-1e-3, 1e-3, 12)
+    >>> table = ecm.as_table({"x_m": x, "fx_N": 1e4 * x + 0.01 * np.cos(40 * np.arange(12))})
+    >>> result = ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[])
+    >>> result.verdict, result.base.kind, result.noise.source
+    ('none', 'polynomial', 'assumed')
     """
 
     seed: int

@@ -35,7 +35,7 @@ def verdict_section(document: Mapping[str, Any]) -> Section:
 
 
 def _rests_on(document: Mapping[str, Any]) -> TableBlock:
-    """What the names were found against."""
+    """Base, noise and gate of the verdict."""
     base, gate = document["base"], document["gate"]
     rows = [
         ["base", base["kind"]],

@@ -66,7 +66,7 @@ class DiagnosisSettings(Checked):
         doc="Share that two effects must explain beyond any single one: one cause is likelier.",
     )
     most_effects: int = setting(4, low=1, doc="Effects in the largest set that is searched.")
-    beam: int = setting(5, low=1, doc="Sets that are kept at each size of the search.")
+    beam: int = setting(5, low=1, doc="Best sets at each size of the search.")
     # Acceptance
     held_out_errors: float = setting(
         1.0, doc="Fall of the held-out error that a name needs, in its standard errors."
@@ -155,7 +155,7 @@ class DiagnosisSettings(Checked):
         doc="Structure left beside one name, in noise units, from which the body is doubted.",
     )
     other_body_several: float = setting(
-        0.5, low=0.0, doc="The same beside several names, which may stand in for a body, or none."
+        0.5, low=0.0, doc="The same beside several names, which may imitate a body, or none."
     )
     taken_by_energy: float = setting(
         0.9, low=0.0, high=1.0, doc="Share of it that a symmetric energy must explain."

@@ -25,7 +25,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Unknown:
-    """What can be said of structure that no effect explains."""
+    """Description of structure that no effect explains."""
 
     variables: tuple[str, ...]
     """Variables that the residual follows."""
@@ -76,7 +76,7 @@ def describe_residual(
 
 
 def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]:
-    """(feature, component, size in the component's unit) that explain most, one after another."""
+    """Return (feature, component, size in the component's unit) of the terms that explain most."""
     n, m = left.shape
     root = np.sqrt(problem.weights)
     y = (left * root[:, None]).ravel()
@@ -102,7 +102,7 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
 
 
 def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
-    """Share of each variable, by a Gaussian process on what smooth functions see."""
+    """Return the share of each variable, by a Gaussian process on what smooth functions see."""
     rows = problem.rows
     measured = np.flatnonzero(problem.scored & (problem.weights > 0.5))
     if len(measured) < 20:
@@ -125,7 +125,7 @@ def _relevance(problem: Problem, left: F, values: F) -> dict[str, float]:
 
 
 def _words(listed: Sequence[tuple[str, str, float]]) -> str:
-    """A sparse description: which component follows what, and by how much."""
+    """Return a sparse description: which component follows what, and by how much."""
     parts = []
     for feature, component, size in listed:
         name, unit = component.rsplit("_", 1)

@@ -15,6 +15,7 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     Shape,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -71,8 +72,7 @@ class ContactStop(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Tilts between this one and its neighbours."""
-        factor = 1.0 + 0.2 * 0.5**round_
-        tilts = (self.tilt_rad / factor, self.tilt_rad * factor)
+        tilts = beside(self.tilt_rad, 1.0 + 0.2 * 0.5**round_)
         return tuple(ContactStop(t, self.azimuth_rad) for t in tilts)
 
     def columns(self, rows: Rows) -> F:

@@ -13,6 +13,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -88,10 +89,9 @@ class Hysteresis(LinearEffect):
         """Paths to the slip between this one and its neighbours."""
         if self.yield_m == 0.0:
             return ()
-        factor = 2.4 ** (0.5 ** (round_ + 1))
-        paths = (self.yield_m / factor, self.yield_m * factor)
-        most = 1.01 * max(_paths(table))
-        return tuple(Hysteresis(self.stiffness, way) for way in paths if way < most)
+        paths = beside(self.yield_m, 2.4 ** (0.5 ** (round_ + 1)))
+        limit = 1.01 * max(_paths(table))
+        return tuple(Hysteresis(self.stiffness, path) for path in paths if path < limit)
 
     def columns(self, rows: Rows) -> F:
         """K p^; zero where the approach is unknown or nothing moved."""

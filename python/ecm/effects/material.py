@@ -9,7 +9,7 @@ import numpy as np
 from ecm._native import mid_frame
 from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import generalised, stretched
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, listed
+from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, beside, listed
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -53,8 +53,7 @@ class Anisotropy(EffectBase):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Shares between this one and its neighbours."""
-        factor = 2.0 ** (0.5 ** (round_ + 1))
-        return (Anisotropy(self.lateral / factor), Anisotropy(self.lateral * factor))
+        return tuple(Anisotropy(x) for x in beside(self.lateral, 2.0 ** (0.5 ** (round_ + 1))))
 
     def correction(self, rows: Rows, values: F) -> F:
         """Wrench of the stretched energy minus that of the base; turns with the mounting."""

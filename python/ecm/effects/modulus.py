@@ -88,9 +88,9 @@ class Ageing(LinearEffect):
 class MullinsSoftening(LinearEffect):
     """h (1 - eta (1 - W / W_max)), W_max the largest strain energy so far in the run.
 
-    Where tables were joined the memory may also have been `kept` over all runs.
+    In joined tables the memory may also be `kept` over all runs.
 
-    W = h (p - p0) / 2, that of a linear body. With a `width` the loss is full a width below the
+    W = h (p - p0) / 2, that of a linear body. With a `width` the loss is complete a width below the
     maximum: h (1 - eta tanh((W_max - W) / (width W_typical))), W_typical the median. In place of
     the energy the largest `bend` or distance (`reach`) may count, m: h (1 - eta u / (u + width b)),
     u = m_max - m and b the median, or a straight line without a width.
@@ -118,7 +118,7 @@ class MullinsSoftening(LinearEffect):
     """Whether the memory ends with a `run` or is `kept` over all runs."""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """A straight line, and three widths, for each measure of the largest load."""
+        """A straight line and three widths for each measure of the largest load."""
         return tuple(
             MullinsSoftening(w, measure, kept)
             for kept in memory_options(table)
@@ -140,7 +140,7 @@ class MullinsSoftening(LinearEffect):
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
 
     def _of_deflection(self, rows: Rows) -> F:
-        """The loss by the largest tilt and twist, or by the largest distance from rest."""
+        """(N, 6, 1) loss by the largest tilt and twist, or by the largest distance from rest."""
         away = rows.poses - rows.rest_pose
         size = np.linalg.norm(away[:, 3:], axis=1)
         if self.measure == "reach":

@@ -1,4 +1,4 @@
-"""Effects of movement: velocity and acceleration while the reading was taken."""
+"""Effects of motion: velocity, acceleration and delay during a reading."""
 
 from __future__ import annotations
 
@@ -68,15 +68,15 @@ class ViscousDamping(LinearEffect):
     }
 
     def columns(self, rows: Rows) -> F:
-        """Velocity in each half."""
-        return _halves(velocity(rows.table), rows)
+        """Velocity: a column of translation and one of rotation."""
+        return _translation_and_rotation(velocity(rows.table), rows)
 
 
 class Inertia(LinearEffect):
-    """M p'': the mass of what moves, and its moment of inertia taken alike about all axes."""
+    """M p'': the moving mass, and one moment of inertia for all axes."""
 
     id = "inertia"
-    physics = "What hangs on the sensor still swings when the reading is taken."
+    physics = "The load of the sensor still swings while a reading is taken."
     parameters = (
         Parameter("mass", "kg", 0.1, 0.0, 20.0),
         Parameter("moment_of_inertia", "kg m^2", 1e-3, 0.0, 1.0),
@@ -88,8 +88,8 @@ class Inertia(LinearEffect):
     rivals = {"viscous_damping": "settle_longer", "time_skew": "settle_longer"}
 
     def columns(self, rows: Rows) -> F:
-        """Acceleration in each half."""
-        return _halves(_slope(rows.table, velocity(rows.table)), rows)
+        """Acceleration: a column of translation and one of rotation."""
+        return _translation_and_rotation(_slope(rows.table, velocity(rows.table)), rows)
 
 
 class TimeSkew(LinearEffect):
@@ -111,7 +111,7 @@ class TimeSkew(LinearEffect):
         return np.asarray(rows.stiffness @ moving[:, :, None])
 
 
-def _halves(values: F, rows: Rows) -> F:
+def _translation_and_rotation(values: F, rows: Rows) -> F:
     columns = np.zeros((len(rows), 6, 2))
     columns[:, :3, 0] = values[:, :3]
     columns[:, 3:, 1] = values[:, 3:]

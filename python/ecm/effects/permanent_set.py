@@ -11,6 +11,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     needs_full,
     needs_varying,
     optional,
@@ -32,7 +33,7 @@ class PermanentSet(LinearEffect):
     """-K_s p_set; p_set follows the largest pose so far, or sums what exceeds a yield length.
 
     `summed`: each visit adds a share of (1 - y / |x|) (p - p0) where |x| > y, |x| the deflection
-    with rotations times the length. It ends with a run, or is `kept` where tables were joined.
+    with rotations times the length. It ends with a run, or is `kept` in joined tables.
     """
 
     id = "permanent_set"
@@ -69,8 +70,7 @@ class PermanentSet(LinearEffect):
         """Yield lengths between this one and its neighbours."""
         if self.yield_m <= 0.0:
             return ()
-        factor = 1.0 + 0.2 * 0.5**round_
-        yields = (self.yield_m / factor, self.yield_m * factor)
+        yields = beside(self.yield_m, 1.0 + 0.2 * 0.5**round_)
         return tuple(PermanentSet("summed", y, self.history) for y in yields)
 
     def columns(self, rows: Rows) -> F:

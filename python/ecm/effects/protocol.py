@@ -52,7 +52,7 @@ class Parameter:
     upper: float = np.inf
 
     def allows(self, direction: float) -> bool:
-        """Whether the parameter may move this way from zero."""
+        """Whether the bounds let the parameter move in this direction from zero."""
         return (self.lower < 0.0 or direction >= 0.0) and (self.upper > 0.0 or direction <= 0.0)
 
 
@@ -91,6 +91,11 @@ Need = Callable[[Table], Missing | None]
 def optional(default: Any) -> Any:
     """A field that the shape of an effect leaves out where it has its default."""
     return field(default=default, metadata={"optional": True})
+
+
+def beside(value: float, factor: float) -> tuple[float, float]:
+    """Two sizes on both sides of one, for `refined`."""
+    return value / factor, value * factor
 
 
 def listed(*parameters: Parameter) -> tuple[Parameter, ...]:

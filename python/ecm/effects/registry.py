@@ -8,11 +8,18 @@ from types import ModuleType
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, Kind, LinearEffect, Missing, Parameter, Shape, Side
+from ecm.effects.protocol import (
+    Effect,
+    Kind,
+    LinearEffect,
+    Parameter,
+    Shape,
+    Side,
+    needs_columns,
+)
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
 
@@ -184,32 +191,8 @@ def unregister(id: str) -> None:
 class _FunctionEffect(LinearEffect):
     """A user's function of the rows that gives (N, 6, k) columns."""
 
-    def __init__(
-        self,
-        *,
-        id: str,
-        physics: str,
-        parameters: tuple[Parameter, ...],
-        function: Callable[[Rows], F],
-        needs: Sequence[str] | None,
-        side: Side,
-        kind: Kind | None,
-    ) -> None:
-        self.id, self.physics, self.parameters = id, physics, parameters
+    def __init__(self, function: Callable[[Rows], F]) -> None:
         self.function = function
-        self._columns_needed = None if needs is None else tuple(needs)
-        self.needs = "" if needs is None else ", ".join(needs)
-        beyond = set(needs or ()) - {*POSE, *WRENCH}
-        self.side, self.kind = side, kind or ("time" if beyond else "pose")
-
-    def missing(self, table: Table) -> Missing | None:
-        """Needs the columns that the user named; without any, all of pose and wrench."""
-        if self._columns_needed is None:
-            return super().missing(table)
-        for name in self._columns_needed:
-            if not table.has(name):
-                return Missing(f"no column {name}", name, absent=True)
-        return None
 
     def columns(self, rows: Rows) -> F:
         """Columns of the user's function as (N, m, k), m the wrench columns of the base map."""
@@ -291,18 +274,15 @@ def effect(
     """
 
     def decorate(function: Callable[[Rows], F]) -> Callable[[Rows], F]:
-        listed = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
-        register(
-            _FunctionEffect(
-                id=id,
-                physics=physics,
-                parameters=listed,
-                function=function,
-                needs=needs,
-                side=side,
-                kind=kind,
-            )
-        )
+        own = _FunctionEffect(function)
+        own.id, own.physics, own.side = id, physics, side
+        own.parameters = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
+        beyond = set(needs or ()) - {*POSE, *WRENCH}
+        own.kind = kind or ("time" if beyond else "pose")
+        if needs is not None:
+            own.needs = ", ".join(needs)
+            own.requires = tuple(needs_columns(name) for name in needs)
+        register(own)
         return function
 
     return decorate

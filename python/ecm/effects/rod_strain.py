@@ -51,7 +51,7 @@ class RestStiffness:
 
     @property
     def radius_m(self) -> float:
-        """Of the disc whose EI / EA = r^2 / 4 is the map's."""
+        """Radius of the disc with EI / EA = r^2 / 4 of the map."""
         ratio = max(self.bending, 0.0) / max(self.axial, 1e-300)
         return float(np.clip(2.0 * np.sqrt(ratio), 0.0, self.length_m))
 
@@ -96,7 +96,7 @@ class RodStrain:
         return np.repeat(means, len(_DISC_WEIGHT), axis=1)
 
     def of_sections(self) -> tuple[F, F]:
-        """(N, P) strain of the centre line and strain of the rim by bending alone, r |kappa|."""
+        """(N, P) strain of the centre line, and strain of the rim from bending, r |kappa|."""
         stretch = self.mean_of_sections(self.axial)
         return stretch, np.sqrt(4.0 * self.mean_of_sections((self.axial - stretch) ** 2))
 
@@ -111,7 +111,7 @@ class RodStrain:
 
 
 def rod_strain(rows: Rows) -> RodStrain:
-    """Strains of the rod in place of the base map."""
+    """Strains of the rod with the rest stiffness of the base map."""
     known = rest_stiffness(rows)
     length, share = known.length_m, known.bending_share
     q = mid_frame(rows.poses, length)

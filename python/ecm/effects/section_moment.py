@@ -1,7 +1,7 @@
-"""The moment in the sections of the mechanism, from the base map's own wrench at the top.
+"""Moments in the sections of the mechanism, from the wrench of the base map at the top.
 
-The centre line is that of a clamped beam under mid-frame coordinates (rod_strain.py), so that
-nothing is assumed of the load: the moment about any place follows from force and torque at the top.
+The centre line is that of a clamped beam under mid-frame coordinates (rod_strain.py), and the
+moment at any place follows from force and torque at the top, without an assumption on the load.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from ecm.effects.protocol import (
     LinearEffect,
     Missing,
     Parameter,
+    beside,
     listed,
     needs_full,
     needs_time,
@@ -29,9 +30,9 @@ from ecm.regression.rows import Rows
 from ecm.regression.sensor_zero import zero_of_rows, zero_times
 
 _KNEES = (0.3, 0.6, 0.85)
-"""Quantiles of an axis' readings at which a knee is tried."""
+"""Quantiles of the readings of an axis at which a knee is tried."""
 _LOADED = {"each": AXES, "bending": AXES[4:]}
-"""Axes whose load others read, where it is not one: bending loads the sensor most."""
+"""Groups of axes whose load others read: bending loads the sensor most."""
 _WIDTHS = (0.15, 0.5, 1.2)
 """Widths of the play that are tried, over the spread of an axis' load."""
 
@@ -67,7 +68,7 @@ class FtsGain(LinearEffect):
 class FtsCrosstalk(LinearEffect):
     """B A C A^-1 B' h, C without its diagonal: each axis reads a little of the others.
 
-    Or of C one row alone, an axis that reads all others, or one column, an axis that all others
+    Or C has one row, for an axis that reads all others, or one column, for an axis that all others
     read.
     """
 
@@ -93,10 +94,10 @@ class FtsCrosstalk(LinearEffect):
             for j, loaded in enumerate(AXES)
             if i != j and self.to in ("each", reads) and loaded in _LOADED.get(self.of, (self.of,))
         ]
-        self.parameters = tuple(_talk(i, j) for i, j in self._pairs)
+        self.parameters = tuple(_share_of_axis(i, j) for i, j in self._pairs)
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """All of the matrix, each row, each column, the two columns of bending."""
+        """The full matrix, each row, each column, and the two columns of bending."""
         rows = (FtsCrosstalk(to=axis) for axis in AXES)
         columns = (FtsCrosstalk(of=axis) for axis in (*AXES, "bending"))
         return (FtsCrosstalk(), *rows, *columns)
@@ -108,18 +109,18 @@ class FtsCrosstalk(LinearEffect):
         return np.stack(columns, axis=2)
 
 
-def _talk(i: int, j: int) -> Parameter:
-    """What axis i reads of axis j."""
+def _share_of_axis(i: int, j: int) -> Parameter:
+    """Parameter of the share of axis j that axis i reads."""
     alike = (i < 3) == (j < 3)
     unit, scale = ("1", 0.01) if alike else ("1/m", 0.2) if i < 3 else ("m", 5e-4)
     return Parameter(f"{AXES[i]}_from_{AXES[j]}", unit, scale)
 
 
 class FtsFrame(LinearEffect):
-    """The sensor sits elsewhere by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, body."""
+    """The sensor is displaced by (d, w): f' = f + w x f, tau' = tau + w x tau + d x f, in body."""
 
     id = "fts_frame"
-    physics = "The sensor is shifted or turned against where it is said to be on the platform."
+    physics = "The sensor is shifted or turned against its stated pose on the platform."
     parameters = (
         *(Parameter(f"sensor_d{axis}", "m", 1e-3, -0.05, 0.05) for axis in "xyz"),
         *(Parameter(f"sensor_w{axis}", "rad", 5e-3, -0.3, 0.3) for axis in "xyz"),
@@ -177,12 +178,11 @@ class FtsSaturation(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Knees between this one and its neighbours."""
-        factor = 1.0 + 0.4 * 0.5**round_
-        knees = (self.knee / factor, self.knee * factor)
+        knees = beside(self.knee, 1.0 + 0.4 * 0.5**round_)
         return tuple(FtsSaturation(self.axis, knee) for knee in knees)
 
     def columns(self, rows: Rows) -> F:
-        """What lies beyond the knee, taken away."""
+        """Minus the part of the load beyond the knee."""
         base_from_sensor, own = in_sensor(rows)
         j = AXES.index(self.axis)
         beyond = np.sign(own[:, j]) * np.maximum(0.0, np.abs(own[:, j]) - self.knee)
@@ -203,9 +203,9 @@ def _readings(table: Table) -> F:
 class FtsHysteresis(LinearEffect):
     """c_j times the lag of a play operator of width w s_j behind each axis' load, s_j its spread.
 
-    The operator follows the load at a distance of its width at most, from reading to reading and
-    over the load of the pose that each one was approached from. What it lags when the sensor's zero
-    is read goes into the zero, and shifts all readings around it.
+    The operator follows the load at its width or less, from reading to reading and over the load of
+    the pose before. Its lag while the sensor's zero is read becomes part of the zero and shifts all
+    readings about it.
     """
 
     id = "fts_hysteresis"
@@ -237,11 +237,10 @@ class FtsHysteresis(LinearEffect):
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
         """Widths between this one and its neighbours."""
-        factor = 2.4 ** (0.5 ** (round_ + 1))
-        widths = (self.width / factor, self.width * factor)
-        # Wider than the loads it never turns over, and would be a gain.
-        most = max(_WIDTHS)
-        return tuple(FtsHysteresis(float(f"{w:.3g}"), self.axes) for w in widths if w < most)
+        widths = beside(self.width, 2.4 ** (0.5 ** (round_ + 1)))
+        # A play wider than the loads never reverses, and would be a gain.
+        limit = max(_WIDTHS)
+        return tuple(FtsHysteresis(float(f"{w:.3g}"), self.axes) for w in widths if w < limit)
 
     def columns(self, rows: Rows) -> F:
         """Lag of each axis, turned to base axes."""
@@ -251,7 +250,7 @@ class FtsHysteresis(LinearEffect):
         time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
         lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
         state = np.zeros(6)
-        # The sensor's history goes on through all runs, and through the readings of its zero.
+        # The sensor's history continues through all runs and through the readings of its zero.
         for i in np.argsort(np.concatenate([time, zeros]), kind="stable"):
             if i >= len(own):
                 state = np.clip(state, -width, width)

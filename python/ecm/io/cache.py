@@ -255,12 +255,12 @@ class Stage:
             return None
 
     def save_part(self, index: int, arrays: Arrays) -> None:
-        """Keep a finished part."""
+        """Store a finished part."""
         content = _pack(arrays)
         write_atomically(self._part(index), hashlib.sha256(content).digest() + content)
 
     def load_part(self, index: int) -> dict[str, NDArray[Any]] | None:
-        """Return a kept part; None where there is none or it is damaged."""
+        """Return a stored part; None if there is none or it is damaged."""
         try:
             raw = self._part(index).read_bytes()
         except OSError:
@@ -270,14 +270,14 @@ class Stage:
         return _unpack(raw[32:])
 
     def parts(self) -> int:
-        """Return how many parts are kept without a gap from the first."""
+        """Return how many parts are stored without a gap from the first."""
         count = 0
         while self._part(count).exists():
             count += 1
         return count
 
     def forget_parts(self) -> None:
-        """Delete the parts, e.g. when their result is kept elsewhere."""
+        """Delete the parts, e.g. when their result is stored elsewhere."""
         shutil.rmtree(self._parts, ignore_errors=True)
 
     def _part(self, index: int) -> Path:

@@ -34,7 +34,7 @@ Stress = Callable[[F, str, F], F]
 
 @dataclass(frozen=True)
 class MaterialModel:
-    """One material model: everything that Python knows of it.
+    """One material model: parameters, stress, start values and limits.
 
     `values` below is the flat array of the parameters; of the neo-Hookean model it holds the shear
     modulus. A fit varies free variables x without limits: `values = decode(x)` keeps the energy
@@ -80,7 +80,7 @@ def _yeoh_decode(x: F) -> F:
 
 
 def _gent_slopes(values: F, excess: F) -> tuple[F, float]:
-    # Beyond the locking stretch a fit must see a steep but finite wall.
+    # Above the locking stretch the stress stays finite, so that a fit can leave that region.
     return 0.5 * values[0] / np.maximum(1.0 - excess / values[1], 1e-3), 0.0
 
 

@@ -31,12 +31,12 @@ _DIMENSIONS = {shape: dimensions for shape, (_, dimensions) in _SHAPES.items()}
 _QUALITIES = ("standard", "fine")
 _LOWEST_MODULUS_PA = 100.0
 _LARGEST_RADIUS = 10.0
-"""In lengths of the body: a larger radius was probably given in another unit."""
+"""Largest radius over the length: a larger one was probably given in another unit."""
 
 SOLVER_VERSION = 3
-"""Raised with every change of the FEM that changes its results, so that cached ones are solved
-again. 2: bulk stiffness at distorted points. 3: a batch of poses starts from the tangent at rest
-(within 1.3e-6 N of 2)."""
+"""Increased with every change of the FEM's results, so that cached ones are solved again.
+2: bulk stiffness at distorted points. 3: a batch of poses starts from the tangent at rest (within
+1.3e-6 N of 2)."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Mechanism(Checked):
     """
 
     builtin: str = setting("cylinder", choices=("", *_SHAPES))
-    """Shape; empty for a mesh, or where only the length is known."""
+    """Shape; empty for a mesh, or if only the length is known."""
     length_m: float = setting(
         0.1034,
         low=1e-3,
@@ -152,7 +152,7 @@ class Mechanism(Checked):
         if not isinstance(table, Mapping):
             raise InputError(f"{place}: found {table!r}, expected a table of settings")
         check_keys(table, MECHANISM_KEYS, place)
-        # Only what the file states is known: the neck's dimensions are no defaults of another body.
+        # The neck's dimensions are no defaults of another body.
         values: dict[str, Any] = {"builtin": "", "radius_m": 0.0, "young_modulus_Pa": 0.0}
         values |= {key: table[key] for key in table if key not in ("mesh", "material")}
         values |= _read_material(table, place)

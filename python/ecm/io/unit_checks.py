@@ -1,4 +1,4 @@
-"""Do the numbers look like metres and radians? If not, the message names the likely unit."""
+"""Size limits of poses: numbers that are not metres and radians, and their likely unit."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from ecm.io.columns import POSE
 from ecm.io.row_errors import RowErrors
 
 _LONGEST_M = 2.0
-"""No mechanism without a known length is longer."""
-_REACH_LENGTHS = 5.0
-"""No pose of a mechanism of known length is farther from the base than so many lengths."""
+"""Largest position, m, if the length of the mechanism is unknown."""
+_LARGEST_LENGTHS = 5.0
+"""Largest position in lengths of the mechanism."""
 _FEW_ROWS = 0.1
-"""Below this share of rows the rows are wrong, above it the unit."""
+"""If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 
 
 def check_pose_units(
     columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
 ) -> None:
-    """Add implausible poses among `rows` to `errors`; InputError where the unit seems wrong."""
-    reach = _LONGEST_M if length_m is None else max(_REACH_LENGTHS * length_m, 1e-9)
+    """Add poses beyond the size limits to `errors`; InputError if the unit seems wrong."""
+    limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
     for name in POSE:
         if name in columns:
-            _check_column(name, columns[name], rows, reach if name in POSE[:3] else math.pi, errors)
+            limit = limit_m if name in POSE[:3] else math.pi
+            _check_column(name, columns[name], rows, limit, errors)
     if not all(name in columns for name in POSE[3:]):
         return
     theta = np.column_stack([columns[name][rows] for name in POSE[3:]])

@@ -1,4 +1,4 @@
-"""From the cells of a file or data frame to checked columns with standard names."""
+"""Checks of a table: from the cells of a file or data frame to columns with standard names."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Columns = dict[str, NDArray[Any]]
 def validated_columns(
     raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
 ) -> tuple[Columns, tuple[str, ...]]:
-    """Return standard columns and warnings; InputError for everything that must be refused."""
+    """Return standard columns and warnings; InputError for wrong input."""
     if not raw.numbers and not raw.ragged:
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []

@@ -114,8 +114,8 @@ class EnergyModel(ModelSpecification):
         first = fit(table.poses, table.wrenches, None)
         if weights == "spread":
             return FittedMap(EnergyMap(first), noise, np.asarray(first.covariance))
-        found = fit_with_pose_noise(table, EnergyMap(first), noise, solve)
-        return FittedMap(found.base, noise, found.covariance, found.residual_variance)
+        result = fit_with_pose_noise(table, EnergyMap(first), noise, solve)
+        return FittedMap(result.base, noise, result.covariance, result.residual_variance)
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> EnergyMap:

@@ -14,6 +14,7 @@ from ecm.models.cross_validation import cross_validate
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
+from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
 _FOLDS = 10
@@ -59,8 +60,9 @@ def fit_summary(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
                 f"{100.0 * share:.2g} % of its spread"
             )
-    fixed = isinstance(model, PhysicsModel) or getattr(model, "pcr", None) is not None
-    held_out = None if fixed else _held_out(table, model, seed)
+    with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
+    single = with_threshold or isinstance(model, PhysicsModel)
+    held_out = None if single else _held_out(table, model, seed)
     parameters = _parameters(fitted)
     for part in (held_out, parameters):
         if part is not None:

@@ -90,16 +90,16 @@ def _test(before: FitRecord, after: FitRecord) -> str:
     if before.rows != after.rows:
         return "no test: other rows or another noise than in the fit before"
     more = after.parameters - before.parameters
-    fall = before.chi2 - after.chi2
+    delta_chi2 = before.chi2 - after.chi2
     wide, narrow = (after, before) if more >= 0 else (before, after)
     dof = wide.size - wide.parameters
     if more == 0 or dof <= 0:
-        return f"chi2 falls by {fall:.1f} with as many parameters"
+        return f"chi2 falls by {delta_chi2:.1f} with as many parameters"
     test = FTest.of(narrow.chi2 - wide.chi2, abs(more), wide.chi2, dof)
-    bic = fall - more * float(np.log(after.size))
+    bic = delta_chi2 - more * float(np.log(after.size))
     word = "more" if more > 0 else "fewer"
     return (
-        f"chi2 falls by {fall:.1f} with {abs(more)} parameters {word} "
+        f"chi2 falls by {delta_chi2:.1f} with {abs(more)} parameters {word} "
         f"(F = {test.F:.3g}, p = {test.p:.2g}, BIC falls by {bic:.1f})"
     )
 

@@ -18,7 +18,7 @@ from ecm.regression.rows import Rows
 
 
 def estimate_noise(rows: Rows, predicted: F, *, fallback: Noise | None = None) -> Noise:
-    """Noise of the rows: repeats, else declared, else `fallback`, else assumed.
+    """Noise of the rows: from repeats, else declared, else `fallback`, else assumed.
 
     Changes between repeats of a pose that effects of time, temperature, dwell or approach can
     explain do not count as noise; else a hidden effect would raise its own noise floor.

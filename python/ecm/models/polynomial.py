@@ -106,8 +106,8 @@ class PolynomialModel(ModelSpecification):
             def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
                 return fit_polynomial_gls(base, poses, wrenches, covariance)
 
-            found = fit_with_pose_noise(table, base, noise, solve)
-            return FittedMap(found.base, noise, found.covariance, found.residual_variance)
+            result = fit_with_pose_noise(table, base, noise, solve)
+            return FittedMap(result.base, noise, result.covariance, result.residual_variance)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
         if self.pcr is not None or n <= k:

@@ -143,7 +143,7 @@ class RodMap(_Backbone):
     kind = "rod"
 
     def predict(self, poses: F) -> F:
-        """(N, 6) to (N, 6); NaN where no equilibrium was found."""
+        """(N, 6) to (N, 6); NaN where no equilibrium exists."""
         return self._solved(np.ascontiguousarray(poses, dtype=np.float64))[0]
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
@@ -265,9 +265,11 @@ class ConstantCurvatureModel(ModelSpecification):
         """Least squares, each component over its own standard deviation."""
         length = length_of(table, self.name)
         spread = table.wrenches.std(axis=0)
-        base = fit_constant_curvature(
-            table.poses, table.wrenches, length, np.where(spread > 0.0, spread, 1.0)
-        )
+        scale = np.where(spread > 0.0, spread, 1.0)
+        base = ConstantCurvatureMap(length, np.ones(3))
+        z = (base.columns(table.poses) / scale[:, None]).reshape(-1, 3)
+        parameters = np.linalg.lstsq(z, (table.wrenches / scale).ravel(), rcond=None)[0]
+        base = ConstantCurvatureMap(length, np.asarray(parameters, dtype=np.float64))
         return FittedMap(base, declared_or_fitted(base, table))
 
     @staticmethod
@@ -299,17 +301,6 @@ class RodModel(ModelSpecification):
     def map_from_document(document: dict[str, Any]) -> RodMap:
         """Return the map of an opened model file."""
         return RodMap(*_from_document(document, ROD_SECTIONS))
-
-
-def fit_constant_curvature(
-    poses: F, wrenches: F, length: float, weights: F
-) -> ConstantCurvatureMap:
-    """Least squares with each component divided by `weights` (6,)."""
-    base = ConstantCurvatureMap(length, np.ones(3))
-    z = (base.columns(poses) / weights[:, None]).reshape(-1, 3)
-    y = (wrenches / weights).ravel()
-    beta = np.asarray(np.linalg.lstsq(z, y, rcond=None)[0], dtype=np.float64)
-    return ConstantCurvatureMap(length, beta)
 
 
 def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:

@@ -77,7 +77,7 @@ class ModelChoice:
         listed = [
             {
                 "model": candidate.alias,
-                "pcr": getattr(candidate, "pcr", None),
+                "pcr": candidate.pcr if isinstance(candidate, PolynomialModel) else None,
                 "coefficients": self.coefficients[i],
                 "error": float(self.error[i]) if np.isfinite(self.error[i]) else None,
                 "chosen": i == self.chosen,

@@ -32,7 +32,25 @@ class Symmetry:
 
 
 def symmetry_of(stiffness: F, poses: F, wrenches: F) -> Symmetry:
-    """Parts of K = dh/dp (N, 6, 6) at poses (N, 6) under wrenches (N, 6)."""
+    """Symmetric and skew parts of the stiffness.
+
+    Parameters
+    ----------
+    stiffness
+        (N, 6, 6) K = dh/dp, SI units.
+    poses, wrenches
+        (N, 6) each, where the stiffness belongs.
+
+    Source
+    ------
+    Deutschmann et al., equation (10); conventions.md, "Left Jacobian and work".
+
+    Examples
+    --------
+    >>> poses = np.zeros((1, 6))
+    >>> float(symmetry_of(np.eye(6)[None], poses, np.zeros((1, 6))).share[0])
+    1.0
+    """
     poses, wrenches = np.ascontiguousarray(poses), np.ascontiguousarray(wrenches)
     screw = convert_stiffness(
         np.ascontiguousarray(stiffness), poses, wrenches, source="partial", target="screw"

@@ -28,7 +28,7 @@ REST_ANCHOR = 0
 UNIFORM, COS2, SIN2 = "plain", "cos2", "sin2"
 TAPER, THICK, STIFF = "taper", "thick", "stiff"
 CONTRAST = 0.05
-"""Of the graded modulus whose FEM solution is subtracted from the plain one."""
+"""Contrast of the graded modulus whose FEM solution is subtracted from the plain one."""
 
 
 class Source(Protocol):

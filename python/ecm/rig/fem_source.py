@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ecm._native import EnergyModel
 from ecm.io.arrays import F
+from ecm.io.material import Material
+from ecm.io.mechanism import Mechanism
 from ecm.rig.elastic import (
     CONTRAST,
     COS2,
@@ -21,9 +22,6 @@ from ecm.rig.elastic import (
     Progress,
     Smooth,
 )
-
-if TYPE_CHECKING:
-    from ecm.io.mechanism import Mechanism
 
 
 class FemSource:
@@ -72,8 +70,6 @@ def changed(mechanism: Mechanism, grade: str) -> Mechanism:
             waist_radius_m=thicker * mechanism.waist_radius_m,
         )
     if grade == STIFF:
-        from ecm.io.material import Material
-
         nu = mechanism.poisson_ratio
         c1 = mechanism.young_modulus_Pa / (4.0 * (1.0 + nu))
         stiffer = {"c1_Pa": c1, "c2_Pa": 4.0 * CONTRAST * c1, "c3_Pa": 0.0}

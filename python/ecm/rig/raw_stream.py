@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
+from ecm.io.table import Table
 from ecm.rig.camera import Optics, Window
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import REST_ANCHOR, Anchors, Elastic, Grading, unique_poses
@@ -42,14 +43,10 @@ from ecm.rig.streams import stream
 from ecm.rig.timeline import travel_s
 from ecm.rig.visits import POSE, Visit, Visits
 
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
-
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 """Shares of a leg at which FEM is solved."""
 REST_S = 1.0
-"""Of rest after each leg that is streamed."""
+"""How much of the rest after each leg is streamed."""
 
 
 class StreamedCampaign(CampaignState, Protocol):
@@ -99,7 +96,7 @@ class Leg:
         return speed
 
     def times(self, rate_Hz: float) -> F:
-        """Of the samples; none where the leg is shorter than the time between two."""
+        """Times of the samples; none where the leg is shorter than the time between two."""
         span = self.visit.travel_s + min(self.visit.dwell_s, REST_S)
         count = int(span * rate_Hz)
         times: F = self.departs_s + (np.arange(count, dtype=np.float64) + 0.5) / rate_Hz
@@ -185,8 +182,6 @@ class RawStream:
 
     def table(self, campaign: StreamedCampaign, readings: list[Reading]) -> Table:
         """The samples with the noise of one row each."""
-        from ecm.io.table import Table
-
         # Copies: where nothing lies between, what the camera sees is the samples' own pose.
         seen, sensor = (array.copy() for array in self.truth(campaign.physics))
         instrument = self._settings.instrument
@@ -305,9 +300,9 @@ class RawStream:
 
     def _visits(self, time_s: F, poses: F) -> tuple[Visit, ...]:
         visits = []
-        anew = False
+        restart = False
         for i, leg in enumerate(self.legs):
-            anew = anew or leg.visit.rested
+            restart = restart or leg.visit.rested
             for k, row in enumerate(np.flatnonzero(self.leg == i).tolist()):
                 before = poses[row - 1 : row]
                 way = [*before, *([] if k else self._passed(i, row)), poses[row]]
@@ -315,9 +310,9 @@ class RawStream:
                 rested = float(max(0.0, time_s[row] - leg.departs_s - leg.visit.travel_s))
                 sample = replace(
                     leg.visit, pose=poses[row], time_s=float(time_s[row]), window_s=self.window_s,
-                    travel_s=moved, dwell_s=rested, way=np.stack(way), rested=anew,
+                    travel_s=moved, dwell_s=rested, way=np.stack(way), rested=restart,
                 )  # fmt: skip
-                anew = False
+                restart = False
                 visits.append(sample)
         return tuple(visits)
 
@@ -325,7 +320,7 @@ class RawStream:
         """Solved poses between the sample before, of another leg, and the first of a leg."""
         leg = self.legs[i]
         if leg.home:
-            # At its begin the sample before stands, but where the way there was too short for one.
+            # The sample before is at its beginning, unless the way there was too short for one.
             return [] if row and self.leg[row - 1] == i - 1 else [leg.visit.pose]
         points = list(leg.visit.way[:-1])
         # A way that begins at the pose before: its samples, and those of a way home, are passed.

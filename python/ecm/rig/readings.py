@@ -1,4 +1,4 @@
-"""One reading as it stands in the journal, and all readings as a measurement table."""
+"""One reading as a line of the journal, and all readings as a measurement table."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.io.description import FileMeta, Instrument, Meta, Scene
+from ecm.io.table import Table
 from ecm.rig.camera import Camera, Optics, Window
 from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import rotation, turn_wrench
@@ -18,11 +20,9 @@ from ecm.rig.streams import stream
 from ecm.rig.visits import OFFSET
 
 if TYPE_CHECKING:
-    from ecm.io.description import Meta
-    from ecm.io.table import Table
     from ecm.rig.physics import Physics
-    from ecm.rig.plan import Skipped
     from ecm.rig.plant import Plant
+    from ecm.rig.reachability import Skipped
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Timeline
     from ecm.rig.visits import Visits
@@ -39,11 +39,11 @@ _NAMES = (
     "sensor_temperature_degC",
 )
 HEADER = ",".join(_NAMES)
-"""Of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
+"""Header of the journal; `sensor_` columns are in sensor axes and hold the sensor's zero."""
 
 
 class CampaignState(Protocol):
-    """What a table says of the campaign that it was measured in."""
+    """What a table needs of the campaign that it was measured in."""
 
     plan: Table
     settings: RigSettings
@@ -105,7 +105,7 @@ class Reading:
         if len(numbers) != len(_NAMES):
             raise InputError(
                 f"{where}: a damaged line `{line[:40]}`: expected {len(_NAMES)} numbers. "
-                "Remove the journal to begin anew"
+                "Remove the journal to start again"
             )
         pose, pose_sd, sensor, wrench_sd = np.split(numbers[:24], 4)
         return Reading(pose, pose_sd, sensor, wrench_sd, float(numbers[24]), float(numbers[25]))
@@ -113,8 +113,6 @@ class Reading:
 
 def table_of(campaign: CampaignState, readings: list[Reading], truth_sha256: str) -> Table:
     """The measurement table: wrenches compensated and in base axes, noise of the averaged row."""
-    from ecm.io.table import Table
-
     poses = np.stack([r.pose for r in readings])
     wrenches = wrench_in_base(
         campaign.plant,
@@ -169,9 +167,7 @@ def _stamps(campaign: CampaignState, rows: list[int]) -> F:
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
-    """What stands beside a table whose rows are means over window_s, by default the rig's."""
-    from ecm.io.description import FileMeta, Instrument, Meta, Scene
-
+    """The description of a table whose rows are means over window_s, by default the rig's."""
     settings = campaign.settings
     instrument, plant = settings.instrument, settings.plant
     window = settings.rig.window_s if window_s is None else window_s

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ecm.errors import InputError
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.parquet import require_pyarrow, write_parquet
+from ecm.io.table import Table
 from ecm.rig.arm.sorties import extra_s
 from ecm.rig.campaign import Campaign
 from ecm.rig.elastic import Progress, Source
+from ecm.rig.fem_source import FemSource
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.journal import Journal, clear_beside, journal_path, keep_data, raw_path
-from ecm.rig.plan import requests, split_by_limits
+from ecm.rig.plan import requests
+from ecm.rig.reachability import split_by_limits
 from ecm.rig.readings import HEADER, Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
-
 
 _NO_STREAM = (
     "[rig] stream_Hz: the raw stream is kept beside a table on disk only; give `out`, or ask "
@@ -228,8 +226,6 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
 
 def fem_source(plan: Table, threads: int = 0) -> Source:
     """FEM of the mechanism that a plan's TOML names."""
-    from ecm.rig.fem_source import FemSource
-
     body = plan.meta.body()
     if body is None or not body.has_body:
         raise InputError(

@@ -26,153 +26,241 @@ LOWEST_STREAM_HZ = 0.1
 
 @dataclass(frozen=True)
 class Procedure:
-    """[rig]: how the poses are visited and how long that takes."""
+    """[rig]: how the poses are visited and how long that takes.
 
-    mode: str = setting("quasi_static", choices=("quasi_static", "robot"))
-    """A source of poses that rest in each window, or the arm with its dynamics (`ecm.rig.arm`)."""
-    approach: str = setting("initial", choices=("initial", "previous"))
-    """Where a pose is driven from when the plan has no `approach`: home, or the pose before."""
-    dwell_s: float = setting(2.0, low=0.0, high=1e5)
-    """Rest before the window where the plan has no `dwell_s`."""
-    window_s: float = setting(0.2, low=1e-3, high=1e3)
-    """Readings are averaged over this window."""
-    speed_m_s: float = setting(0.02, low=1e-5, high=10.0)
-    speed_rad_s: float = setting(0.15, low=1e-4, high=100.0)
-    """Peak speed of the cubic timing law, of translation and rotation."""
-    pose_error_m: float = setting(1.5e-4, low=0.0, high=5e-3)
-    pose_error_rad: float = setting(1e-3, low=0.0, high=0.05)
-    """Standard deviation of the reached minus the commanded pose, per axis."""
-    offset_compensation: str = setting(
-        "linear", choices=("linear", "before", "none", "temperature")
+    A pose is approached from home (`initial`) or from the pose before (`previous`), with a cubic
+    timing law; poses beyond a limit are skipped with the reason. `offset_compensation` subtracts
+    from each reading the line in time between the unloaded readings before and after it
+    (`linear`), the last one (`before`), nothing, or a line in the sensor's temperature and time
+    and then `linear` on what is left (`temperature`). `stream_Hz` writes NAME.raw.parquet, one row
+    per image: 0.1 Hz at least and camera_rate_Hz at most.
+    """
+
+    mode: str = setting(
+        "quasi_static",
+        choices=("quasi_static", "robot"),
+        doc="A rig at rest in each window, or the arm.",
     )
-    """`linear` in time between the unloaded readings before and after; `before`: the last one;
-    `temperature`: a line in the sensor's temperature and time, then `linear` on what is left."""
-    offset_every: int = setting(50, low=0, high=1_000_000)
-    """Poses between two unloaded readings; 0: only before the first and after the last pose."""
-    offset_window_s: float = setting(60.0, low=1e-2, high=1e5)
-    """An unloaded reading is averaged over this time."""
-    unload_s: float = setting(60.0, low=0.0, high=1e5)
-    """Time to free the sensor, and to connect it again."""
-    handling_s: float = setting(600.0, low=0.0, high=1e6)
-    """Time of a remount, of a payload taken off, of a dead weight."""
-    stream_Hz: float = setting(0.0, low=0.0, high=1e4)
-    """Samples a second of the raw stream while the arm moves, NAME.raw.parquet; 0: none. One is
-    an image, so camera_rate_Hz at most, and 0.1 at least."""
-    rotation_limit_rad: float = setting(1.5, low=0.0, high=3.1)
-    stretch_limit: float = setting(0.8, low=0.0, high=10.0)
-    """Limit of |r - r0| over the length of the mechanism; poses outside are skipped."""
+    approach: str = setting(
+        "initial", choices=("initial", "previous"), doc="Start of each way, unless the plan says."
+    )
+    dwell_s: float = setting(
+        2.0, low=0.0, high=1e5, doc="Rest before a reading, unless the plan says, s."
+    )
+    window_s: float = setting(
+        0.2, low=1e-3, high=1e3, doc="Time over which a reading is averaged, s."
+    )
+    speed_m_s: float = setting(0.02, low=1e-5, high=10.0, doc="Peak speed of translation, m/s.")
+    speed_rad_s: float = setting(0.15, low=1e-4, high=100.0, doc="Peak speed of rotation, rad/s.")
+    pose_error_m: float = setting(
+        1.5e-4, low=0.0, high=5e-3, doc="Scatter of reached positions per axis, m."
+    )
+    pose_error_rad: float = setting(
+        1e-3, low=0.0, high=0.05, doc="Scatter of reached rotations per axis, rad."
+    )
+    offset_compensation: str = setting(
+        "linear",
+        choices=("linear", "before", "none", "temperature"),
+        doc="Zero of the sensor by unloaded readings; `temperature` also fits its drift.",
+    )
+    offset_every: int = setting(
+        50, low=0, high=1_000_000, doc="Poses between two unloaded readings; 0: only at both ends."
+    )
+    offset_window_s: float = setting(
+        60.0, low=1e-2, high=1e5, doc="Time over which an unloaded reading is averaged, s."
+    )
+    unload_s: float = setting(
+        60.0, low=0.0, high=1e5, doc="Time to free the sensor, and to connect it again, s."
+    )
+    handling_s: float = setting(
+        600.0, low=0.0, high=1e6, doc="Time of a remount, payload or dead weight, s."
+    )
+    stream_Hz: float = setting(0.0, low=0.0, high=1e4, doc="Rate of the raw stream, Hz; 0: none.")
+    rotation_limit_rad: float = setting(
+        1.5, low=0.0, high=3.1, doc="Largest rotation of a pose, rad."
+    )
+    stretch_limit: float = setting(
+        0.8, low=0.0, high=10.0, doc="Largest displacement of a pose over the length."
+    )
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """[instrument]: force-torque sensor, camera, thermometers; figures of one sample."""
+    """[instrument]: force-torque sensor, camera, thermometers; figures of one sample.
 
-    force_noise_N: float = setting(3.0, low=0.0, high=1e4)
-    torque_noise_Nm: float = setting(0.1, low=0.0, high=1e3)
-    """White, each axis of the sensor's own frame."""
-    force_noise_per_load: float = setting(0.0, low=0.0, high=1.0)
-    """Noise that grows with the load: a share of each axis's reading, added in squares."""
-    fts_rate_Hz: float = setting(500.0, low=1.0, high=1e6)
-    fts_range: tuple[float, ...] = setting((400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9)
-    """A reading beyond is clipped, axis by axis of the sensor."""
-    fts_resolution: tuple[float, ...] = setting((0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0)
-    """One count; 0: none."""
-    fts_gain: tuple[float, ...] = setting((1.0,) * 6, low=0.1, high=10.0)
-    """Reading over true wrench of each axis."""
-    fts_crosstalk: tuple[float, ...] = setting((0.0,) * 36, low=-100.0, high=100.0)
-    """Row by row: what axis i reads of one N or N m on axis j; the diagonal is the gain's."""
-    fts_thermal_per_K: tuple[float, ...] = setting((0.0,) * 6, low=-100.0, high=100.0)
-    """Drift of each axis's zero with the sensor's own temperature, N/K and N m/K."""
-    top_from_sensor: tuple[float, ...] = setting(
-        (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0), low=-10.0, high=10.0
+    A reading beyond the range is clipped, axis by axis. The diagonal of `fts_crosstalk` is not
+    used: that is the gain's. The camera's errors of position and rotation are constant while the
+    target rests, so a window does not average them, and new at each visit: all LEDs share them
+    (`common`), or each LED has an error of camera_error_m and the pose is that of the rigid fit
+    (`independent`). At an LED angle of 0.9 rad four or more are seen, up to a tilt of 0.8 rad. The
+    motion that the base target shows is subtracted. With `frames = "calibrated"` both targets and
+    the sensor are where a calibration with these instruments finds them, a little off.
+    """
+
+    force_noise_N: float = setting(
+        3.0, low=0.0, high=1e4, doc="White noise of a sample per force axis, N."
     )
-    """Sensor frame in the top frame: position in m, unit quaternion w x y z."""
-    frames: str = setting("known", choices=("known", "calibrated"))
-    """`calibrated`: both targets and the sensor sit where a calibration with these instruments
-    finds them, a little off; `known`: where they are."""
-    zeroed_with_payload: bool = setting(False)
-    """The sensor was zeroed with the payload hanging on it, at the rest pose."""
-    camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5)
-    camera_error_m: float = setting(37e-6, low=0.0, high=0.1)
-    camera_error_rad: float = setting(4e-4, low=0.0, high=0.5)
-    """Error of localisation that all LEDs share: constant while the target rests, so a window
-    does not average it out; new at each visit."""
-    led_errors: str = setting("common", choices=("common", "independent"))
-    """`common`: all LEDs of a target share the error above; `independent`: each LED has an error
-    of camera_error_m of its own, and the pose is that of the rigid fit."""
-    camera_place_m: tuple[float, ...] = setting((0.1, 0.5, 1.4), low=-100.0, high=100.0)
-    """Middle of the three lenses, base axes."""
-    lens_spread_m: float = setting(0.3, low=0.0, high=10.0)
-    """From one lens to the next."""
-    led_radius_m: float = setting(0.05, low=1e-3, high=1.0)
-    """Of the dome that carries the nine LEDs."""
-    led_angle_rad: float = setting(0.9, low=0.05, high=3.1)
-    """An LED is seen within this angle of its direction; at 0.9 four or more are, up to a tilt of
-    0.8 rad."""
-    camera_drift_m: float = setting(0.0, low=0.0, high=0.1)
-    camera_drift_rad: float = setting(0.0, low=0.0, high=0.5)
-    """Slow motion of the camera on its stand (Ornstein-Uhlenbeck, 1 h), per axis."""
-    base_target: bool = setting(True)
-    """A second target at the base shows the camera's motion, which is taken off."""
-    base_target_images: int = setting(600, low=1, high=1_000_000)
-    """Images of the base target that are averaged."""
-    clock_skew: float = setting(0.0, low=-0.1, high=0.1)
-    """The recorder's clock runs fast by this share."""
-    time_stamp_sd_s: float = setting(0.0, low=0.0, high=10.0)
-    """Scatter of a row's time stamp."""
-    camera_jitter_m: float = setting(2e-5, low=0.0, high=0.1)
-    camera_jitter_rad: float = setting(1e-4, low=0.0, high=0.5)
-    """White from image to image."""
-    outlier_share: float = setting(0.0, low=0.0, high=0.5)
-    """Share of windows in which an LED is mistaken."""
-    outlier_scale: float = setting(8.0, low=1.0, high=1e3)
-    """Such a window's localisation error over the usual one."""
-    thermometer_noise_degC: float = setting(0.05, low=0.0, high=100.0)
-    thermometer_lag_s: float = setting(60.0, low=0.0, high=1e5)
-    """Of the probe behind the mechanism's mean temperature."""
+    torque_noise_Nm: float = setting(
+        0.1, low=0.0, high=1e3, doc="White noise of a sample per torque axis, N m."
+    )
+    force_noise_per_load: float = setting(
+        0.0, low=0.0, high=1.0, doc="Noise per load of each axis, added in squares."
+    )
+    fts_rate_Hz: float = setting(
+        500.0, low=1.0, high=1e6, doc="Samples per second of the force-torque sensor, Hz."
+    )
+    fts_range: tuple[float, ...] = setting(
+        (400.0, 200.0, 200.0, 20.0, 20.0, 20.0), low=1e-9, doc="Range per axis, N and N m."
+    )
+    fts_resolution: tuple[float, ...] = setting(
+        (0.1, 0.05, 0.05, 5e-3, 5e-3, 5e-3), low=0.0, doc="One count, N and N m; 0: none."
+    )
+    fts_gain: tuple[float, ...] = setting(
+        (1.0,) * 6, low=0.1, high=10.0, doc="Reading over true wrench of each axis."
+    )
+    fts_crosstalk: tuple[float, ...] = setting(
+        (0.0,) * 36, low=-100.0, high=100.0, doc="Reading of axis i per load of axis j, row by row."
+    )
+    fts_thermal_per_K: tuple[float, ...] = setting(
+        (0.0,) * 6, low=-100.0, high=100.0, doc="Drift of each zero, N/K and N m/K."
+    )
+    top_from_sensor: tuple[float, ...] = setting(
+        (0.01, 0.0, 0.0, 0.9659258262890683, 0.25881904510252074, 0.0, 0.0),
+        low=-10.0,
+        high=10.0,
+        doc="Sensor frame in the top frame: position in m, unit quaternion w x y z.",
+    )
+    frames: str = setting(
+        "known",
+        choices=("known", "calibrated"),
+        doc="Frames as they are, or as a calibration with these instruments finds them.",
+    )
+    zeroed_with_payload: bool = setting(
+        False, doc="Whether the sensor was zeroed with the payload on it, at the rest pose."
+    )
+    camera_rate_Hz: float = setting(60.0, low=1.0, high=1e5, doc="Images per second, Hz.")
+    camera_error_m: float = setting(
+        37e-6, low=0.0, high=0.1, doc="Position error per axis and visit, m."
+    )
+    camera_error_rad: float = setting(
+        4e-4, low=0.0, high=0.5, doc="Rotation error per axis and visit, rad."
+    )
+    led_errors: str = setting(
+        "common",
+        choices=("common", "independent"),
+        doc="One error of the pose, or one of each LED.",
+    )
+    camera_place_m: tuple[float, ...] = setting(
+        (0.1, 0.5, 1.4), low=-100.0, high=100.0, doc="Middle of the three lenses, base axes, m."
+    )
+    lens_spread_m: float = setting(
+        0.3, low=0.0, high=10.0, doc="Distance from one lens to the next, m."
+    )
+    led_radius_m: float = setting(
+        0.05, low=1e-3, high=1.0, doc="Radius of the dome that carries the nine LEDs, m."
+    )
+    led_angle_rad: float = setting(
+        0.9, low=0.05, high=3.1, doc="Largest angle at which an LED is seen, rad."
+    )
+    camera_drift_m: float = setting(
+        0.0, low=0.0, high=0.1, doc="Slow motion of the camera on its stand per axis, m."
+    )
+    camera_drift_rad: float = setting(
+        0.0, low=0.0, high=0.5, doc="Slow rotation of the camera on its stand, rad."
+    )
+    base_target: bool = setting(True, doc="Whether a target at the base shows the camera's motion.")
+    base_target_images: int = setting(
+        600, low=1, high=1_000_000, doc="Images of the base target per average."
+    )
+    clock_skew: float = setting(
+        0.0, low=-0.1, high=0.1, doc="How fast the recorder's clock runs, as a share."
+    )
+    time_stamp_sd_s: float = setting(
+        0.0, low=0.0, high=10.0, doc="Scatter of a row's time stamp, s."
+    )
+    camera_jitter_m: float = setting(
+        2e-5, low=0.0, high=0.1, doc="White noise of position from image to image, m."
+    )
+    camera_jitter_rad: float = setting(
+        1e-4, low=0.0, high=0.5, doc="White noise of rotation from image to image, rad."
+    )
+    outlier_share: float = setting(
+        0.0, low=0.0, high=0.5, doc="Share of windows in which an LED is mistaken."
+    )
+    outlier_scale: float = setting(
+        8.0, low=1.0, high=1e3, doc="Error of such a window over the usual one."
+    )
+    thermometer_noise_degC: float = setting(
+        0.05, low=0.0, high=100.0, doc="White noise of a thermometer, degC."
+    )
+    thermometer_lag_s: float = setting(
+        60.0, low=0.0, high=1e5, doc="Lag of the probe behind the mechanism, s."
+    )
 
 
 @dataclass(frozen=True)
 class PlantTable:
-    """[plant]: the true surroundings of the mechanism. Its own material is `[mechanism]`."""
+    """[plant]: the true surroundings of the mechanism; its own material is in `[mechanism]`.
 
-    room_temperature_degC: float = setting(22.0, low=-50.0, high=100.0)
-    room_cycle_degC: float = setting(1.5, low=0.0, high=50.0)
-    """Amplitude of the heating's cycle."""
-    room_cycle_s: float = setting(2700.0, low=1.0, high=1e6)
-    room_wander_degC: float = setting(0.7, low=0.0, high=50.0)
-    """Standard deviation of a slow random part (Ornstein-Uhlenbeck, 1 h)."""
-    thermal_lag_s: float = setting(600.0, low=1.0, high=1e6)
-    """The mechanism's mean temperature behind the room's."""
-    offset_N: float = setting(4.0, low=0.0, high=1e3)
-    offset_Nm: float = setting(0.15, low=0.0, high=1e2)
-    """Size of the sensor's constant offset, drawn by the seed."""
-    drift_N: float = setting(1.0, low=0.0, high=1e3)
-    """Size of the sensor's warm-up, with 0.033 N m per N; its direction is drawn by the seed and
-    the compensation sees it."""
-    drift_time_s: float = setting(3600.0, low=1.0, high=1e6)
-    """Time constant of the warm-up."""
-    drift_wander: float = setting(0.02, low=0.0, high=10.0)
-    """Slow random part as a share of the warm-up (Ornstein-Uhlenbeck, 1 h)."""
-    payload_mass_kg: float = setting(0.0, low=0.0, high=100.0)
-    payload_centre_m: tuple[float, ...] = setting((0.03, 0.0, 0.0), low=-10.0, high=10.0)
-    """Known load between sensor and mechanism, in the top frame; declared in the data."""
-    marker_mass_kg: float = setting(0.0, low=0.0, high=10.0)
-    """Of the target between sensor and mechanism: it hangs on the sensor at every zero as well."""
-    marker_centre_m: tuple[float, ...] = setting((0.01, 0.0, 0.04), low=-1.0, high=1.0)
-    """In the top frame."""
-    gravity_m_s2: tuple[float, ...] = setting((-9.81, 0.0, 0.0), low=-100.0, high=100.0)
-    """In base axes."""
+    The seed draws the sensor's offset and the direction of its warm-up, which the compensation
+    sees. The payload is declared in the data.
+    """
+
+    room_temperature_degC: float = setting(
+        22.0, low=-50.0, high=100.0, doc="Mean temperature of the room, degC."
+    )
+    room_cycle_degC: float = setting(
+        1.5, low=0.0, high=50.0, doc="Amplitude of the heating's cycle, degC."
+    )
+    room_cycle_s: float = setting(
+        2700.0, low=1.0, high=1e6, doc="Period of the heating's cycle, s."
+    )
+    room_wander_degC: float = setting(
+        0.7, low=0.0, high=50.0, doc="Slow random part (Ornstein-Uhlenbeck, 1 h), degC."
+    )
+    thermal_lag_s: float = setting(
+        600.0, low=1.0, high=1e6, doc="Lag of the mechanism behind the room, s."
+    )
+    offset_N: float = setting(
+        4.0, low=0.0, high=1e3, doc="Size of the sensor's constant offset, N."
+    )
+    offset_Nm: float = setting(
+        0.15, low=0.0, high=1e2, doc="Size of the sensor's constant torque offset, N m."
+    )
+    drift_N: float = setting(
+        1.0, low=0.0, high=1e3, doc="Size of the sensor's warm-up, with 0.033 N m per N, N."
+    )
+    drift_time_s: float = setting(3600.0, low=1.0, high=1e6, doc="Time constant of the warm-up, s.")
+    drift_wander: float = setting(
+        0.02, low=0.0, high=10.0, doc="Slow random part as a share of the warm-up."
+    )
+    payload_mass_kg: float = setting(
+        0.0, low=0.0, high=100.0, doc="Known load between sensor and mechanism, kg."
+    )
+    payload_centre_m: tuple[float, ...] = setting(
+        (0.03, 0.0, 0.0), low=-10.0, high=10.0, doc="Centre of the known load in the top frame, m."
+    )
+    marker_mass_kg: float = setting(
+        0.0, low=0.0, high=10.0, doc="Mass of the target, also on the zeroed sensor, kg."
+    )
+    marker_centre_m: tuple[float, ...] = setting(
+        (0.01, 0.0, 0.04), low=-1.0, high=1.0, doc="Centre of the target in the top frame, m."
+    )
+    gravity_m_s2: tuple[float, ...] = setting(
+        (-9.81, 0.0, 0.0), low=-100.0, high=100.0, doc="Gravity in base axes, m/s^2."
+    )
 
 
 @dataclass(frozen=True)
 class HiddenTable:
     """[hidden]: an effect put into the plant, its truth sealed; the flag --hide goes before it."""
 
-    effect: str = setting("")
-    """An id of the catalogue, `random`, `none` (sealed), or empty for nothing."""
-    strength: float = setting(1.0, low=1e-3, high=100.0)
-    """s: root mean square of the whitened effect after projecting out the base."""
+    effect: str = setting(
+        "", doc="Id of a hidden effect, `random`, `none` (sealed), or empty for nothing."
+    )
+    strength: float = setting(
+        1.0, low=1e-3, high=100.0, doc="Strength s, in standard deviations of the noise."
+    )
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,12 @@ from ecm.diagnosis.identifiability import Identifiability, identifiability
 from ecm.effects import Effect, all_effects
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models import Model
 from ecm.rig import RigSettings, campaign_minutes
 from ecm.workflow.console import Console, Silent
+from ecm.workflow.design_figures import pose_figure
 
 Preset = Literal["paper", "diagnosable"]
 _PLANS = {"paper": paper_plan, "diagnosable": diagnosable_plan, None: plain_plan}
@@ -43,8 +45,12 @@ class PlannedDesign:
     >>> planned = ecm.design(poses, 4, model="linear")
     >>> planned.to_dict()["rows"]
     [1, 2, 20, 21]
+    >>> print(planned)
+    4 poses, D-efficiency 100.0 % of what is possible
     """
 
+    candidates: Table
+    """The poses to choose from."""
     plan: Table
     """The rows in visiting order."""
     design: Design
@@ -62,14 +68,38 @@ class PlannedDesign:
     """Expected error against the number of poses, where it was asked for."""
 
     def sentences(self) -> list[str]:
-        """The result in words."""
+        """Return the result in words."""
         lines = [self.design.sentence()]
         if not self.reproducible:
             lines.append("with a time limit another run may give another design")
         return lines + ["  " + item.sentence() for item in self.effects]
 
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def to_pandas(self) -> Any:
+        """Return the plan as a pandas DataFrame, in visiting order."""
+        return self.plan.to_pandas()
+
+    def plot(self, x: str | None = None, y: str | None = None) -> Any:
+        """Return a plotly figure of the chosen poses among the candidates.
+
+        Parameters
+        ----------
+        x, y
+            Names of two pose columns; default: the first two.
+
+        Raises
+        ------
+        MissingExtra
+            If plotly is not installed.
+        """
+        plotly = require("plotly.graph_objects", "report", "The figure of a design")
+        first, second = (*self.candidates.pose_columns, *self.candidates.pose_columns)[:2]
+        return plotly.Figure(pose_figure(self.candidates, self.design, x or first, y or second))
+
     def to_dict(self) -> dict[str, Any]:
-        """The JSON document of `ecm design`."""
+        """Return the JSON document of `ecm design`."""
         return {
             "schema": 1,
             "seed": self.seed,
@@ -195,6 +225,7 @@ def design(
         progress = console.progress("how many")
         sizes = design_sizes(poses, (), smaller, most=n, base=weights, progress=progress)
     return PlannedDesign(
+        candidates=candidates,
         plan=plan,
         design=chosen,
         model=None if chosen.criterion == "maximin" else model,

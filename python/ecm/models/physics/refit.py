@@ -172,8 +172,8 @@ class PhysicsModel(ModelSpecification):
                 )
             base = physics_map(body, threads=self.threads, reach_rad=reach_of(table))
         noise = declared_noise(table)
-        found = refit_physics(base, table, noise)
-        return FittedMap(found.base, noise, found.covariance)
+        result = refit_physics(base, table, noise)
+        return FittedMap(result.base, noise, result.covariance)
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> PhysicsMap:

@@ -10,14 +10,12 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ecm.errors import InputError
-
-if TYPE_CHECKING:
-    from ecm.io.table import Table
+from ecm.io.table import Table, read_table
 
 FORMAT = "ecm-truth"
 VERSION = 1
@@ -44,7 +42,7 @@ def sealed(effects: list[dict[str, Any]], *, seed: int, salt: str) -> str:
 
 
 def sha256(text: str) -> str:
-    """Of the exact bytes of a truth file."""
+    """Hash of the exact bytes of a truth file."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -136,8 +134,6 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
     InputError
         No truth file, a broken seal, or an answer that is no report of diagnose.
     """
-    from ecm.io.table import read_table
-
     table = read_table(data) if isinstance(data, (str, Path)) else data
     path = truth_path(Path(table.source))
     expected = table.meta.file.truth_sha256

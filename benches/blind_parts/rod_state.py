@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind_parts.rod import Rod, Section, Solved, cross, turn, turn_back
-from blind_parts.rod_course import Course
+from blind_parts.rod_visits import Visits
 
 F = NDArray[np.float64]
-Change = Callable[[F, F, Course], F]
+Change = Callable[[F, F, Visits], F]
 
 SENSOR_IN_TOP = (np.array([0.012, 0.0, 0.0]), np.array([0.7, 0.0, 0.0]))
 """Position and rotation vector of the sensor's frame in the top frame."""
@@ -30,34 +30,34 @@ class Physics:
 
     section: dict[str, Any] = field(default_factory=dict)
     felt: list[Change] = field(default_factory=list)
-    """(poses, -, course) -> the pose that the rod's own top takes."""
+    """(poses, -, visits) -> the pose that the rod's own top takes."""
     wrench: list[Change] = field(default_factory=list)
-    """(wrench, poses, course) -> the rod's wrench with its history."""
+    """(wrench, poses, visits) -> the rod's wrench with its history."""
     load: list[Change] = field(default_factory=list)
-    """(-, poses, course) -> a further wrench that the sensor must give."""
+    """(-, poses, visits) -> a further wrench that the sensor must give."""
     sensor: list[Change] = field(default_factory=list)
-    """(raw, -, course) -> reading in sensor axes."""
+    """(raw, -, visits) -> reading in sensor axes."""
     seen: list[Change] = field(default_factory=list)
-    """(poses, raw, course) -> what the camera sees."""
+    """(poses, raw, visits) -> what the camera sees."""
 
 
-class World:
-    """A course with a rod in it; solved once, then changed little by little."""
+class RodState:
+    """The visits with a rod in it; solved once, then changed little by little."""
 
     def __init__(
         self,
-        course: Course,
+        visits: Visits,
         section: Section,
-        first: Course | None = None,
+        first: Visits | None = None,
         lens_azimuth_rad: float = 0.0,
     ) -> None:
-        self.course = course
+        self.visits = visits
         self.lens_azimuth_rad = lens_azimuth_rad
         """Towards which the target turns its LEDs out of the lenses' sight."""
-        self.first = course if first is None else first
-        """The first campaign, whose rows are the course's first: what is drawn refers to it."""
+        self.first = visits if first is None else first
+        """The first campaign, whose rows come first: what is drawn refers to it."""
         self.section = section
-        self.loaded = course.loaded
+        self.loaded = visits.loaded
         self._solved: Solved = Rod(section).solve(self._poses, self._mount)
         self._kept: dict[str, F] = {}
         self.screw = Rod(section).stiffness(self._poses, self._mount, self._solved)
@@ -71,11 +71,11 @@ class World:
 
     @property
     def _poses(self) -> F:
-        return self.course.poses[self.loaded]
+        return self.visits.poses[self.loaded]
 
     @property
     def _mount(self) -> F:
-        return self.course.asked.mount_rad[self.loaded]
+        return self.visits.asked.mount_rad[self.loaded]
 
     @property
     def elastic(self) -> F:
@@ -84,11 +84,11 @@ class World:
 
     def readings(self, physics: Physics) -> tuple[F, F]:
         """Poses and wrenches without noise, as the table would have them, all rows."""
-        course = self.course
+        visits = self.visits
         sensor = self._raw(physics)
-        poses = np.array(course.poses)
+        poses = np.array(visits.poses)
         for change in physics.seen:
-            poses = change(poses, sensor, course)
+            poses = change(poses, sensor, visits)
         return poses, self.table_wrench(sensor, poses)
 
     def table_wrench(self, sensor: F, poses: F) -> F:
@@ -113,34 +113,34 @@ class World:
         return self._raw(physics)
 
     def _raw(self, physics: Physics) -> F:
-        course = self.course
-        top = np.zeros((len(course.poses), 6))
+        visits = self.visits
+        top = np.zeros((len(visits.poses), 6))
         wrench = self._mechanism(physics)
-        whole = np.zeros((len(course.poses), 6))
+        whole = np.zeros((len(visits.poses), 6))
         whole[self.loaded] = wrench
         for change in physics.wrench:
-            whole = change(whole, course.poses, course)
+            whole = change(whole, visits.poses, visits)
         for change in physics.load:
-            whole = whole + change(whole, course.poses, course)
-        dead = course.asked.dead_weight_kg
+            whole = whole + change(whole, visits.poses, visits)
+        dead = visits.asked.dead_weight_kg
         hung = np.zeros_like(whole)
         hung[:, 0] = dead * 9.81
         whole = np.where(self.loaded[:, None], whole, hung)
-        matrices = turn(course.poses[:, 3:])
+        matrices = turn(visits.poses[:, 3:])
         top[:, :3] = np.einsum("nji,nj->ni", matrices, whole[:, :3])
         top[:, 3:] = np.einsum("nji,nj->ni", matrices, whole[:, 3:])
         sensor = top @ np.linalg.inv(self.top_from_sensor).T
         for change in physics.sensor:
-            sensor = change(sensor, top, course)
+            sensor = change(sensor, top, visits)
         return sensor
 
     def _mechanism(self, physics: Physics) -> F:
         poses = self._poses
         if not physics.section and not physics.felt:
             return self._solved.wrench
-        felt = np.array(self.course.poses)
+        felt = np.array(self.visits.poses)
         for change in physics.felt:
-            felt = change(felt, felt, self.course)
+            felt = change(felt, felt, self.visits)
         rod = Rod(replace(self.section, **physics.section))
         own = felt[self.loaded]
         wrench = rod.solve(own, self._mount, self._solved).wrench
@@ -162,15 +162,15 @@ class World:
 
 
 def measured(
-    world: World, physics: Physics, random: np.random.Generator, *, uneven_noise: float = 0.0
+    rod_state: RodState, physics: Physics, random: np.random.Generator, *, uneven_noise: float = 0.0
 ) -> tuple[F, F]:
     """Poses and wrenches with noise, outliers, clipping and counts; `uneven_noise` per load."""
-    course = world.course
-    n = len(course.poses)
-    raw = world.raw(physics)
-    poses = np.array(course.poses)
+    visits = rod_state.visits
+    n = len(visits.poses)
+    raw = rod_state.raw(physics)
+    poses = np.array(visits.poses)
     for change in physics.seen:
-        poses = change(poses, raw, course)
+        poses = change(poses, raw, visits)
     size = np.repeat([POSITION_SD_M, ROTATION_SD_RAD], 3)
     error = size * random.standard_normal((n, 6))
     error *= np.where(random.random(n) < OUTLIERS, 8.0, 1.0)[:, None]
@@ -182,7 +182,7 @@ def measured(
     samples = raw + noise * random.standard_normal((n, 6))
     # A window of several samples: counts are averaged, so a fraction of one is left.
     samples = np.clip(np.round(samples / (0.2 * COUNT)) * 0.2 * COUNT, -RANGE, RANGE)
-    free = ~world.loaded & (course.asked.dead_weight_kg == 0.0)
+    free = ~rod_state.loaded & (visits.asked.dead_weight_kg == 0.0)
     # A free sensor is read for a minute.
     samples[free] = raw[free] + 0.1 * (samples - raw)[free]
-    return poses, world.table_wrench(samples, poses)
+    return poses, rod_state.table_wrench(samples, poses)

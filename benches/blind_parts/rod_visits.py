@@ -30,7 +30,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Course:
+class Visits:
     """What happened at each visit."""
 
     asked: Asked
@@ -53,7 +53,7 @@ class Course:
         return np.asarray([kind != "unloaded" for kind in self.asked.kind])
 
 
-def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Course:
+def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Visits:
     """The visits one after another; home and free sensor stand at the rest pose."""
     n = len(asked.poses)
     first = {int(i): k for k, i in reversed(list(enumerate(asked.pose_id))) if i >= 0}
@@ -98,13 +98,13 @@ def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Course:
         ways.append(tuple(legs))
     error = random.standard_normal((n, 6)) * np.repeat([1.2e-4, 8e-4], 3)
     room, sensor = _weather(time, random)
-    return Course(
+    return Visits(
         asked, target + error, time, dwell, travel, tuple(ways), rested, room, sensor, rest
     )
 
 
-def gone_on(a: Course, b: Course, pause_s: float = 600.0) -> Course:
-    """The first campaign and a second one on the same rod, after a pause, as one course."""
+def gone_on(a: Visits, b: Visits, pause_s: float = 600.0) -> Visits:
+    """The first campaign and a second one on the same rod, after a pause, in one sequence."""
     n = len(a.poses)
     x, y = a.asked, b.asked
     asked = Asked(
@@ -119,7 +119,7 @@ def gone_on(a: Course, b: Course, pause_s: float = 600.0) -> Course:
         dead_weight_kg=np.concatenate([x.dead_weight_kg, y.dead_weight_kg]),
     )
     ways = [tuple((k if k < 0 else k + n, t, d) for k, t, d in way) for way in b.ways]
-    return Course(
+    return Visits(
         asked,
         np.concatenate([a.poses, b.poses]),
         np.concatenate([a.time_s, b.time_s + a.time_s[-1] + pause_s]),
