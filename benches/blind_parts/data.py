@@ -25,6 +25,7 @@ from ecm.models import Model, PhysicsMap
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import declared_noise
 from ecm.rig import Campaign, Hidden, RigSettings, fem_source
+from ecm.rig.arm.campaign import RobotCampaign
 
 F = NDArray[np.float64]
 BASE_ERROR = 0.1
@@ -162,8 +163,6 @@ def _rig(
 
 def _arm(asked: Set, plan: Table, sources: Sources) -> Table:
     """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
-    from ecm.rig.arm.campaign import RobotCampaign
-
     settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
     campaign = RobotCampaign(
         plan,

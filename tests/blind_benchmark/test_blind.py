@@ -34,7 +34,7 @@ from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section, turn, turn_back
 from blind_parts.rod_tables import EFFECTS, asked_of, rod_table
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
-from blind_parts.second import BY_HAND, _readings, second_answer
+from blind_parts.second import BY_HAND, _joined, _readings, second_answer
 from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
 from blind_parts.simple import SIMPLE, _thresholded, bic_forward, random_folds
 from blind_parts.strange import STRANGE
@@ -44,7 +44,10 @@ from ecm.designs import follow_up_plan
 from ecm.diagnosis import diagnose, find_missing
 from ecm.effects import Rows, all_effects, get_effect
 from ecm.io.columns import WRENCH
+from ecm.regression.noise import declared_noise
 from ecm.rig.physics import TRUE_EFFECTS
+from support.campaigns import model, plan
+from support.stand_in import StandIn
 
 pytestmark = pytest.mark.xdist_group("blind")
 ONE = (
@@ -177,9 +180,6 @@ def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path, method: Metho
 
 def test_the_rig_s_generator_on_a_closed_form(folder: Path) -> None:
     """The sets of the rig as the benchmark makes them, but for FEM."""
-    from support.campaigns import model, plan
-    from support.stand_in import StandIn
-
     sources = Sources(
         plan=lambda *_: plan(),
         model=lambda _: model(),
@@ -347,8 +347,6 @@ def test_rotation_vectors_come_back() -> None:
 
 def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
     """s^2 is what the whitened effect adds to the residual's mean square beyond the base."""
-    from ecm.regression.noise import declared_noise
-
     asked = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
     data = _data(asked, folder)
     base = shared_model("rod").base
@@ -381,8 +379,6 @@ def test_a_remount_turns_the_body_and_a_dead_weight_is_a_run_of_its_own(folder: 
 @pytest.mark.parametrize("experiment", ["remount turned by 180 degrees", "dead weights"])
 def test_a_second_campaign_alone_gives_no_name(experiment: str, folder: Path) -> None:
     """Nothing hidden: the joined data of a remount or of weights are as clean as the first."""
-    from blind_parts.second import _joined
-
     asked = Set(5, 902, "rod", protocol="plain")
     data = _data(asked, folder)
     plan = follow_up_plan(data.table, experiment)

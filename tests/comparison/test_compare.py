@@ -295,6 +295,19 @@ def test_maps_in_top_axes_are_the_turned_residuals() -> None:
     assert maps.physical["top"][:, :3] == pytest.approx(top)
 
 
+def test_a_comparison_is_a_table_and_a_figure() -> None:
+    result = compare(model(), campaign(seed=3))
+    frame = result.to_pandas()
+    assert list(frame["name"]) == list(WRENCH)
+    assert list(frame["rmse"]) == [c.rmse for c in result.components]
+    figure = result.plot("row")
+    assert len(figure.data) == len(WRENCH)
+    for j, panel in enumerate(figure.data):
+        assert list(panel.x) == (result.row + 1).tolist()
+        assert panel.y == pytest.approx(result.where().over_noise["base"][:, j], rel=1e-3)
+    assert str(result) == result.sentence()
+
+
 def test_compare_needs_the_columns_of_the_model() -> None:
     with pytest.raises(InputError, match="no column fx_N"):
         compare(model(), campaign(seed=3).drop("fx_N"))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import venv
 from pathlib import Path
+from zipfile import ZipFile
 
 from support.neck import ROOT
 
@@ -21,6 +22,11 @@ def test_the_wheel_installs_and_identifies_without_rust(tmp_path: Path) -> None:
     )
     (wheel,) = (tmp_path / "dist").glob("ecm_stiffness-*-cp310-abi3-*.whl")
     assert wheel.stat().st_size < 30e6
+    with ZipFile(wheel) as archive:
+        files = set(archive.namelist())
+    templates = {path.name for path in (ROOT / "python/ecm/io/templates").glob("*.*")}
+    assert {"rig.toml", "config.toml", "data.toml", "data.csv"} <= templates
+    assert {f"ecm/io/templates/{name}" for name in templates} <= files
 
     clean = tmp_path / "clean"
     venv.create(clean, with_pip=True)

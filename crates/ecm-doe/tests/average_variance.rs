@@ -4,29 +4,9 @@
 
 mod common;
 
+use common::{information, quadratic};
 use ecm_doe::regressor::{Model, prediction_region};
-use ecm_doe::{Control, DSettings, InformationMatrix, Method, a_optimal, d_optimal, i_optimal};
-
-fn quadratic(seed: u32, count: usize) -> Vec<f64> {
-    let points = common::uniform(seed, count, 3);
-    Model::polynomial(&points, 2, &[-1.0; 3], &[1.0; 3])
-        .unwrap()
-        .rows
-}
-
-fn information(rows: &[f64], block: usize, k: usize, design: &[usize]) -> InformationMatrix {
-    let mut m = vec![0.0; k * k];
-    for &i in design {
-        for x in rows[i * block * k..(i + 1) * block * k].chunks_exact(k) {
-            for a in 0..k {
-                for b in 0..k {
-                    m[a * k + b] += x[a] * x[b];
-                }
-            }
-        }
-    }
-    InformationMatrix::new(&m, k).unwrap()
-}
+use ecm_doe::{Control, DSettings, Method, a_optimal, d_optimal, i_optimal};
 
 /// Mean over poses of tr(A M^-1 A').
 fn average_variance(rows: &[f64], block: usize, k: usize, design: &[usize], region: &[f64]) -> f64 {
@@ -104,23 +84,8 @@ fn no_subset_beats_the_lower_bounds() {
 
 #[test]
 fn six_rows_a_pose_and_a_region_of_its_own() {
-    let poses = |seed, count: usize| -> Vec<[f64; 6]> {
-        common::uniform(seed, count, 6)
-            .chunks_exact(6)
-            .map(|p| {
-                [
-                    0.1 + 0.01 * p[0],
-                    0.02 * p[1],
-                    0.02 * p[2],
-                    0.5 * p[3],
-                    0.5 * p[4],
-                    0.5 * p[5],
-                ]
-            })
-            .collect()
-    };
-    let mut all = poses(2, 80);
-    all.extend(poses(3, 40));
+    let mut all = common::poses(2, 80);
+    all.extend(common::poses(3, 40));
     let rows = Model::energy(&all, 4, ecm_poly::Symmetry::Alike, 0.1)
         .unwrap()
         .rows;

@@ -65,20 +65,7 @@ fn updates_agree_with_a_fresh_factorisation() {
 
 /// Six rows a pose, k coefficients, from a smooth map.
 fn blocks(seed: u32, poses: usize) -> Vec<f64> {
-    let points = common::uniform(seed, poses, 6);
-    let poses: Vec<[f64; 6]> = points
-        .chunks_exact(6)
-        .map(|p| {
-            [
-                0.1 + 0.01 * p[0],
-                0.02 * p[1],
-                0.02 * p[2],
-                0.5 * p[3],
-                0.5 * p[4],
-                0.5 * p[5],
-            ]
-        })
-        .collect();
+    let poses = common::poses(seed, poses);
     Model::energy(&poses, 4, ecm_poly::Symmetry::Alike, 0.1)
         .unwrap()
         .rows

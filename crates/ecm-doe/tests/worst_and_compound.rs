@@ -4,32 +4,12 @@
 
 mod common;
 
+use common::{information, quadratic};
 use ecm_doe::regressor::Model;
 use ecm_doe::{
     Control, DSettings, DesignError, InformationMatrix, compound_optimal, d_optimal, g_optimal,
     i_optimal,
 };
-
-fn quadratic(seed: u32, count: usize) -> Vec<f64> {
-    let points = common::uniform(seed, count, 3);
-    Model::polynomial(&points, 2, &[-1.0; 3], &[1.0; 3])
-        .unwrap()
-        .rows
-}
-
-fn information(rows: &[f64], block: usize, k: usize, design: &[usize]) -> InformationMatrix {
-    let mut m = vec![0.0; k * k];
-    for &i in design {
-        for x in rows[i * block * k..(i + 1) * block * k].chunks_exact(k) {
-            for a in 0..k {
-                for b in 0..k {
-                    m[a * k + b] += x[a] * x[b];
-                }
-            }
-        }
-    }
-    InformationMatrix::new(&m, k).unwrap()
-}
 
 /// tr(A M^-1 A') of every pose.
 fn variances(rows: &[f64], block: usize, k: usize, design: &[usize]) -> Vec<f64> {

@@ -61,12 +61,12 @@ fn main() -> Result<(), FemError> {
     let cpu = cpu_seconds();
     let (mut known, mut guess) = (Vec::new(), None);
     while known.len() < count {
-        let learned = if known.len() < 1024 {
+        let next = if known.len() < 1024 {
             2 * known.len()
         } else {
             count
         };
-        let until = count.min(learned.max(16));
+        let until = count.min(next.max(16));
         let group = &loads[known.len()..until];
         let found = fem.solve_from(group, guess.as_ref(), Watch::default(), &|_, _| {})?;
         let part = |solved: bool| {

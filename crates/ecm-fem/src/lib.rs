@@ -3,7 +3,7 @@
 //! Quadratic tetrahedra with an independent linear pressure (Taylor–Hood P2/P1),
 //! finite strain, sparse L D Lᵀ by faer. The platform's six coordinates are
 //! condensed: one factorisation serves the Newton step, the 6 × 6 stiffness and the
-//! predictor, for given wrenches and given poses alike.
+//! predictor, for given wrenches and for given poses.
 //!
 //! # Why this element
 //! (The first three figures: FElupe and CalculiX on their meshes.) Near incompressibility plain

@@ -76,7 +76,7 @@ pub enum ModelError {
     },
     /// Text that is not JSON.
     #[error(
-        "model file is not JSON near key \"{key}\": {message}; fetch the file again or fit anew"
+        "model file is not JSON near key \"{key}\": {message}; fetch the file again or fit the model again"
     )]
     Json {
         /// The last key before the error.
@@ -96,7 +96,7 @@ pub enum ModelError {
     },
     /// A model file whose checksum does not match its content.
     #[error(
-        "model file: key \"sha256\" is {found}, but the content sums to {expected}: the file was changed or damaged after it was sealed; fetch it again or fit anew"
+        "model file: key \"sha256\" is {found}, but the content sums to {expected}: the file was changed or damaged after it was sealed; fetch it again or fit the model again"
     )]
     Sum {
         /// Checksum in the file.

@@ -8,18 +8,9 @@ use ecm_poly::basis::exponents;
 use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::export::{Precision, SourceFile, c, rust};
+use ecm_poly::model_file::map::{POSE, WRENCH};
 use ecm_poly::{Symmetry, open_model, seal_model};
 use serde_json::{Map, Value, json};
-
-const POSE: [&str; 6] = [
-    "x_m",
-    "y_m",
-    "z_m",
-    "theta_x_rad",
-    "theta_y_rad",
-    "theta_z_rad",
-];
-const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 
 fn wave(n: usize) -> Vec<f64> {
     (0..n).map(|i| ((i as f64 + 1.0) * 12.9898).sin()).collect()

@@ -23,31 +23,33 @@ from ecm.workflow.config import read_rig
 class Options:
     """Arguments of the command."""
 
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="What `ecm design` writes.")]
-    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="`ecm new rig`.")]
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan, as `ecm design` writes it.")]
+    rig: Annotated[
+        Path, typer.Option("--rig", metavar="RIG.toml", help="Rig file; see `ecm new rig`.")
+    ]
     out: Out
     hide: Annotated[
         str | None,
         typer.Option(
             "--hide",
             metavar="EFFECT=S",
-            help="Hide an effect of strength S; random; none; FIRST.csv: what is hidden there.",
+            help="Effect to hide, of strength S; or random, none, FIRST.csv (the same as there).",
         ),
     ] = None
     rigs: Annotated[
         int,
-        typer.Option("--rigs", min=0, metavar="N", help="On N rigs of their own seeds: OUT-0000 …"),
+        typer.Option("--rigs", min=0, metavar="N", help="Measure on N rigs, each of its own seed."),
     ] = 0
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler that deals the rigs."),
+        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for the rigs."),
     ] = None
     film: Annotated[
-        Path | None, typer.Option("--film", metavar="FILE.gif", help="The arm at the first poses.")
+        Path | None, typer.Option("--film", metavar="FILE.gif", help="Film of the arm.")
     ] = None
     phases: Annotated[
         Path | None,
-        typer.Option("--phases", metavar="FILE.png", help="The arm's phases at the first pose."),
+        typer.Option("--phases", metavar="FILE.png", help="Figure of the arm's phases."),
     ] = None
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a table that is there already.")

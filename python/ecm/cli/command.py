@@ -32,7 +32,8 @@ from ecm.report.page import require_report
 T = TypeVar("T")
 
 Data = Annotated[
-    list[Path], typer.Argument(metavar="DATA...", help="Tables; several are runs of one.")
+    list[Path],
+    typer.Argument(metavar="DATA...", help="Tables; several become runs of one."),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="FILE", help="The file to write.")]
 ModelFile = Annotated[
@@ -43,7 +44,7 @@ _COMMON: dict[str, tuple[Any, Any]] = {
     "meta": (
         Annotated[
             Path | None,
-            typer.Option("--meta", metavar="FILE", help="Description, instead of NAME.toml."),
+            typer.Option("--meta", metavar="FILE", help="Description, if not NAME.toml."),
         ],
         None,
     ),

@@ -55,10 +55,10 @@ class Options:
         typer.Option("--preset", metavar="NAME", help="paper or diagnosable; else rows alone."),
     ] = None
     effects: Annotated[
-        str | None, typer.Option("--effects", metavar="IDS", help="To be told apart: ID,ID.")
+        str | None, typer.Option("--effects", metavar="IDS", help="Effects to tell apart: ID,ID.")
     ] = None
     include: Annotated[
-        str | None, typer.Option("--include", metavar="ROWS", help="Must be in, e.g. 1,5-9.")
+        str | None, typer.Option("--include", metavar="ROWS", help="Rows to take, e.g. 1,5-9.")
     ] = None
     exclude: Annotated[
         list[str] | None,
@@ -69,17 +69,17 @@ class Options:
     ] = None
     base: Annotated[
         str | None,
-        typer.Option("--base", metavar="MODEL", help="Nominal: weighs rows by their noise."),
+        typer.Option("--base", metavar="MODEL", help="Nominal model: rows count by their noise."),
     ] = None
     rig: Annotated[
-        Path | None, typer.Option("--rig", metavar="RIG", help="Noise, minutes of this rig file.")
+        Path | None, typer.Option("--rig", metavar="RIG", help="Rig file: its noise and times.")
     ] = None
     share: Annotated[float, typer.Option("--share", min=0.0, max=1.0, hidden=True)] = 0.5
     metres_per_radian: Annotated[float | None, typer.Option("--metres-per-radian", hidden=True)] = (
         None
     )
     how_many: Annotated[
-        bool, typer.Option("--how-many", help="Also n against expected error, up to N.")
+        bool, typer.Option("--how-many", help="Also the expected error for each n up to N.")
     ] = False
     replicates: Annotated[bool, typer.Option("--replicates", hidden=True)] = False
     ridge: Annotated[float, typer.Option("--ridge", hidden=True)] = 0.0

@@ -39,7 +39,7 @@ class Options:
     to: Annotated[Target, typer.Option("--to", help="C, a no_std crate, or MJCF.")]
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")]
     name: Annotated[
-        str, typer.Option("--name", metavar="NAME", help="Begins every public name.")
+        str, typer.Option("--name", metavar="NAME", help="Prefix of every public name.")
     ] = "ecm_model"
     precision: Annotated[
         Precision, typer.Option("--precision", help="Floating-point type (c, rust).")

@@ -19,8 +19,10 @@ from ecm.workflow.identify import identify as identify_mechanism
 class Options:
     """Arguments of the command."""
 
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")]
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="For the results.")]
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="TOML file; see `ecm new config`.")
+    ]
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")]
     rig: Annotated[
         Path | None,
         typer.Option("--rig", metavar="RIG.toml", help="Measure on this rig, not CONFIG's."),

@@ -23,13 +23,14 @@ class Options:
     data: Data
     out: Out
     add: Annotated[
-        list[str] | None, typer.Option("--add", metavar="EFFECT", help="Add it; may be repeated.")
+        list[str] | None, typer.Option("--add", metavar="EFFECT", help="Effect to add; repeatable.")
     ] = None
     remove: Annotated[
-        list[str] | None, typer.Option("--remove", metavar="EFFECT", help="Take it out again.")
+        list[str] | None,
+        typer.Option("--remove", metavar="EFFECT", help="Effect to remove; repeatable."),
     ] = None
     freeze: Annotated[
-        list[str] | None, typer.Option("--freeze", metavar="NAME", help="Keep these values.")
+        list[str] | None, typer.Option("--freeze", metavar="NAME", help="Effect, or base, to keep.")
     ] = None
 
 

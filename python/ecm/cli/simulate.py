@@ -23,17 +23,20 @@ _VTU = 10
 class Options:
     """Arguments of the command."""
 
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="TOML; `ecm new config`.")]
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="TOML file; see `ecm new config`.")
+    ]
     out: Out
     full_box: Annotated[
         bool, typer.Option("--full-box", help="Keep every stable pose of the wrench box.")
     ] = False
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Dask workers solve the cases."),
+        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for the cases."),
     ] = None
     vtu: Annotated[
-        Path | None, typer.Option("--vtu", metavar="DIR", help="The first poses for ParaView.")
+        Path | None,
+        typer.Option("--vtu", metavar="DIR", help="Folder for ParaView files of the first poses."),
     ] = None
 
 

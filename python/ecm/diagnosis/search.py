@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy import special
 
 from ecm.diagnosis.problem import Candidate, Problem
@@ -137,10 +138,9 @@ def _p_values(problem: Problem, drops: F, parameters: I) -> F:
     """
     caught = problem.size * problem.base_error**2 / 3.0
     if caught > 1e-6:
-        # Imported here: scipy.stats takes a second to load, and only its tail is exact far out.
-        from scipy.stats import ncx2
-
-        return np.asarray(np.clip(ncx2.sf(drops, parameters, caught), 0.0, 1.0))
+        # Only its tail is exact far out. It takes a second to load, which scipy does here.
+        chances = scipy.stats.ncx2.sf(drops, parameters, caught)
+        return np.asarray(np.clip(chances, 0.0, 1.0))
     return np.asarray(special.chdtrc(parameters, drops))
 
 

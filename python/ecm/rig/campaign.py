@@ -14,7 +14,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.table import Table
-from ecm.rig.calibration.before import Calibration, calibrated
+from ecm.rig.calibration.pre_campaign import Calibration, calibrated
 from ecm.rig.camera import Camera, CameraStand, Window
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import (
@@ -34,10 +34,10 @@ from ecm.rig.hidden.calibrate import CannotHide
 from ecm.rig.hidden.inject import InjectedEffect, RigState, inject
 from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.physics import TRUE_EFFECTS, Physics
-from ecm.rig.plan import requests, rest_pose, split_by_limits
+from ecm.rig.plan import requests, rest_pose
 from ecm.rig.plant import Plant, visits_of, warm_up_of
 from ecm.rig.raw_stream import RawStream
-from ecm.rig.reachability import reachable
+from ecm.rig.reachability import reachable, split_by_limits
 from ecm.rig.readings import Reading, table_of
 from ecm.rig.settings import RigSettings
 from ecm.rig.streams import stream
@@ -86,12 +86,12 @@ class Campaign:
         smooth = source.surrogate(anchors)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Plant, RawStream] | None = None
-        lottery = stream(seed, "hidden effect")
+        draws = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
         named = tuple(h.effect for h in hide if h.effect != "random")
         for wanted in hide:
             taken = (*named, *(h.effect for h in self._hide))
-            self._hide.append(wanted.drawn(lottery, taken, streamed=settings.rig.stream_Hz > 0.0))
+            self._hide.append(wanted.drawn(draws, taken, streamed=settings.rig.stream_Hz > 0.0))
         elastic = Elastic(anchors, smooth)
 
         def plant() -> Plant:
@@ -110,10 +110,10 @@ class Campaign:
         direction = random.uniform(-1.0, 1.0, 6)
         self.physics = Physics().put(warm_up_of(settings, direction))
         self.injected: list[InjectedEffect] = []
-        self._inject(hide, lottery, plant, base_columns)
+        self._inject(hide, draws, plant, base_columns)
         self._stand = CameraStand(settings.instrument)
         self.frames: Calibration | None = None
-        """What the calibration found, where the frames are not known."""
+        """Calibrated frames, where the true ones are not known."""
         if settings.instrument.frames == "calibrated":
             self.frames = calibrated(settings.instrument, seed)
             self.plant.calibrated_top_from_sensor = self.frames.top_from_sensor
@@ -212,7 +212,7 @@ class Campaign:
     def _inject(
         self,
         hide: Sequence[Hidden],
-        lottery: np.random.Generator,
+        draws: np.random.Generator,
         plant: Callable[[], Plant],
         base_columns: Callable[[F], F] | None,
     ) -> None:
@@ -234,7 +234,7 @@ class Campaign:
                     impossible = (*impossible, self._hide[i].effect)
                     taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
                     self._hide[i] = wanted.drawn(
-                        lottery,
+                        draws,
                         (*named, *taken),
                         impossible,
                         streamed=self.settings.rig.stream_Hz > 0.0,

@@ -43,7 +43,7 @@ def clear_beside(out: Path, kept: Iterable[str]) -> None:
 
 
 def keep_data(out: Path, *, overwrite: bool, resume: bool = True) -> None:
-    """What was measured is not lost by a wrong name, nor by one that cannot be written.
+    """Check that no measurement would be overwritten and that the table can be written.
 
     resume: a campaign that was cut at `out` goes on; whether it is this one `Journal` finds out.
 
@@ -67,7 +67,7 @@ def keep_data(out: Path, *, overwrite: bool, resume: bool = True) -> None:
 
 
 def _names_a_campaign(path: Path) -> bool:
-    """Whether a journal stands there whose first line is whole."""
+    """Whether there is a journal with a complete first line."""
     try:
         with path.open(encoding="utf-8") as journal:
             first = journal.readline()
@@ -84,7 +84,7 @@ class Journal:
         Raises
         ------
         InputError
-            Where the journal of another campaign stands at `path`.
+            Where the journal of another campaign is at `path`.
         """
         self.path = path
         self._head = f"{_MARK}{key}\n{header}\n"

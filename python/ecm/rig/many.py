@@ -1,6 +1,6 @@
 """One plan on many rigs: each has a seed of its own, here or on the workers of a Dask scheduler.
 
-`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with all that stands beside a table.
+`NAME.csv` becomes `NAME-0000.csv`, `NAME-0001.csv`, ..., each with all files of a table.
 `NAME.rigs.json` holds which of them are this job's own and which are done: a table that is there
 under the same settings is not measured again, one that somebody else put there is not overwritten,
 and a kill loses at most the rigs that were under way.
@@ -85,7 +85,7 @@ def run_campaigns(
     paths = rig_paths(out, rigs)
     ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)
     for i, path in enumerate(paths):
-        # A journal that stands there is a single campaign's, never this job's.
+        # A journal that is there is a single campaign's, never this job's.
         keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
     asked = set(range(rigs))
     if overwrite and ledger.done >= asked:

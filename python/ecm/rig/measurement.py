@@ -1,4 +1,4 @@
-"""From what acts to what stands in the table: zero, sensor to top frame, top to base axes."""
+"""Measurement model: compensation of the zero, sensor to top frame, top to base axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan as the rig reads it: one request a row, checked, with the poses that cannot be visited."""
+"""A plan as the rig reads it: one request per row, with its action, checked."""
 
 from __future__ import annotations
 
@@ -11,11 +11,60 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.table import Table
-from ecm.rig.actions import Action
+from ecm.io.toml import did_you_mean
 from ecm.rig.settings import Procedure
 
 HOME = "initial"
 """`approach` of a pose that is driven to from the rest pose."""
+
+
+ARGUMENT_UNITS = {
+    "measure": "",
+    "home": "",
+    "unload": "",
+    "remount": "degrees",
+    "remove_payload": "",
+    "warm_up": "minutes",
+    "dead_weight": "kg",
+}
+
+
+@dataclass(frozen=True)
+class Action:
+    """One action of a plan: `remount:90` is ("remount", 90.0)."""
+
+    name: str
+    value: float = 0.0
+
+    @staticmethod
+    def parse(text: str, where: str) -> Action:
+        """Parse an action cell; empty means `measure`.
+
+        Raises
+        ------
+        InputError
+            Naming place, what was found, and the known actions.
+        """
+        name, colon, rest = text.strip().partition(":")
+        name = name.strip() or "measure"
+        if name not in ARGUMENT_UNITS:
+            raise InputError(
+                f"{where}: unknown action `{text}`, {did_you_mean(name, ARGUMENT_UNITS)}"
+            )
+        unit = ARGUMENT_UNITS[name]
+        if not unit:
+            if colon:
+                raise InputError(f"{where}: action `{text}` takes no value; write `{name}`")
+            return Action(name)
+        try:
+            value = float(rest)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or (name != "remount" and value <= 0.0):
+            raise InputError(
+                f"{where}: action `{text}`: expected a number of {unit}, such as `{name}:10`"
+            )
+        return Action(name, value)
 
 
 @dataclass(frozen=True)
@@ -32,15 +81,6 @@ class Request:
     """`initial`, a pose_id, or empty where the plan leaves it to the rig."""
     dwell_s: float
     run: int
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """A pose that was not visited, and why."""
-
-    row: int
-    pose_id: int
-    reason: str
 
 
 def rest_pose(length_m: float) -> F:
@@ -92,48 +132,6 @@ def requests(plan: Table, procedure: Procedure, length_m: float) -> list[Request
             )
         )
     return result
-
-
-def split_by_limits(
-    wanted: list[Request], procedure: Procedure, length_m: float
-) -> tuple[list[Request], list[Skipped]]:
-    """Split into poses within the rig's limits and the others with the reason."""
-    kept: list[Request] = []
-    skipped: list[Skipped] = []
-    rest = rest_pose(length_m)
-    for request in wanted:
-        turn = float(np.linalg.norm(request.pose[3:]))
-        shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
-        reason = ""
-        if turn > procedure.rotation_limit_rad:
-            reason = (
-                f"rotation {turn:.3f} rad, limit {procedure.rotation_limit_rad:g} rad "
-                "([rig] rotation_limit_rad)"
-            )
-        elif shift > procedure.stretch_limit:
-            reason = (
-                f"displacement {shift:.3f} of the length, limit {procedure.stretch_limit:g} "
-                "([rig] stretch_limit)"
-            )
-        if reason:
-            skipped.append(Skipped(request.row, request.pose_id, reason))
-        else:
-            kept.append(request)
-    return without_approach(kept, skipped)
-
-
-def without_approach(
-    kept: list[Request], skipped: list[Skipped]
-) -> tuple[list[Request], list[Skipped]]:
-    """Also skips poses that are to be approached from one that no longer is in the plan."""
-    while True:
-        known = {str(r.pose_id) for r in kept if r.action.name == "measure"} | {"", HOME}
-        lost = [r for r in kept if r.approach not in known]
-        if not lost:
-            return kept, skipped
-        reason = "is approached from pose {}, which is skipped"
-        skipped = [*skipped, *(Skipped(r.row, r.pose_id, reason.format(r.approach)) for r in lost)]
-        kept = [r for r in kept if r.approach in known]
 
 
 def _pose_ids(plan: Table, poses: F) -> I:

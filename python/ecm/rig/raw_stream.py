@@ -320,7 +320,7 @@ class RawStream:
         """Solved poses between the sample before, of another leg, and the first of a leg."""
         leg = self.legs[i]
         if leg.home:
-            # At its begin the sample before stands, but where the way there was too short for one.
+            # The sample before is at its beginning, unless the way there was too short for one.
             return [] if row and self.leg[row - 1] == i - 1 else [leg.visit.pose]
         points = list(leg.visit.way[:-1])
         # A way that begins at the pose before: its samples, and those of a way home, are passed.

@@ -1,6 +1,8 @@
-"""Which of the planned poses the mechanism can take and the sensor can hold."""
+"""Reachability: which planned poses the rig can visit, and the reason where it cannot."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,14 +11,65 @@ from ecm.rig.elastic import Anchors
 from ecm.rig.frames import rotation, top_from_sensor_wrench, transpose, turn_wrench
 from ecm.rig.physics.camera import LEDS, LEDS_NEEDED
 from ecm.rig.physics.true_effect import LEVER_M
-from ecm.rig.plan import Request, Skipped, without_approach
-from ecm.rig.settings import RigSettings
+from ecm.rig.plan import HOME, Request, rest_pose
+from ecm.rig.settings import Procedure, RigSettings
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A pose that was not visited, and why."""
+
+    row: int
+    pose_id: int
+    reason: str
+
+
+def split_by_limits(
+    wanted: list[Request], procedure: Procedure, length_m: float
+) -> tuple[list[Request], list[Skipped]]:
+    """Split requests into poses within the rig's limits and the others with the reason."""
+    kept: list[Request] = []
+    skipped: list[Skipped] = []
+    rest = rest_pose(length_m)
+    for request in wanted:
+        turn = float(np.linalg.norm(request.pose[3:]))
+        shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
+        reason = ""
+        if turn > procedure.rotation_limit_rad:
+            reason = (
+                f"rotation {turn:.3f} rad, limit {procedure.rotation_limit_rad:g} rad "
+                "([rig] rotation_limit_rad)"
+            )
+        elif shift > procedure.stretch_limit:
+            reason = (
+                f"displacement {shift:.3f} of the length, limit {procedure.stretch_limit:g} "
+                "([rig] stretch_limit)"
+            )
+        if reason:
+            skipped.append(Skipped(request.row, request.pose_id, reason))
+        else:
+            kept.append(request)
+    return without_approach(kept, skipped)
+
+
+def without_approach(
+    kept: list[Request], skipped: list[Skipped]
+) -> tuple[list[Request], list[Skipped]]:
+    """Skip also the poses that are approached from one that is skipped."""
+    while True:
+        known = {str(r.pose_id) for r in kept if r.action.name == "measure"} | {"", HOME}
+        lost = [r for r in kept if r.approach not in known]
+        if not lost:
+            return kept, skipped
+        reason = "is approached from pose {}, which is skipped"
+        skipped = [*skipped, *(Skipped(r.row, r.pose_id, reason.format(r.approach)) for r in lost)]
+        kept = [r for r in kept if r.approach in known]
 
 
 def reachable(
     wanted: list[Request], skipped: list[Skipped], anchors: Anchors, settings: RigSettings
 ) -> tuple[list[Request], list[Skipped]]:
-    """Takes out poses without a stable solution, or beyond the sensor's range, with the reason."""
+    """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
     index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
     instrument, table = settings.instrument, settings.plant
     # What is left for the mechanism after the sensor's zero and three sigma of a sample.

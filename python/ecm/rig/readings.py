@@ -1,4 +1,4 @@
-"""One reading as it stands in the journal, and all readings as a measurement table."""
+"""One reading as a line of the journal, and all readings as a measurement table."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from ecm.rig.visits import OFFSET
 
 if TYPE_CHECKING:
     from ecm.rig.physics import Physics
-    from ecm.rig.plan import Skipped
     from ecm.rig.plant import Plant
+    from ecm.rig.reachability import Skipped
     from ecm.rig.settings import RigSettings
     from ecm.rig.timeline import Timeline
     from ecm.rig.visits import Visits
@@ -43,7 +43,7 @@ HEADER = ",".join(_NAMES)
 
 
 class CampaignState(Protocol):
-    """What a table says of the campaign that it was measured in."""
+    """What a table needs of the campaign that it was measured in."""
 
     plan: Table
     settings: RigSettings
@@ -167,7 +167,7 @@ def _stamps(campaign: CampaignState, rows: list[int]) -> F:
 
 
 def described(campaign: CampaignState, truth_sha256: str, window_s: float | None = None) -> Meta:
-    """What stands beside a table whose rows are means over window_s, by default the rig's."""
+    """The description of a table whose rows are means over window_s, by default the rig's."""
     settings = campaign.settings
     instrument, plant = settings.instrument, settings.plant
     window = settings.rig.window_s if window_s is None else window_s

@@ -17,7 +17,8 @@ from ecm.rig.fem_source import FemSource
 from ecm.rig.hidden import truth
 from ecm.rig.hidden.spec import NOTHING, Hidden
 from ecm.rig.journal import Journal, clear_beside, journal_path, keep_data, raw_path
-from ecm.rig.plan import requests, split_by_limits
+from ecm.rig.plan import requests
+from ecm.rig.reachability import split_by_limits
 from ecm.rig.readings import HEADER, Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of

@@ -171,7 +171,7 @@ impl State for CrossState<'_> {
         let mut g_in = vec![0.0f32; width];
         kernel::combine(self.arch, &into, &self.pool.columns_f32, &mut g_in);
         let g_out = self.g[row * width..(row + 1) * width].to_vec();
-        // The leaving row becomes the entering one before all rows are updated alike.
+        // The leaving row becomes the entering one before all rows are updated in the same way.
         self.g[row * width..(row + 1) * width].copy_from_slice(&g_in);
         let c = c.map(|v| v as f32);
         let factors: Vec<(f32, f32)> = self

@@ -1,6 +1,9 @@
-//! Candidates equal to `numpy.random.default_rng(seed).uniform(-1, 1, (count, 6))`.
+//! Shared by the tests of designs: candidates equal to `numpy.random.default_rng(seed).uniform(-1, 1, (count, 6))`.
 
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used)]
+
+use ecm_doe::InformationMatrix;
+use ecm_doe::regressor::Model;
 
 const MULTIPLIER: u128 = 0x2360_ED05_1FC6_5DA4_4385_DF64_9FCC_F645;
 
@@ -81,5 +84,37 @@ pub fn uniform(seed: u32, count: usize, columns: usize) -> Vec<f64> {
     let mut rng = Pcg64::new(seed);
     (0..count * columns)
         .map(|_| -1.0 + 2.0 * rng.next_f64())
+        .collect()
+}
+
+/// Quadratic regressor of `count` uniform points in three coordinates.
+pub fn quadratic(seed: u32, count: usize) -> Vec<f64> {
+    let points = uniform(seed, count, 3);
+    Model::polynomial(&points, 2, &[-1.0; 3], &[1.0; 3])
+        .unwrap()
+        .rows
+}
+
+/// Information matrix of a design.
+pub fn information(rows: &[f64], block: usize, k: usize, design: &[usize]) -> InformationMatrix {
+    let mut m = vec![0.0; k * k];
+    for &i in design {
+        for x in rows[i * block * k..(i + 1) * block * k].chunks_exact(k) {
+            for a in 0..k {
+                for b in 0..k {
+                    m[a * k + b] += x[a] * x[b];
+                }
+            }
+        }
+    }
+    InformationMatrix::new(&m, k).unwrap()
+}
+
+/// `count` poses around a mechanism of length 0.1 m.
+pub fn poses(seed: u32, count: usize) -> Vec<[f64; 6]> {
+    let scale = [0.01, 0.02, 0.02, 0.5, 0.5, 0.5];
+    uniform(seed, count, 6)
+        .chunks_exact(6)
+        .map(|p| std::array::from_fn(|c| if c == 0 { 0.1 } else { 0.0 } + scale[c] * p[c]))
         .collect()
 }

@@ -31,7 +31,7 @@ pub enum Group {
     UnlikeEnds,
     /// A handed body or material, as a helix: stretch couples to twist.
     Handedness,
-    /// The axis is bent at rest, alike towards both ends.
+    /// The axis is bent at rest, symmetrically towards both ends.
     Precurvature,
     /// One end face is not square to the axis, or set off sideways.
     FaceTilt,

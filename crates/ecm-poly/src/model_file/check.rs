@@ -11,19 +11,10 @@ use crate::energy::groups::{Group, GroupTerm, group_terms};
 use crate::energy::invariants::Symmetry;
 use crate::energy::terms::terms;
 use crate::error::ModelError;
+use crate::model_file::map::{POSE, WRENCH};
 use crate::model_file::{FORMAT, VERSION};
 
 type Document = Map<String, Value>;
-
-const POSE: [&str; 6] = [
-    "x_m",
-    "y_m",
-    "z_m",
-    "theta_x_rad",
-    "theta_y_rad",
-    "theta_z_rad",
-];
-const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 
 /// Checks format and version.
 pub fn head(map: &Document) -> Result<(), ModelError> {
@@ -35,7 +26,7 @@ pub fn head(map: &Document) -> Result<(), ModelError> {
         return Err(wrong(
             "version",
             map.get("version"),
-            "1, the only version that this program reads: fit anew, or use the program that wrote it",
+            "1, the only version that this program reads: fit the model again, or use the program that wrote it",
         ));
     }
     Ok(())

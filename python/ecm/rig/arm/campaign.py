@@ -30,8 +30,9 @@ from ecm.rig.campaign import Campaign
 from ecm.rig.climate import Climate
 from ecm.rig.elastic import Progress, Source
 from ecm.rig.hidden.spec import Hidden
-from ecm.rig.plan import HOME, Skipped, rest_pose
+from ecm.rig.plan import HOME, rest_pose
 from ecm.rig.plant import visits_of
+from ecm.rig.reachability import Skipped
 from ecm.rig.readings import Reading
 from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import Timeline

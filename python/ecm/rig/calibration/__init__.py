@@ -5,11 +5,9 @@ The estimates know only what a person at the rig would: readings and the instrum
 
 from __future__ import annotations
 
-from ecm.rig.calibration.frame_fit import FrameFit
+from ecm.rig.calibration.frame_fit import FrameFit, sensor_frame, target_frame
 from ecm.rig.calibration.hand_eye import HandEye, hand_eye
-from ecm.rig.calibration.load import LoadFit, payload
-from ecm.rig.calibration.sensor_frame import sensor_frame
-from ecm.rig.calibration.target_frame import target_frame
+from ecm.rig.calibration.payload_fit import LoadFit, payload
 
 __all__ = [
     "FrameFit",

@@ -14,7 +14,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.rig.calibration.frame_fit import FrameFit, solve_scaled
+from ecm.rig.calibration.frame_fit import FrameFit, nearest_rotation, solve_scaled
 from ecm.rig.frames import compose, rotation, rotation_vector, skew, transpose
 
 LEAST_POSES = 5
@@ -37,7 +37,7 @@ class HandEye:
 def hand_eye(
     robot_from_flange: F, camera_from_target: F, *, position_sd_m: float, rotation_sd_rad: float
 ) -> HandEye:
-    """Finds X and Y from poses (n, 6) of the robot and of the target that the camera saw.
+    """Fit X and Y to poses (n, 6) of the robot and of the target that the camera saw.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def hand_eye(
     n = len(robot_from_flange)
     if n < LEAST_POSES:
         raise InputError(f"hand-eye calibration: {n} poses, expected at least {LEAST_POSES}")
-    x, y = _first(robot_from_flange, camera_from_target)
+    x, y = _initial(robot_from_flange, camera_from_target)
     weight = np.tile(np.repeat([1.0 / position_sd_m, 1.0 / rotation_sd_rad], 3), n)
     covariance, dof, left = np.eye(12), 1, np.zeros(6 * n)
     for _ in range(_ROUNDS):
@@ -77,7 +77,7 @@ def _moved(frame: F, step: F) -> F:
 
 
 def _linear(a: F, b: F, x: F, y: F) -> tuple[F, F]:
-    """What is lacking to A X = Y B, (6n,), and how steps of X and Y close it, (6n, 12)."""
+    """Residual (6n,) of A X = Y B, and its change (6n, 12) with steps of X and Y."""
     n = len(a)
     left = compose(a, x)
     right = compose(np.tile(y, (n, 1)), b)
@@ -94,7 +94,7 @@ def _linear(a: F, b: F, x: F, y: F) -> tuple[F, F]:
     return residual.ravel(), design.reshape(6 * n, 12)
 
 
-def _first(a: F, b: F) -> tuple[F, F]:
+def _initial(a: F, b: F) -> tuple[F, F]:
     turns_a, turns_b = rotation(a[:, 3:]), rotation(b[:, 3:])
     kron = np.einsum("nij,nkl->ikjl", turns_a, turns_b).reshape(9, 9)
     u, values, vt = np.linalg.svd(kron)
@@ -102,7 +102,9 @@ def _first(a: F, b: F) -> tuple[F, F]:
         raise InputError(
             "hand-eye calibration: all poses turn about one axis; turn about two at least"
         )
-    turn_x, turn_y = _nearest(vt[0].reshape(3, 3)), _nearest(u[:, 0].reshape(3, 3))
+    # Both come out up to a factor of either sign.
+    first, second = vt[0].reshape(3, 3), u[:, 0].reshape(3, 3)
+    turn_x, turn_y = (nearest_rotation(m * np.sign(np.linalg.det(m))) for m in (first, second))
     n = len(a)
     design = np.zeros((n, 3, 6))
     design[:, :, :3], design[:, :, 3:] = turns_a, -np.eye(3)
@@ -110,11 +112,3 @@ def _first(a: F, b: F) -> tuple[F, F]:
     places = np.linalg.lstsq(design.reshape(-1, 6), right.ravel(), rcond=None)[0]
     turned = rotation_vector(np.stack([turn_x, turn_y]))
     return np.concatenate([places[:3], turned[0]]), np.concatenate([places[3:], turned[1]])
-
-
-def _nearest(matrix: F) -> F:
-    """The rotation nearest to a matrix that is one up to a factor of either sign."""
-    signed = matrix * np.sign(np.linalg.det(matrix))
-    u, _, vt = np.linalg.svd(signed)
-    nearest: F = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return nearest

@@ -82,17 +82,17 @@ def calibrate(
         Where the data cannot see the effect at all, or it cannot become that strong.
     """
     for _ in range(_ROUNDS):
-        found = whitener.strength(effect(size))
-        if found < 1e-12:
+        strength = whitener.strength(effect(size))
+        if strength < 1e-12:
             raise CannotHide(
                 "this plan cannot show the hidden effect: at any size it leaves no trace beside "
                 "the modulus. Plan visits that it acts on (approaches from several sides, home "
                 "checks, longer campaigns)"
             )
-        if abs(found / wanted - 1.0) < _ENOUGH:
+        if abs(strength / wanted - 1.0) < _ENOUGH:
             return size
-        size *= wanted / found
+        size *= wanted / strength
     raise CannotHide(
-        f"hidden effect: strength {wanted:g} is not reached (found {found:.4g} at size "
+        f"hidden effect: strength {wanted:g} is not reached (reached {strength:.4g} at size "
         f"{size:.4g}); hide a weaker one"
     )

@@ -35,7 +35,7 @@ class Hidden:
     def parse(text: str) -> tuple[Hidden, ...]:
         """`EFFECT=S`, `EFFECT` (s = 1), `random`, `none`; several with commas; () of no text.
 
-        A measurement table (`first.csv`) stands for what is sealed beside it, at the same size.
+        A measurement table (`first.csv`) means what is sealed beside it, at the same size.
 
         Raises
         ------

@@ -63,7 +63,7 @@ class PlatformSlip(BodyPose):
 
 @dataclass(frozen=True)
 class FaceTilt(BodyPose):
-    """The clamped face is not square to the axis: the mechanism stands tilted, exact in SE(3).
+    """The clamped face is not square to the axis: the mechanism is tilted, exact in SE(3).
 
     The face is the mechanism's own: a remount turns the tilt about x. `size` is the tilt.
     """
@@ -130,7 +130,7 @@ def _lateral_turn(azimuth_rad: float, at: Conditions) -> F:
 
 @dataclass(frozen=True)
 class MountingGap(BodyPose):
-    """The mechanism is longer than the drawing says, by what stands under its clamped face.
+    """The mechanism is longer than the drawing says, by what lies under its clamped face.
 
     It is deformed by the pose T(gap)^-1 T_top: a preload at home that a free length measured with a
     calliper would show. `size` is the gap along the axis.

@@ -24,7 +24,7 @@ Mechanism = Callable[[F], F]
 """Wrenches (N, 6) of the mechanism at poses (N, 6) of its top."""
 
 LEVER_M = 0.033
-"""Scales a force into a torque wherever one size stands for both: N m per N."""
+"""Scales a force into a torque wherever one size scales both: N m per N."""
 SENSOR_SCALE: F = np.repeat([1.0, LEVER_M], 3)
 """Units of a direction in sensor axes: forces, and torques over LEVER_M."""
 MOTION_SCALE: F = np.repeat([1.0, 1.0 / 0.1], 3)

@@ -4,19 +4,10 @@ use std::collections::HashSet;
 use std::io::Read;
 use std::path::Path;
 
+pub use ecm_poly::model_file::map::{POSE, WRENCH};
+
 use crate::failure::Failure;
 
-/// Pose columns of the measurement table.
-pub const POSE: [&str; 6] = [
-    "x_m",
-    "y_m",
-    "z_m",
-    "theta_x_rad",
-    "theta_y_rad",
-    "theta_z_rad",
-];
-/// The wrench columns of a measurement table.
-pub const WRENCH: [&str; 6] = ["fx_N", "fy_N", "fz_N", "tau_x_Nm", "tau_y_Nm", "tau_z_Nm"];
 /// Standard columns that are numbers but no coordinates.
 const BOOKKEEPING: [&str; 5] = ["pose_id", "time_s", "run", "repeat", "dwell_s"];
 /// Most places named in a message about bad cells.

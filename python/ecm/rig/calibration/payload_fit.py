@@ -12,7 +12,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.rig.calibration.frame_fit import quantile_F, solve_scaled
+from ecm.rig.calibration.frame_fit import in_region, solve_scaled
 from ecm.rig.frames import skew
 
 
@@ -42,8 +42,7 @@ class LoadFit:
     def holds(self, true: F, share: float = 0.9) -> bool:
         """Whether mass and moment (4,) lie in the region of that probability."""
         error = true - self.values[:4]
-        distance = float(error @ np.linalg.solve(self.covariance[:4, :4], error))
-        return distance <= 4.0 * quantile_F(share, 4, self.dof)
+        return in_region(error, self.covariance[:4, :4], self.dof, share)
 
     def weight(self, gravity_in_sensor: F) -> F:
         """(n, 6) wrench of the load on the sensor for gravity (n, 3) in sensor axes."""

@@ -1,7 +1,7 @@
-"""The frames that a rig believes in: those of a calibration before the campaign, not the true ones.
+"""The calibration before a campaign: its frames are used in place of the true ones.
 
-Both targets are probed at a plate's bores, the sensor hung with dead weights; what is found is off
-by what the instruments' noise makes of it, and the campaign is measured with that.
+Both targets are probed at the bores of a plate, the sensor is loaded with dead weights; the fitted
+frames are off by the instruments' noise, and the campaign is measured with them.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.io.arrays import F
-from ecm.rig.calibration.frame_fit import FrameFit
-from ecm.rig.calibration.sensor_frame import sensor_frame
-from ecm.rig.calibration.target_frame import target_frame
+from ecm.rig.calibration.frame_fit import FrameFit, sensor_frame, target_frame
 from ecm.rig.camera import Camera
 from ecm.rig.force_torque_sensor import ForceTorqueSensor
 from ecm.rig.frames import compose, rotation, seen_from, top_from_sensor_wrench
@@ -29,19 +27,19 @@ _REACH_M = 0.05
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is off in every reading, and how sure the calibration was of it."""
+    """The errors of the calibrated frames, and their stated uncertainty."""
 
     tip: F
-    """(6,): the top frame that is believed, in the true one."""
+    """Calibrated top frame in the true one, (6,)."""
     base: F
-    """(6,): the true base frame, in the one that is believed."""
+    """True base frame in the calibrated one, (6,)."""
     top_from_sensor: F
-    """(6, 6) adjoint of the sensor's frame as it was found."""
+    """Adjoint (6, 6) of the calibrated sensor frame."""
     fits: dict[str, FrameFit]
     """By name: top target, base target, sensor."""
 
     def measured(self, poses: F) -> F:
-        """(N, 6) poses in the believed frames."""
+        """Poses (N, 6) in the calibrated frames."""
         return compose(np.tile(self.base, (len(poses), 1)), compose(poses, self.tip))
 
 
