@@ -35,6 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // workers)))
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep the tests of a file on one worker, for they share fixtures; long files begin first."""
     if not hasattr(config, "workerinput"):
