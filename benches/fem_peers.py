@@ -36,8 +36,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
+from importlib import import_module
+from importlib.util import find_spec
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, triu
+from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from ecm._native import Fem, Mesh, left_jacobians
@@ -100,8 +105,6 @@ def ours(mesh: Mesh, element: str) -> Run:
 
 def have_pardiso() -> bool:
     """Whether MKL's Pardiso can be called (PyPI: pypardiso, mkl)."""
-    from importlib.util import find_spec
-
     return find_spec("pypardiso") is not None
 
 
@@ -111,8 +114,6 @@ class _SuperLU:
     name = "SuperLU"
 
     def solve(self, matrix: Any, right: F) -> F:
-        from scipy.sparse.linalg import splu
-
         factor = splu(
             matrix.tocsc(),
             permc_spec="MMD_AT_PLUS_A",
@@ -128,14 +129,10 @@ class _Pardiso:
     name = "Pardiso"
 
     def __init__(self) -> None:
-        from importlib import import_module
-
         self._solver: Any = import_module("pypardiso").PyPardisoSolver(mtype=-2)
         self._phase = 12
 
     def solve(self, matrix: Any, right: F) -> F:
-        from scipy.sparse import csr_matrix, triu
-
         upper = csr_matrix(triu(matrix))
         upper.sort_indices()
         right = np.asfortranarray(right)
@@ -150,7 +147,7 @@ def felupe_p2(  # noqa: PLR0915
     mesh: Mesh, tolerance: float = 1e-8, linear: type[_SuperLU] | type[_Pardiso] = _SuperLU
 ) -> Run:
     """FElupe's quadratic tetrahedra under the same platform and wrench."""
-    import felupe
+    import felupe  # noqa: PLC0415 - not all peers are installed
 
     # A trial step may turn elements over; Newton then starts again with half the load.
     warnings.filterwarnings("ignore", "invalid value", RuntimeWarning)
@@ -347,10 +344,10 @@ def equal_error() -> list[Run]:
 
 def plot(runs: list[Run], path: Path) -> None:
     """Error against processor time."""
-    import matplotlib
+    import matplotlib  # noqa: PLC0415 - not all peers are installed
 
     matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    import matplotlib.pyplot as plt  # noqa: PLC0415 - not all peers are installed
 
     figure, axes = plt.subplots(figsize=(6.0, 4.0))
     for solver, mark in zip(dict.fromkeys(r.solver for r in runs), "osD^v", strict=False):

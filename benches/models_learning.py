@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 from ecm import _native
 from ecm.effects import Rows
 from ecm.errors import EcmError
+from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN, Workspace, simulate
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
-from ecm.io.table import Table
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import Table, read_table
 from ecm.models import fit_model
 from ecm.models.specification import Weights
 from ecm.regression.noise import Noise, whiteners
@@ -381,9 +383,6 @@ def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
 
 def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
     """FEM pairs of a smaller load box, all six components by the same share."""
-    from ecm.fem.simulate import TABLE_I_MAX, TABLE_I_MIN, Workspace, simulate
-    from ecm.io.mechanism import Mechanism
-
     box = Workspace(
         wrench_min=tuple(share * v for v in TABLE_I_MIN),
         wrench_max=tuple(share * v for v in TABLE_I_MAX),
@@ -394,9 +393,6 @@ def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
 
 def part_full(count: int, figures: Figures, folder: Path) -> list[str]:
     """Every stable solution of the paper's load box, however far it turns."""
-    from ecm.fem.simulate import Workspace, simulate
-    from ecm.io.mechanism import Mechanism
-
     far = simulate(Mechanism(), count, Workspace(full_box=True), seed=4, directory=folder / "full")
     body = Body(far.poses, far.wrenches, test=100)
     angle = np.linalg.norm(far.poses[:, 3:], axis=1)
@@ -449,14 +445,9 @@ def main() -> None:
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     if arguments.data is None:
-        from ecm.fem.simulate import simulate
-        from ecm.io.mechanism import Mechanism
-
         pairs = simulate(Mechanism(), 1700, directory=out / "fem")
         poses, wrenches = pairs.poses, pairs.wrenches
     else:
-        from ecm.io.table import read_table
-
         data = read_table([arguments.data])
         poses, wrenches = data.poses.copy(), data.wrenches.copy()
     neck = Body(poses, wrenches)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm import _native
+from ecm.io.mechanism import Mechanism
 
 F = NDArray[np.float64]
 ROWS = 1000
@@ -123,8 +124,6 @@ def in_turns(calls: dict[str, Callable[[], object]], seconds: float) -> dict[str
 
 def fem_ratio(model: _native.EnergyModel, cubic: _native.PolynomialModel) -> list[str]:
     """Fig. 11: one pose a call from Python, FEM on one thread against the models."""
-    from ecm.io.mechanism import Mechanism
-
     fem = Mechanism().fem()
     random = np.random.default_rng(1)
     wrenches = random.uniform(-1.0, 1.0, (6, 6)) * [20.0, 15.0, 15.0, 0.5, 0.5, 0.5]

@@ -27,10 +27,11 @@ from numpy.typing import NDArray
 
 from ecm.effects import Rows
 from ecm.errors import EcmError, MissingExtra
+from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.mechanism import Mechanism
-from ecm.io.table import Table
+from ecm.io.table import Table, read_table
 from ecm.models import StiffnessMap, fit_model, parse_model
 from ecm.models.selection import free_coefficients
 from ecm.regression.noise import Noise, whiteners
@@ -156,11 +157,8 @@ def shown(lines: list[dict[str, object]]) -> str:
 def pairs(data: Path | None, count: int = 1700) -> tuple[F, F]:
     """Of a file, or by FEM."""
     if data is not None:
-        from ecm.io.table import read_table
-
         table = read_table([data])
         return table.poses.copy(), table.wrenches.copy()
-    from ecm.fem.simulate import fem_poses
 
     return fem_poses(Mechanism(), count, seed=0)
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm._native import Mesh
+from ecm._native import Fem, Mesh, mid_frame
 from ecm.fem.simulate import fem_poses
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -30,7 +30,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table
 from ecm.models import PhysicsMap, physics_map
 from ecm.models.physics.body_fits import noise_whiteners
-from ecm.models.physics.build import diameter
+from ecm.models.physics.build import diameter, with_poisson_ratio
 from ecm.models.physics.family import PARAMETERS
 from ecm.models.physics.poses import NOISE, workspace_poses
 from ecm.models.physics.refit import refit_physics
@@ -138,7 +138,6 @@ def unseen_loads(base: PhysicsMap, body: Mechanism, rows: int) -> None:
     print("    rmse fx fy fz N, tau N m: " + " ".join(f"{v:.2g}" for v in rmse))
     bend = np.linalg.norm(poses[:, 4:], axis=1)
     print("    by |bend|: " + between(bend, error, (0.0, 0.2, 0.4, 0.6, 0.81), 1.0, "rad"))
-    from ecm._native import mid_frame
 
     shift = np.linalg.norm(mid_frame(poses, base.length_m or 1.0)[:, :3], axis=1)
     edges = tuple((base.length_m or 1.0) * v for v in (0.0, 0.1, 0.2, 0.3, 0.6))
@@ -170,9 +169,6 @@ def unseen_bodies(base: PhysicsMap, body: Mechanism, bodies: int, rows: int) -> 
 
 def stretched(body: Mechanism, across: float, nu: float):  # type: ignore[no-untyped-def]
     """FEM of the body with all diameters times `across`, at its own E."""
-    from ecm._native import Fem
-    from ecm.models.physics.build import with_poisson_ratio
-
     mesh = body.mesh()
     other = Mesh.from_arrays(
         np.ascontiguousarray(mesh.nodes_m * np.array([1.0, across, across])),

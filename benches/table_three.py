@@ -32,6 +32,8 @@ from ecm._native import PolynomialModel
 from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
+from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.worker import ArmSetup, run_sorties
 from ecm.workflow.config import read_rig
 from ecm.workflow.paper import TABLE_III
 
@@ -68,9 +70,6 @@ class Driven:
 
     def campaign(self, name: str, plan: Table, settings: RigSettings, seed: int) -> Table:
         """What `run_campaign` gives, sorties apart."""
-        from ecm.rig.arm.campaign import RobotCampaign
-        from ecm.rig.arm.worker import ArmSetup, run_sorties
-
         key = name, seed
 
         @contextmanager

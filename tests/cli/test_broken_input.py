@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm._native import Mesh
 from support.meshes import block_mesh
 from support.neck import Done, csv_text, neck_columns
 
@@ -248,8 +249,6 @@ def test_there_are_twenty_kinds() -> None:
 
 def test_a_good_block_is_a_good_mesh(tmp_path: Path) -> None:
     """The mesh of the broken cases is right but for what is broken in it."""
-    from ecm._native import Mesh
-
     path = tmp_path / "body.msh"
     path.write_text(block_mesh(), encoding="utf-8")
     mesh = Mesh.read(str(path))

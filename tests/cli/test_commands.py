@@ -19,9 +19,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ecm._native import __version__, rotation_matrices
 from ecm.cli.app import COMMANDS as REGISTRY
 from ecm.cli.app import load_command
 from ecm.cli.console import Console
+from ecm.effects import LinearEffect, Parameter, unregister
+from ecm.errors import ComputationError, FemError, InputError, ModelError
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import read_table
@@ -29,6 +32,7 @@ from ecm.models import PhysicsMap, fit_model
 from ecm.report.page import number
 from support.campaigns import campaign, physics
 from support.neck import LENGTH_M, Done, csv_text, neck_columns, neck_rows
+from support.neck import STIFFNESS as K
 
 Command = Callable[..., Done]
 COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
@@ -67,8 +71,6 @@ def test_every_command_takes_the_common_options(name: str) -> None:
 
 
 def test_version_and_no_arguments(ecm_command: Command) -> None:
-    from ecm._native import __version__
-
     assert ecm_command("--version").out == f"ecm {__version__}\n"
     assert "Usage: ecm" in ecm_command().err + ecm_command().out
 
@@ -97,7 +99,6 @@ def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command
 def test_fit_and_predict(tmp_path: Path, ecm_command: Command) -> None:
     """Noise-free rows of a linear mechanism: the model gives wrench and stiffness back."""
     poses, _ = neck_rows(80)
-    from support.neck import STIFFNESS as K
 
     wrenches = (poses - [LENGTH_M, 0, 0, 0, 0, 0]) @ K
     columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, wrenches.T, strict=True))
@@ -250,8 +251,6 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
 def test_effects_of_installed_packages_are_known(
     monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
-    from ecm.effects import LinearEffect, Parameter, unregister
-
     class Draught(LinearEffect):
         id = "draught"
         physics = "A fan blows on the platform."
@@ -393,8 +392,6 @@ def test_a_plan_replaces_nothing_but_a_plan(
 
 def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:
     """An offset of the sensor in its own axes, against the energy model (only L is known)."""
-    from ecm._native import rotation_matrices
-
     columns = neck_columns(80)
     rotations = rotation_matrices(np.column_stack([columns[name] for name in POSE[3:]]))
     for j, name in enumerate(WRENCH[:3]):
@@ -434,7 +431,7 @@ def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> Non
         (ZeroDivisionError(), 1, "please report it"),
     ],
 )
-def test_nobody_sees_a_traceback(  # noqa: PLR0917
+def test_nobody_sees_a_traceback(
     error: BaseException,
     code: int,
     says: str,
@@ -455,8 +452,6 @@ def test_nobody_sees_a_traceback(  # noqa: PLR0917
 def test_errors_of_the_computation_and_of_the_input_differ(
     neck_csv: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
-    from ecm.errors import ComputationError, FemError, InputError, ModelError
-
     for error, code in (
         (ComputationError("no convergence"), 1),
         (InputError("wrong"), 2),

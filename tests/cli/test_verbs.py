@@ -15,6 +15,7 @@ import pytest
 import ecm
 from ecm.cli import app
 from ecm.cli.command import Data, Session, command
+from ecm.effects import get_effect
 from support.neck import LENGTH_M, Done, csv_text, neck_columns
 
 Command = Callable[..., Done]
@@ -96,8 +97,6 @@ def test_check_and_design(data: Path, tmp_path: Path, ecm_command: Command) -> N
 
 
 def test_effects_need_the_protocol_that_tells_them_apart(data: Path) -> None:
-    from ecm.effects import get_effect
-
     with pytest.raises(ecm.InputError, match="diagnosable"):
         ecm.design(ecm.read_table(data), 30, effects=[get_effect("fts_drift")])
 

@@ -462,8 +462,8 @@ def test_parquet_needs_the_extra_or_reads(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     rows = {"y_m": [0.0, 0.1], "fy_N": [0.0, 30.0], "dwell_s": [None, 2.0]}
     try:
-        import pyarrow as arrow
-        from pyarrow import parquet
+        import pyarrow as arrow  # noqa: PLC0415 - optional
+        from pyarrow import parquet  # noqa: PLC0415 - optional
     except ImportError:
         with pytest.raises(MissingExtra, match=r"pip install 'ecm-stiffness\[data\]'"):
             read_table(path)

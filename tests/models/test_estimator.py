@@ -30,9 +30,9 @@ def test_the_estimator_fits_and_predicts_as_the_model() -> None:
 
 def test_scikit_learn_clones_validates_and_searches() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
-    from sklearn.base import clone, is_regressor
-    from sklearn.metrics import r2_score
-    from sklearn.model_selection import GridSearchCV, cross_val_score
+    from sklearn.base import clone, is_regressor  # noqa: PLC0415 - optional
+    from sklearn.metrics import r2_score  # noqa: PLC0415 - optional
+    from sklearn.model_selection import GridSearchCV, cross_val_score  # noqa: PLC0415 - optional
 
     estimator = ModelEstimator(EnergyModel(degree=4), length_m=L)
     fitted = estimator.fit(X, Y)

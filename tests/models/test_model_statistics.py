@@ -201,9 +201,9 @@ def test_the_energy_fit_is_numpys_generalised_least_squares() -> None:
 
 def test_scikit_learn_gives_the_same_polynomials() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra learn)")
-    from sklearn.decomposition import TruncatedSVD
-    from sklearn.linear_model import LinearRegression, Ridge
-    from sklearn.preprocessing import PolynomialFeatures
+    from sklearn.decomposition import TruncatedSVD  # noqa: PLC0415 - optional
+    from sklearn.linear_model import LinearRegression, Ridge  # noqa: PLC0415 - optional
+    from sklearn.preprocessing import PolynomialFeatures  # noqa: PLC0415 - optional
 
     table = campaign(seed=3).measured()
     poses, wrenches = table.poses.copy(), table.wrenches.copy()

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from ecm._native import rod_poses
 from ecm.errors import InputError, MissingExtra
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
@@ -35,8 +36,6 @@ def bench(name: str) -> ModuleType:
 
 def rod_table(count: int, seed: int) -> Table:
     """Poses of an exact rod."""
-    from ecm._native import rod_poses
-
     random = np.random.default_rng(seed)
     low, high = np.array([-60, -30, -30, -2, -2, -2.0]), np.array([30, 30, 30, 2, 2, 2.0])
     wrenches = random.uniform(low, high, (count, 6))

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from statsmodels.stats.diagnostic import het_breuschpagan
+from statsmodels.stats.multitest import multipletests
 
 from ecm import _native
 from ecm.diagnosis.accept import acceptance_check
@@ -162,8 +164,6 @@ def test_bic_and_its_p_are_those_of_a_regression_of_known_variance(
 
 
 def test_the_first_of_many_is_corrected_as_holm_does(problem: Problem) -> None:
-    from statsmodels.stats.multitest import multipletests
-
     ranked = rank(problem)
     p = np.array([item.p for item in ranked])
     corrected = multipletests(p, method="holm")[1]
@@ -212,8 +212,6 @@ def test_the_floor_is_the_residual_variance_of_a_mixed_model() -> None:
 
 
 def test_the_score_of_growing_scatter_is_breusch_and_pagan_s() -> None:
-    from statsmodels.stats.diagnostic import het_breuschpagan
-
     random = np.random.default_rng(8)
     size = random.uniform(0.0, 2.0, 300)
     residual = random.standard_normal(300) * np.sqrt(1.0 + 0.5 * size**2)

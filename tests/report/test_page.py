@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plotly.offline import get_plotlyjs
 
 from ecm.comparison import compare
 from ecm.comparison.page import write_comparison
@@ -79,8 +80,6 @@ def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> 
 
 
 def _plotly() -> str:
-    from plotly.offline import get_plotlyjs
-
     return str(get_plotlyjs())
 
 

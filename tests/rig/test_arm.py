@@ -14,6 +14,7 @@ from ecm.rig.arm.impedance import null_direction
 from ecm.rig.arm.kinematics import flange_pose, inverse_kinematics, joints_at_swivel, swivel_angle
 from ecm.rig.arm.scene import scene
 from ecm.rig.arm.simulation import Simulation
+from ecm.rig.arm.sorties import Stop
 from ecm.rig.arm.timing import cubic_profile, duration_s
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.stand_in import L, some_poses, wrench
@@ -290,7 +291,6 @@ def test_the_loop_evaluates_the_exported_model() -> None:
 def test_impedance_alone_settles_where_both_springs_balance() -> None:
     control = simulated_arm()
     goal = REST + np.array([-0.006, 0.003, 0.0, 0.0, 0.0, 0.1])
-    from ecm.rig.arm.sorties import Stop
 
     outcome = control.sortie([Stop(0, goal, (), 0.1, 0.2)]).stops[0]
     assert outcome.reason == ""

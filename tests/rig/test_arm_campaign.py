@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
-from ecm.rig import Hidden
+from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.hidden.calibrate import Whitener
@@ -190,8 +190,6 @@ def test_direct_saves_time_and_tells_how_far_it_leaves_what_is_known(
 
 
 def test_the_time_is_known_beforehand(cache: Path) -> None:
-    from ecm.rig import campaign_minutes
-
     table = plan(some_poses(6, seed=7))
     rig = {"speed_m_s": 0.04, "speed_rad_s": 0.3, "dwell_s": 1.0}
     campaign = RobotCampaign(table, settings(**rig), StandIn(), folder=cache)
@@ -329,8 +327,6 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
 
 
 def test_what_is_hidden_acts_and_is_sealed(cache: Path, tmp_path: Path) -> None:
-    from ecm.rig import reveal
-
     poses = some_poses(7, seed=2)
     out = tmp_path / "data.csv"
     hidden = run(cache, poses, out, hide="payload=3", seed=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from ecm.errors import ComputationError, InputError, MissingExtra
 from ecm.report.page import FigureBlock
+from ecm.rig import RigSettings
 from ecm.rig.arm.film import Film, centre_line, write_film
 from ecm.rig.arm.pictures import (
     PictureSource,
@@ -128,8 +130,6 @@ def test_a_compiler_is_asked_for_where_no_controller_is_kept_and_before_any_work
 
 
 def test_pictures_are_of_the_arm_alone() -> None:
-    from ecm.rig import RigSettings
-
     with pytest.raises(InputError, match=r"--film.*mode"):
         require_robot(RigSettings(), ("--film", Path("a.gif")))
     with pytest.raises(InputError, match=r"expected a file ending in \.gif"):
@@ -137,8 +137,6 @@ def test_pictures_are_of_the_arm_alone() -> None:
 
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match=r"ecm-stiffness\[robot\]"):
         mujoco()

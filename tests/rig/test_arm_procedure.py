@@ -18,9 +18,11 @@ from ecm.rig.arm.impedance import Impedance
 from ecm.rig.arm.kinematics import flange_pose, joints_at_swivel, swivel_angle
 from ecm.rig.arm.kuka import RANGE_RAD, SPEED_RAD_S, TORQUE_NM
 from ecm.rig.arm.scene import scene
+from ecm.rig.arm.settings import ArmSettings
 from ecm.rig.arm.simulation import Diverged
 from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.arm.summary import motion_shares, pose_errors
+from ecm.workflow.config import read_rig
 from support.arm_rig import REST, library, mechanism, settings, simulated_arm
 from support.neck import ROOT
 from support.stand_in import L, some_poses
@@ -284,9 +286,6 @@ def test_the_same_sortie_gives_the_same_numbers() -> None:
 
 
 def test_the_example_is_valid_and_holds_the_defaults() -> None:
-    from ecm.rig.arm.settings import ArmSettings
-    from ecm.workflow.config import read_rig
-
     rig = read_rig(ROOT / "examples" / "robot.toml")
     assert rig.rig.mode == "robot"
     assert rig.arm == ArmSettings()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm import _native
+from ecm._native import EnergyModel as EnergyEvaluator
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.degrees import ENERGY_DEGREES
@@ -82,7 +82,7 @@ class EnergyModel(ModelSpecification):
 
     def regressor(self, poses: F, length_m: float, scale: F) -> F:
         """(N, 6, k) wrench of each term of the energy at poses (N, 6)."""
-        return _native.EnergyModel.regressor(
+        return EnergyEvaluator.regressor(
             np.ascontiguousarray(poses),
             length_m=length_m,
             degree=self.degree,
@@ -95,8 +95,8 @@ class EnergyModel(ModelSpecification):
         """Errors in variables by the declared noise; with `weights` spread least squares."""
         length = length_of(table, self.name)
 
-        def fit(poses: F, wrenches: F, covariance: F | None) -> _native.EnergyModel:
-            return _native.EnergyModel.fit(
+        def fit(poses: F, wrenches: F, covariance: F | None) -> EnergyEvaluator:
+            return EnergyEvaluator.fit(
                 np.ascontiguousarray(poses),
                 np.ascontiguousarray(wrenches),
                 length_m=length,

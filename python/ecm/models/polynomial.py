@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm import _native
+from ecm._native import PolynomialModel as PolynomialEvaluator
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.degrees import POLYNOMIAL_DEGREES
@@ -90,7 +90,7 @@ class PolynomialModel(ModelSpecification):
             )
         inputs, outputs = pose_and_wrench_columns(table)
         poses, wrenches = table.matrix(inputs), table.matrix(outputs)
-        model = _native.PolynomialModel.fit(
+        model = PolynomialEvaluator.fit(
             np.ascontiguousarray(poses),
             np.ascontiguousarray(wrenches),
             self.degree,

@@ -118,7 +118,7 @@ def run_campaigns(
     return paths
 
 
-def measured_files(  # noqa: PLR0917
+def measured_files(
     plan: str, meta: str, settings: dict[str, Any], hide: str | None, seed: int, threads: int
 ) -> dict[str, bytes]:
     """The files of one campaign by suffix; everything comes and goes as text, to any machine."""

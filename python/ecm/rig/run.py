@@ -144,8 +144,8 @@ def run_campaign(
         folder = cache_directory()
     if rig.rig.mode == "robot":
         # scipy is slow to load, and only the arm needs it
-        from ecm.rig.arm.campaign import RobotCampaign
-        from ecm.rig.arm.run import require_arm, run_robot, write_record
+        from ecm.rig.arm.campaign import RobotCampaign  # noqa: PLC0415 - the arm takes 1.5 s to load
+        from ecm.rig.arm.run import require_arm, run_robot, write_record  # noqa: PLC0415 - the arm takes 1.5 s to load
 
         require_arm(folder)
         arm = RobotCampaign(

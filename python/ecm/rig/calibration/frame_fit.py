@@ -24,7 +24,7 @@ _ROUNDS = 30
 
 def in_region(error: F, covariance: F, dof: int, share: float) -> bool:
     """Whether an error (k,) lies in the region of that probability (Hotelling)."""
-    from scipy import special  # slow to load, and no campaign needs it
+    from scipy import special  # noqa: PLC0415 - slow to load, and no campaign needs it
 
     count = len(error)
     distance = float(error @ np.linalg.solve(covariance, error))

@@ -52,7 +52,7 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
     A hidden effect is found when a class of at most three names holds it; every class answers for
     one effect, as many as possible being answered for. A class left over is a wrong name.
     """
-    from scipy.optimize import linear_sum_assignment  # slow to load, and no campaign needs it
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to load, and no campaign needs it
 
     classes = [list(dict.fromkeys(members)) for members in answer]
     cost = np.full((len(truth), len(classes)), _NO_MATCH)
