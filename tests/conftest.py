@@ -35,16 +35,12 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // workers)))
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the tests of a file on one worker, for they share fixtures; long files begin first."""
+    """Let the long files begin first; a file stays on one worker (`--dist loadfile`)."""
     if not hasattr(config, "workerinput"):
         return
     order = {str(TESTS / name): i for i, name in enumerate(LONGEST_FIRST)}
     items.sort(key=lambda item: order.get(str(item.path), len(order)))
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 @pytest.fixture(autouse=True, scope="session")

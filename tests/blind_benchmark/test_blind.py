@@ -49,7 +49,6 @@ from ecm.rig.physics import TRUE_EFFECTS
 from support.campaigns import model, plan
 from support.stand_in import StandIn
 
-pytestmark = pytest.mark.xdist_group("blind")
 ONE = (
     "anisotropy",
     "base_compliance",

@@ -27,8 +27,6 @@ from ecm.diagnosis.search import Ranked, rank
 from ecm.effects import Effect, Missing, get_effect
 from ecm.io.table import Table
 
-pytestmark = pytest.mark.xdist_group("blind")  # one process: the data are worked out once
-
 
 def diagonal_noise(*given: Any) -> Problem:
     """What links the components of a row's noise is left out."""
