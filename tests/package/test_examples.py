@@ -16,22 +16,7 @@ PACKAGE = ROOT / "python" / "ecm"
 NO_EXAMPLE = {"ecm.__version__", "ecm.EcmError"}
 """Names that nobody calls: a text, and the class from which the three errors derive."""
 
-PENDING: set[str] = {
-    "ecm.RigSettings",
-    "ecm.reveal",
-    "ecm.rig.Campaign",
-    "ecm.rig.Hidden",
-    "ecm.rig.HiddenTable",
-    "ecm.rig.Instruments",
-    "ecm.rig.PlantTable",
-    "ecm.rig.Procedure",
-    "ecm.rig.Revealed",
-    "ecm.rig.campaign_minutes",
-    "ecm.rig.fem_source",
-    "ecm.rig.rig_from_dict",
-    "ecm.rig.run_campaigns",
-    "ecm.rig.score",
-}
+PENDING: set[str] = set()
 """Public names that still lack an example. The list may only become shorter."""
 
 

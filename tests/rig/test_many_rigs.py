@@ -216,3 +216,12 @@ def test_the_command_overwrites_nothing_unasked(
     assert theirs.read_text() == "measured yesterday\n"
     assert ecm_command(*command, "--overwrite").code == 0
     assert len(read_table(theirs)) == 5
+
+
+@pytest.mark.parametrize(
+    "options", [CampaignOptions(folder=Path()), CampaignOptions(resume=False)], ids=str
+)
+def test_options_of_a_single_campaign_are_refused(options: CampaignOptions, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="leave out source, folder and resume"):
+        run_campaigns(plan(), RigSettings(), tmp_path / "d.csv", seeds=range(2), options=options)
+    assert not list(tmp_path.iterdir())

@@ -77,10 +77,26 @@ def run_campaigns(
     ------
     InputError
         Seeds with gaps, no scheduler at the address, or tables of other settings at `out`.
+
+    Examples
+    --------
+    The number of rigs is that of the seeds; a step between seeds is refused.
+
+    >>> from ecm.io.table import as_table
+    >>> plan = as_table({"x_m": [0.1, 0.1], "y_m": [0.0, 0.002]})
+    >>> run_campaigns(plan, RigSettings(), Path("data.csv"), seeds=range(0, 10, 2))
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: seeds = range(0, 10, 2): found steps of 2, expected a range without
     """
     if seeds.step != 1:
         raise InputError(f"seeds = {seeds}: found steps of {seeds.step}, expected a range without")
     options = options or CampaignOptions()
+    if options.source is not None or options.folder is not None or not options.resume:
+        raise InputError(
+            "run_campaigns: each rig is solved by the FEM of its plan, keeps poses in the user's "
+            "cache, and goes on by itself; leave out source, folder and resume of its options"
+        )
     rigs, seed, threads = len(seeds), seeds.start, options.threads
     paths = rig_paths(out, rigs)
     ledger = _Ledger.of(ledger_path(out), _key(plan, rig, hide, seed), overwrite=overwrite)

@@ -212,7 +212,19 @@ def _written(campaign: Campaign, table: Table, out: Path) -> Table:
 
 
 def campaign_minutes(plan: Table, rig: RigSettings) -> float:
-    """Time that a plan takes on the rig, before anything is solved."""
+    """Time that a plan takes on the rig, before anything is solved.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> from ecm.io.description import Meta
+    >>> plan = as_table({
+    ...     "x_m": [0.1, 0.1], "y_m": [0.0, 0.002], "z_m": [0.0, 0.0],
+    ...     "theta_x_rad": [0.0, 0.0], "theta_y_rad": [0.0, 0.0], "theta_z_rad": [0.1, 0.2],
+    ... }).with_meta(Meta(mechanism={"length_m": 0.1}))
+    >>> f"{campaign_minutes(plan, RigSettings()):.2f} min"
+    '6.17 min'
+    """
     length = plan.meta.length_m
     if length is None:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
@@ -225,7 +237,17 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
 
 
 def fem_source(plan: Table, threads: int = 0) -> Source:
-    """FEM of the mechanism that a plan's TOML names."""
+    """FEM of the mechanism that a plan's TOML names.
+
+    Examples
+    --------
+    >>> from ecm.io.table import as_table
+    >>> from ecm.io.description import Meta
+    >>> body = {"builtin": "cylinder", "length_m": 0.1, "radius_m": 0.03, "young_modulus_Pa": 6.5e5}
+    >>> plan = as_table({"x_m": [0.1], "y_m": [0.0]}).with_meta(Meta(mechanism=body))
+    >>> fem_source(plan).length_m
+    0.1
+    """
     body = plan.meta.body()
     if body is None or not body.has_body:
         raise InputError(

@@ -34,6 +34,11 @@ class Procedure:
     (`linear`), the last one (`before`), nothing, or a line in the sensor's temperature and time
     and then `linear` on what is left (`temperature`). `stream_Hz` writes NAME.raw.parquet, one row
     per image: 0.1 Hz at least and camera_rate_Hz at most.
+
+    Examples
+    --------
+    >>> Procedure(dwell_s=5.0).dwell_s
+    5.0
     """
 
     mode: str = setting(
@@ -95,6 +100,11 @@ class Instruments:
     (`independent`). At an LED angle of 0.9 rad four or more are seen, up to a tilt of 0.8 rad. The
     motion that the base target shows is subtracted. With `frames = "calibrated"` both targets and
     the sensor are where a calibration with these instruments finds them, a little off.
+
+    Examples
+    --------
+    >>> Instruments(force_noise_N=1.0).force_noise_N
+    1.0
     """
 
     force_noise_N: float = setting(
@@ -204,6 +214,11 @@ class PlantTable:
 
     The seed draws the sensor's offset and the direction of its warm-up, which the compensation
     sees. The payload is declared in the data.
+
+    Examples
+    --------
+    >>> PlantTable(room_temperature_degC=20.0).room_temperature_degC
+    20.0
     """
 
     room_temperature_degC: float = setting(
@@ -253,7 +268,13 @@ class PlantTable:
 
 @dataclass(frozen=True)
 class HiddenTable:
-    """[hidden]: an effect put into the plant, its truth sealed; the flag --hide goes before it."""
+    """[hidden]: an effect put into the plant, its truth sealed; the flag --hide goes before it.
+
+    Examples
+    --------
+    >>> HiddenTable(effect="hysteresis", strength=2.0).strength
+    2.0
+    """
 
     effect: str = setting(
         "", doc="Id of a hidden effect, `random`, `none` (sealed), or empty for nothing."
@@ -265,7 +286,14 @@ class HiddenTable:
 
 @dataclass(frozen=True)
 class RigSettings:
-    """A whole rig file."""
+    """A whole rig file.
+
+    Examples
+    --------
+    >>> rig = RigSettings.from_dict({"rig": {"dwell_s": 5.0}, "instrument": {"force_noise_N": 1.0}})
+    >>> rig.rig.dwell_s, rig.instrument.force_noise_N
+    (5.0, 1.0)
+    """
 
     rig: Procedure = field(default_factory=Procedure)
     instrument: Instruments = field(default_factory=Instruments)
@@ -298,6 +326,11 @@ class RigSettings:
         ------
         InputError
             Naming file, table, key and the nearest known name.
+
+        Examples
+        --------
+        >>> RigSettings.from_dict({"rig": {"dwell_s": 5.0}}).rig.dwell_s
+        5.0
         """
         procedure = tables.get("rig", {})
         own, arm = procedure, dict[str, Any]()

@@ -22,7 +22,13 @@ NOTHING_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect to be hidden, at a strength s."""
+    """An effect to be hidden, at a strength s.
+
+    Examples
+    --------
+    >>> [(hidden.effect, hidden.strength) for hidden in Hidden.parse("hysteresis=2, payload")]
+    [('hysteresis', 2.0), ('payload', 1.0)]
+    """
 
     effect: str
     strength: float

@@ -51,6 +51,13 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
 
     A hidden effect is found when a class of at most three names holds it; every class answers for
     one effect, as many as possible being answered for. A class left over is a wrong name.
+
+    Examples
+    --------
+    >>> score(["payload"], [["payload", "length_error"]])["correct"]
+    True
+    >>> score(["payload"], [["hysteresis"]])["missed"]
+    ['payload']
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to load, and no campaign needs it
 
@@ -80,7 +87,13 @@ def score(truth: Sequence[str], answer: Sequence[Sequence[str]]) -> dict[str, An
 
 @dataclass(frozen=True)
 class Revealed:
-    """An opened truth, and the score of an answer where there is one."""
+    """An opened truth, and the score of an answer where there is one.
+
+    Examples
+    --------
+    >>> Revealed(effects=(), seed=0).text()
+    'hidden: nothing'
+    """
 
     effects: tuple[dict[str, Any], ...]
     """id, s, size, physics, parameters of each."""
@@ -133,6 +146,16 @@ def reveal(data: Table | str | Path, answer: str | Path | dict[str, Any] | None 
     ------
     InputError
         No truth file, a broken seal, or an answer that is no report of diagnose.
+
+    Examples
+    --------
+    A table without a sealed truth is refused:
+
+    >>> from ecm.io.table import as_table
+    >>> reveal(as_table({"x_m": [0.1], "fx_N": [1.0]}))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    ecm.errors.InputError: ...
     """
     table = read_table(data) if isinstance(data, (str, Path)) else data
     path = truth_path(Path(table.source))
