@@ -24,7 +24,7 @@ POSES = 25
 WINDOW_S = 1.0
 GRAVITY = np.array([-9.81, 0.0, 0.0])
 ENCODER_M, ENCODER_RAD = 5e-5, 2e-4
-"""Of the robot's forward kinematics."""
+"""Errors of the robot's forward kinematics, m and rad."""
 
 
 def frame(random: np.random.Generator, reach_m: float, turn_rad: float) -> F:

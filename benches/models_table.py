@@ -155,7 +155,7 @@ def shown(lines: list[dict[str, object]]) -> str:
 
 
 def pairs(data: Path | None, count: int = 1700) -> tuple[F, F]:
-    """Of a file, or by FEM."""
+    """Pairs of a file, or by FEM."""
     if data is not None:
         table = read_table([data])
         return table.poses.copy(), table.wrenches.copy()

@@ -38,7 +38,7 @@ ROOT = Path(__file__).parent.parent
 
 
 def processor_s() -> float:
-    """Of this process and all that have ended under it."""
+    """Processor time of this process and of its ended children, s."""
     return sum(
         use.ru_utime + use.ru_stime
         for use in (

@@ -138,7 +138,7 @@ class FemResults:
         neo-Hookean bodies crease below 1/2.4."""
     @property
     def smallest_eigenvalue(self) -> _F:
-        """Of the Hessian H in scaled coordinates (lengths by L)."""
+        """Smallest eigenvalue of the Hessian H in scaled coordinates (lengths by L)."""
     @property
     def largest_stretch(self) -> _F: ...
     @property

@@ -173,7 +173,7 @@ def test_compare_prints_every_component(
 def test_compare_sets_four_references_side_by_side(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
-    """Of an energy model as well: the physics base is that of the table's [mechanism]."""
+    """An energy model too: the physics base is that of the table's [mechanism]."""
     asked: list[Mechanism] = []
 
     def built(body: Mechanism, **_: object) -> PhysicsMap:

@@ -68,7 +68,7 @@ def assembled(table: Table, *ids: str) -> Problem:
 
 
 def evidence(problem: Problem) -> AcceptanceCheck:
-    """Of the first effect alone, as if the search had chosen it."""
+    """The check of the first effect alone, as if the search had chosen it."""
     first = rank(problem)[0].candidate
     return acceptance_check(problem, [first], first, [first.id], 0)
 
@@ -122,7 +122,7 @@ def test_a_bundle_of_rows_that_imitates_a_payload_is_not_named() -> None:
 
 
 def test_no_more_than_four_effects_are_searched_for() -> None:
-    """Of five that are all there, each as strong as the noise, and could be found."""
+    """Five effects that are all present, each as strong as the noise, and can be found."""
     table = campaign("", 1.0, 4)
     five = {
         "temperature_modulus": [0.03],
@@ -158,7 +158,7 @@ def test_effects_of_pose_are_held_out_in_contiguous_blocks_of_time() -> None:
 
 
 def test_effects_of_time_are_held_out_in_clusters_of_poses() -> None:
-    """Of equal size, each apart from the others, whenever they were visited."""
+    """Clusters of equal size, far apart in pose, whatever the order of the visits."""
     table = campaign("", 1.0, 4)
     assert held_out_by(table, "time") == "pose"
     first = np.unique(row_groups(table), return_index=True)[1]

@@ -322,7 +322,7 @@ def test_trap_constant_dwell_names_nothing_and_says_what_to_record(dwell_s: floa
 
 
 def test_trap_constant_dwell_hides_relaxation_in_the_modulus() -> None:
-    """Of the same readings: all dwells together name it, each alone has a modulus of its own."""
+    """All dwells together name it; each dwell alone has a modulus of its own."""
     table = campaign("stress_relaxation", 1.0, 4)
     assert diagnose(model(), table).answer == (("stress_relaxation",),)
     fitted = [model().fit(of_one_dwell(table, dwell_s)).base for dwell_s in (2.0, 8.0, 30.0)]

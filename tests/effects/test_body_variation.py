@@ -13,7 +13,7 @@ from support.campaigns import campaign, model, workspace_poses
 from support.stand_in import L, coordinates, wrench
 
 STIFFER = np.array([1.0, 1.3, 1.3, 1.0, 1.15, 1.15])
-"""Of shear and bending, so that E alone cannot make it good."""
+"""Ratio of shear and bending stiffness: E alone cannot correct it."""
 
 
 def another_body() -> Model:

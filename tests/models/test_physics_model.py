@@ -125,7 +125,7 @@ def base(closed_form: ClosedForm, folder: Path) -> PhysicsMap:
 
 
 def some_poses(count: int) -> F:
-    """Of a body as stiff as the neck."""
+    """A body as stiff as the neck."""
     stiffness = np.diag([2.4e4, 3.6e3, 3.6e3, 4.0, 16.0, 16.0])
     return workspace_poses(stiffness, LENGTH_M, count, seed=9)
 

@@ -18,7 +18,7 @@ from support.campaigns import campaign, physics
 F = NDArray[np.float64]
 NOISE = Noise(source="declared")
 SHARE = 0.3
-"""Of a row's noise: that of a reading of the zero. The mean of 100 rows has a tenth."""
+"""Noise of a reading of the zero, as a share of a row's; the mean of 100 rows has a tenth."""
 NORMAL_90 = 1.6449
 
 
