@@ -113,7 +113,8 @@ class Mesh:
 
 @final
 class FemResults:
-    """One row per load case; rows that did not converge hold the last stable state."""
+    """One row per load case; rows that did not converge hold the last stable state, or nan where
+    there is none."""
     @property
     def status(self) -> list[str]:
         """solved | unstable | not_converged | inverted | cancelled"""
@@ -134,11 +135,17 @@ class FemResults:
         """Why a case is unstable (buckling, crease, inner); empty for all others."""
     @property
     def stretch_ratio(self) -> _F:
-        """Smallest ratio of the smallest to the largest principal stretch; surfaces of
-        neo-Hookean bodies crease below 1/2.4."""
+        """Smallest ratio of the smallest to the largest principal stretch."""
+    @property
+    def smallest_stretch(self) -> _F:
+        """Smallest principal stretch; compressed surfaces of neo-Hookean bodies crease below 0.65."""
+    @property
+    def determinant(self) -> _F:
+        """Determinant of the screw stiffness K_s with lengths over L, (N m)^6; positive where the
+        platform is stable under a dead wrench."""
     @property
     def smallest_eigenvalue(self) -> _F:
-        """Smallest eigenvalue of the Hessian H in scaled coordinates (lengths by L)."""
+        """Smallest eigenvalue of the symmetric part of K_s with lengths over L, N m."""
     @property
     def largest_stretch(self) -> _F: ...
     @property

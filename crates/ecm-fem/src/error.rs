@@ -144,6 +144,15 @@ pub enum FemError {
         /// The range.
         expected: &'static str,
     },
+    /// A body that does not carry its own weight.
+    #[error(
+        "the body has no stable equilibrium without a load (status {status}): it does not carry its \
+         own weight; check the density, the modulus in Pa and the direction of gravity"
+    )]
+    NoRest {
+        /// Status of the load case without a wrench.
+        status: &'static str,
+    },
     /// An unknown word.
     #[error("{name} is \"{value}\"; expected {expected}")]
     Word {

@@ -1,14 +1,16 @@
 //! Status and result of a load case.
 
 /// How a load case ended; only [`Status::Solved`] is a stable equilibrium at the
-/// given load, every other status comes with the last stable state before it.
+/// given load, every other status comes with the last stable state before it. Where there is none
+/// (a body that does not carry its own weight) the figures are not numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// Stable equilibrium at the load asked for.
     Solved,
-    /// The load lies beyond a loss of stability: buckling, or a crease or collapse inside.
+    /// The load lies beyond a loss of stability, which was bracketed on the branch from rest: the
+    /// next equilibrium after the last stable one is not stable.
     Unstable,
-    /// The load steps became too small.
+    /// No equilibrium was found at the load, nor a loss of stability before it.
     NotConverged,
     /// The load steps became too small because elements turn inside out.
     Inverted,
@@ -32,26 +34,26 @@ impl Status {
 /// Why a load case is [`Status::Unstable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// The smallest eigenvalue of H reaches zero: the platform buckles under the dead wrench.
+    /// An eigenvalue of K_s reaches zero: the platform gives way under the dead wrench.
     Buckling,
-    /// The tangent at fixed platform loses a positive pivot where the most compressed point is
-    /// beyond [`CREASE`]: the body creases or wrinkles at its surface.
+    /// The tangent at fixed platform loses a positive pivot where the smallest stretch is below
+    /// [`CREASE`]: the body creases or wrinkles at its surface.
     Crease,
     /// The tangent at fixed platform loses a positive pivot at moderate compression.
     Inner,
 }
 
-/// Ratio of the smallest to the largest principal stretch at which the free surface of a
-/// neo-Hookean body creases (Hong, Zhao and Suo 2009: 1/2.4); it wrinkles at 0.296 (Biot 1963).
-pub const CREASE: f64 = 1.0 / 2.4;
+/// Principal stretch at which the compressed free surface of a neo-Hookean body in plane strain
+/// creases (Hong, Zhao and Suo 2009: a strain of 0.35); it wrinkles at 0.544 (Biot 1963).
+pub const CREASE: f64 = 0.65;
 
 impl Reason {
     /// The words used in files and in Python.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Buckling => "buckling: the stiffness under a dead wrench loses its positivity",
+            Self::Buckling => "buckling: the platform gives way under the dead wrench",
             Self::Crease => {
-                "crease: the compressed surface loses stability beyond a stretch ratio of 1/2.4"
+                "crease: the body loses stability where it is compressed below a stretch of 0.65"
             }
             Self::Inner => "inner: the body loses stability at a fixed platform",
         }
@@ -73,14 +75,18 @@ pub struct CaseResult {
     pub stiffness: [[f64; 6]; 6],
     /// H = ∂(f, Jᵀτ)/∂p.
     pub hessian: [[f64; 6]; 6],
-    /// Smallest eigenvalue of H with lengths divided by L, N m.
+    /// Smallest eigenvalue of the symmetric part of K_s with lengths divided by L, N m.
     pub smallest_eigenvalue: f64,
+    /// det K_s with lengths divided by L, (N m)⁶; its sign decides on stability under a dead wrench.
+    pub determinant: f64,
     /// Negative pivots beyond the number of pressures: instabilities at fixed pose.
     pub inner_instabilities: usize,
     /// Reason of [`Status::Unstable`].
     pub reason: Option<Reason>,
     /// Smallest ratio of the smallest to the largest principal stretch at a quadrature point.
     pub stretch_ratio: f64,
+    /// Smallest principal stretch at a quadrature point.
+    pub smallest_stretch: f64,
     /// Where that is, in the undeformed body (centre of its element), m.
     pub most_compressed_m: [f64; 3],
     /// Largest principal stretch at a quadrature point.
@@ -96,4 +102,37 @@ pub struct CaseResult {
     pub load_steps: usize,
     /// Norm of the residual over the force unit μ V / L.
     pub residual: f64,
+}
+
+impl CaseResult {
+    /// Where no stable state is known: the figures are not numbers.
+    pub(crate) fn without_state() -> Self {
+        let nan = f64::NAN;
+        Self {
+            status: Status::NotConverged,
+            pose: [nan; 6],
+            wrench: [nan; 6],
+            energy_J: nan,
+            stiffness: [[nan; 6]; 6],
+            hessian: [[nan; 6]; 6],
+            smallest_eigenvalue: nan,
+            determinant: nan,
+            inner_instabilities: 0,
+            reason: None,
+            stretch_ratio: nan,
+            smallest_stretch: nan,
+            most_compressed_m: [nan; 3],
+            largest_stretch: nan,
+            smallest_jacobian: nan,
+            iterations: 0,
+            factorisations: 0,
+            load_steps: 0,
+            residual: nan,
+        }
+    }
+
+    /// Whether pose and wrench are those of a stable equilibrium.
+    pub fn has_state(&self) -> bool {
+        self.pose.iter().all(|v| v.is_finite())
+    }
 }

@@ -86,3 +86,36 @@ pub fn skew(v: [f64; 3]) -> Mat3 {
 pub fn norm(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
+
+/// Eigenvalues of a symmetric matrix, smallest first, by Jacobi's rotations: accurate to rounding
+/// also where they are equal. Not a number where an entry is not finite.
+pub fn symmetric_eigenvalues(a: &Mat3) -> [f64; 3] {
+    let mut m = *a;
+    // Convergence is quadratic: six sweeps are more than any matrix needs.
+    for _ in 0..6 {
+        let off = m[0][1] * m[0][1] + m[0][2] * m[0][2] + m[1][2] * m[1][2];
+        let diagonal = m[0][0] * m[0][0] + m[1][1] * m[1][1] + m[2][2] * m[2][2];
+        if off <= 1e-34 * diagonal {
+            break;
+        }
+        for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
+            if m[p][q] == 0.0 {
+                continue;
+            }
+            let ratio = (m[q][q] - m[p][p]) / (2.0 * m[p][q]);
+            let tangent = ratio.signum() / (ratio.abs() + ratio.hypot(1.0));
+            let cosine = 1.0 / tangent.hypot(1.0);
+            let sine = tangent * cosine;
+            let change = tangent * m[p][q];
+            m[p][p] -= change;
+            m[q][q] += change;
+            (m[p][q], m[q][p]) = (0.0, 0.0);
+            let (x, y) = (m[r][p], m[r][q]);
+            (m[r][p], m[r][q]) = (cosine * x - sine * y, sine * x + cosine * y);
+            (m[p][r], m[q][r]) = (m[r][p], m[r][q]);
+        }
+    }
+    let mut values = [m[0][0], m[1][1], m[2][2]];
+    values.sort_by(f64::total_cmp);
+    values
+}

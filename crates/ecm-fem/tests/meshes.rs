@@ -99,6 +99,23 @@ fn quadratic_gmsh_file_gives_the_mesh_back() {
     assert!((read.volume_m3() / mesh.volume_m3() - 1.0).abs() < 1e-9);
 }
 
+/// Triangles in a block of a volume were once taken for tetrahedra.
+#[test]
+fn a_volume_block_of_triangles_is_refused() {
+    let good = gmsh(&cylinder(), false);
+    for (kind, nodes) in [(2, "1 2 3"), (9, "1 2 3 4 5 6"), (15, "1"), (1, "1 2")] {
+        let block = format!("3 1 {kind} 1\n1 {nodes}\n$EndElements");
+        let text = good.replace("$Elements\n3 0", "$Elements\n4 0");
+        assert_ne!(text, good);
+        let error = parse(&text.replace("$EndElements", &block)).unwrap_err();
+        let message = error.to_string();
+        assert!(
+            message.contains(&format!("element type {kind} in a volume")),
+            "{message}"
+        );
+    }
+}
+
 #[test]
 fn linear_gmsh_file_is_raised_to_quadratic() {
     let mesh = cylinder();

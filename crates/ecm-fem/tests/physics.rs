@@ -193,3 +193,37 @@ fn vtu_holds_every_node_and_element() {
     assert_eq!(rows("stress_Pa"), elements);
     assert!(!text.contains("NaN"));
 }
+
+/// A soft column that falls over under its own weight has no state from which to begin.
+#[test]
+fn a_body_that_does_not_carry_its_weight_has_no_state() {
+    let soft = || {
+        let mesh = Mesh::cylinder(0.15, 0.005, COARSE_COLUMN).unwrap();
+        Fem::new(mesh, Box::new(NeoHookean::new(3e4, 0.49).unwrap()), None).unwrap()
+    };
+    let weight = 1100.0 * 9.81;
+    for force in [-weight, -1e9] {
+        let standing = soft().with_body_force([force, 0.0, 0.0]).unwrap();
+        let r = standing.solve_wrench(&[0.0; 6]).unwrap();
+        assert_ne!(r.status, Status::Solved);
+        assert!(!r.has_state() && r.residual.is_nan());
+        let error = standing.rest_stiffness().unwrap_err().to_string();
+        assert!(error.contains("own weight"), "{error}");
+    }
+    // The same body hangs, and sags by ρ g L² / (2 E).
+    let hanging = soft().with_body_force([weight, 0.0, 0.0]).unwrap();
+    let r = hanging.solve_wrench(&[0.0; 6]).unwrap();
+    assert_eq!(r.status, Status::Solved);
+    assert_eq!(r.inner_instabilities, 0);
+    let sag = (r.pose[0] - 0.15) / (weight * 0.15 * 0.15 / (2.0 * 3e4));
+    assert!((0.95..1.05).contains(&sag), "{sag}");
+    assert!(hanging.rest_stiffness().unwrap()[0][0] > 0.0);
+}
+
+const COARSE_COLUMN: Quality = Quality::Custom {
+    rings: 1,
+    layers: 10,
+    around: 6,
+    layer_grading_per_mille: 1000,
+    ring_grading_per_mille: 1000,
+};

@@ -241,7 +241,19 @@ impl FemResults {
         self.column(py, |r| r.stretch_ratio)
     }
 
-    /// Of the Hessian H in scaled coordinates (lengths by L).
+    /// Smallest principal stretch.
+    #[getter]
+    fn smallest_stretch<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.smallest_stretch)
+    }
+
+    /// det K_s with lengths over L.
+    #[getter]
+    fn determinant<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |r| r.determinant)
+    }
+
+    /// Of the symmetric part of K_s with lengths over L.
     #[getter]
     fn smallest_eigenvalue<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |r| r.smallest_eigenvalue)

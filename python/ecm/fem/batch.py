@@ -106,6 +106,8 @@ class LoadCases:
         if count not in self._warm_starts:
             rows = [self._results[case] for case in range(count)]
             rows = [row for row in rows if row["ok"] or row["unstable"]]
+            # A body that does not carry its own weight has no state.
+            rows = [row for row in rows if np.isfinite(row["poses"]).all()]
             warm_start = None
             if rows:
                 wrenches = np.array([row["wrenches"] for row in rows])

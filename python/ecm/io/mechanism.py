@@ -33,10 +33,10 @@ _LOWEST_MODULUS_PA = 100.0
 _LARGEST_RADIUS = 10.0
 """Largest radius over the length: a larger one was probably given in another unit."""
 
-SOLVER_VERSION = 3
+SOLVER_VERSION = 4
 """Increased with every change of the FEM's results, so that cached ones are solved again.
 2: bulk stiffness at distorted points. 3: a batch of poses starts from the tangent at rest (within
-1.3e-6 N of 2)."""
+1.3e-6 N of 2). 4: a loss of stability is bracketed on one branch and judged by K_s."""
 
 
 @dataclass(frozen=True)

@@ -235,6 +235,12 @@ fn elements(words: &mut Words, file: &mut File) -> Result<(), FemError> {
                 );
             }
         };
+        if dimension == 3 && !matches!(kind, 4 | 11) {
+            return words.fail(
+                format!("element type {kind} in a volume"),
+                "tetrahedra (type 4 or 11) there; save with Mesh.SaveAll = 0",
+            );
+        }
         for _ in 0..count {
             words.skip(1, "an element tag")?;
             let mut list = Vec::with_capacity(size);

@@ -1,8 +1,7 @@
 //! VTK's XML for unstructured grids (VTK file formats, ASCII), for ParaView.
 
 use crate::body::{Body, Field};
-use crate::tensor::{product, transpose};
-use nalgebra::Matrix3;
+use crate::tensor::{product, symmetric_eigenvalues, transpose};
 use std::fmt::Write;
 
 /// VTK's number of the ten-node tetrahedron; its mid-edge order is ours.
@@ -22,10 +21,7 @@ pub fn vtu(body: &Body, field: &Field) -> String {
             .zip(body.cauchy_stress_Pa(e, field))
         {
             let c = product(&transpose(&f), &f);
-            stretch += Matrix3::from_fn(|i, j| c[i][j])
-                .symmetric_eigenvalues()
-                .max()
-                .sqrt();
+            stretch += symmetric_eigenvalues(&c)[2].sqrt();
             jacobian += crate::tensor::determinant(&f);
             for (sum, value) in sigma.iter_mut().zip(s.iter().flatten()) {
                 *sum += value;

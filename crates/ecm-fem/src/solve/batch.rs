@@ -33,7 +33,7 @@ impl Outcome {
     /// Whether `field` is an equilibrium under the result's wrench: where the case was
     /// solved, and where the last stable state before a loss of stability is known.
     pub fn is_state(&self) -> bool {
-        matches!(self.result.status, Status::Solved | Status::Unstable)
+        matches!(self.result.status, Status::Solved | Status::Unstable) && self.result.has_state()
     }
 }
 
@@ -68,11 +68,11 @@ impl Fem {
     /// ```
     pub fn solve_all(&self, loads: &[Load], watch: Watch) -> Result<Vec<CaseResult>, FemError> {
         self.check_loads(loads)?;
-        let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
-        let order = farthest_first(&points);
+        let points = self.points(loads, watch);
+        let order = farthest_first(&points, watch);
         let mut outcomes: Vec<Option<Outcome>> = vec![None; loads.len()];
         let mut warm_start = match loads.first() {
-            Some(Load::Pose(_)) => self.linear_start(),
+            Some(Load::Pose(_)) => self.linear_start(watch),
             _ => None,
         };
         let mut done = 0;
@@ -83,7 +83,7 @@ impl Fem {
                 outcomes[case] = Some(outcome);
             }
             done += group.len();
-            if done < order.len() && done <= MOST_FITTED {
+            if done < order.len() && done <= MOST_FITTED && !watch.cancelled() {
                 let states: Vec<&Outcome> = (order[..done].iter())
                     .filter_map(|&i| outcomes[i].as_ref())
                     .filter(|o| o.is_state())
@@ -147,7 +147,7 @@ impl Fem {
                 "the length of this body's state vector",
             ));
         }
-        let points: Vec<_> = loads.par_iter().map(|load| self.point(load)).collect();
+        let points = self.points(loads, Watch::default());
         let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
         Ok(WarmStart::fit(&samples))
     }
@@ -163,10 +163,8 @@ impl Fem {
     ) -> Result<Vec<[f64; 6]>, FemError> {
         self.check_loads(loads)?;
         self.check_warm_start(warm_start)?;
-        Ok(loads
-            .par_iter()
-            .map(|load| warm_start.pose(&self.point(load)))
-            .collect())
+        let points = self.points(loads, Watch::default());
+        Ok(points.par_iter().map(|p| warm_start.pose(p)).collect())
     }
 
     fn check_warm_start(&self, warm_start: &WarmStart) -> Result<(), FemError> {
@@ -228,7 +226,7 @@ impl Fem {
         if watch.cancelled() {
             let result = CaseResult {
                 status: Status::Cancelled,
-                ..self.result_at_rest().clone()
+                ..CaseResult::without_state()
             };
             return Outcome {
                 result,
@@ -243,22 +241,39 @@ impl Fem {
         Outcome { result, field }
     }
 
-    pub(super) fn result_at_rest(&self) -> &CaseResult {
-        self.at_rest.get_or_init(|| {
-            let load = Load::Wrench([0.0; 6]);
-            self.follow_from_rest(&mut Workspace::new(self), &load, Watch::default())
-                .0
-        })
+    /// Result without load on the platform.
+    fn result_at_rest(&self, watch: Watch) -> CaseResult {
+        if let Some(result) = self.at_rest.get() {
+            return result.clone();
+        }
+        let load = Load::Wrench([0.0; 6]);
+        let result = self
+            .follow_from_rest(&mut Workspace::new(self), &load, watch)
+            .0;
+        if result.status != Status::Cancelled {
+            // Another thread may have been first, with the same result.
+            let _ = self.at_rest.set(result.clone());
+        }
+        result
+    }
+
+    fn points(&self, loads: &[Load], watch: Watch) -> Vec<[f64; 6]> {
+        // The first point computes the stiffness at rest for all.
+        let first = loads.iter().take(1).map(|load| self.point(load, watch));
+        let rest = loads.get(1..).unwrap_or_default();
+        let mut points: Vec<_> = first.collect();
+        points.par_extend(rest.par_iter().map(|load| self.point(load, watch)));
+        points
     }
 
     /// Mid-frame coordinates (c / L, θ) of a load's pose; for a wrench, of the pose that
     /// a Cosserat rod with this body's stiffness at rest takes. States are nearly linear in these
     /// coordinates, but not in wrenches.
-    pub(super) fn point(&self, load: &Load) -> [f64; 6] {
+    pub(super) fn point(&self, load: &Load, watch: Watch) -> [f64; 6] {
         let length = self.body.mesh.length_m();
         let pose = match load {
             Load::Wrench(h) => {
-                Rod::like(&self.result_at_rest().stiffness, length)
+                Rod::like(&self.result_at_rest(watch).stiffness, length)
                     .pose(h)
                     .0
             }
@@ -285,7 +300,7 @@ fn square_distance(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 
 /// Order of the cases: the one nearest to rest (the origin), then always the one farthest from all
 /// before it, so that any first part of the order covers the whole range.
-fn farthest_first(points: &[[f64; 6]]) -> Vec<usize> {
+fn farthest_first(points: &[[f64; 6]], watch: Watch) -> Vec<usize> {
     let mut gap: Vec<f64> = points
         .iter()
         .map(|p| square_distance(p, &[0.0; 6]))
@@ -296,6 +311,10 @@ fn farthest_first(points: &[[f64; 6]]) -> Vec<usize> {
     while let Some(case) = next {
         order.push(case);
         left.retain(|&i| i != case);
+        if watch.cancelled() {
+            order.append(&mut left);
+            break;
+        }
         for &i in &left {
             gap[i] = gap[i].min(square_distance(&points[i], &points[case]));
         }

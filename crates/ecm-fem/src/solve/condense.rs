@@ -48,10 +48,3 @@ impl Fem {
         Condensed(k)
     }
 }
-
-/// Smallest eigenvalue of the symmetric part of H with lengths divided by `length_m`, N m.
-pub(super) fn smallest_eigenvalue(hessian: &[[f64; 6]; 6], length_m: f64) -> f64 {
-    let s = |i: usize| if i < 3 { length_m } else { 1.0 };
-    let scaled = Matrix6::from_fn(|i, j| 0.5 * (hessian[i][j] + hessian[j][i]) * s(i) * s(j));
-    scaled.symmetric_eigenvalues().min()
-}

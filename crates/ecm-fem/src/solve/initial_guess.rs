@@ -1,9 +1,12 @@
 //! Load cases that start from an initial guess of the state instead of the rest state.
 
 use super::newton::{Failure, Workspace};
-use super::path::{Attempt, BRACKET, PathStart, between};
+use super::path::{Attempt, PathStart};
 use super::{Fem, Load, State, WarmStart, Watch};
 use crate::result::CaseResult;
+
+/// Largest share of the load between the last stable guess and the first one that is not.
+const BRACKET: f64 = 1.0 / 16.0;
 
 /// Most Newton iterations from an initial guess, and most unstable iterates without progress.
 const MOST_ITERATIONS: (usize, usize) = (10, 1);
@@ -20,24 +23,28 @@ impl Fem {
         watch: Watch,
     ) -> (CaseResult, State) {
         let before = work.timing.factorisations;
-        let mut state = guess.state(&self.point(load), self);
+        let mut state = guess.state(&self.point(load, watch), self);
         work.ready = false;
+        let path = self.path_to(load);
         let (attempt, mut iterations) =
-            self.attempt(work, &mut state, load, MOST_ITERATIONS, watch);
+            self.attempt(work, &mut state, path.at(1.0), MOST_ITERATIONS, watch);
         let begin = match attempt {
             Attempt::Stable(mut result) => {
                 (result.iterations, result.load_steps) = (iterations, 1);
                 result.factorisations = work.timing.factorisations - before;
                 return (*result, state);
             }
-            Attempt::Failed(Failure::Cancelled) => self.path_from_rest(0.5),
-            Attempt::Unstable(_) | Attempt::Failed(_) => {
+            Attempt::Failed(Failure::Cancelled) => self.path_start(work, load, 0.5, watch),
+            Attempt::Unstable | Attempt::Failed(_) => {
                 let (begin, n) = self.last_stable(work, load, guess, watch);
                 iterations += n;
                 begin
             }
         };
-        let (mut result, state) = self.follow(work, begin, load, watch);
+        let (mut result, state) = match begin {
+            Ok(begin) => self.follow(work, begin, &path, watch),
+            Err(result) => (*result, self.rest()),
+        };
         result.iterations += iterations;
         result.factorisations = work.timing.factorisations - before;
         (result, state)
@@ -51,11 +58,11 @@ impl Fem {
         load: &Load,
         guess: &WarmStart,
         watch: Watch,
-    ) -> (PathStart, usize) {
-        let start = self.load_at_rest(load);
+    ) -> (Result<PathStart, Box<CaseResult>>, usize) {
+        let path = self.path_to(load);
         let guess_at = |share: f64| {
-            let partial = between(&start, load, share);
-            (guess.state(&self.point(&partial), self), partial)
+            let partial = path.at(share);
+            (guess.state(&self.point(&partial.0, watch), self), partial)
         };
         let mut iterations = 0;
         // One factorisation at an initial guess separates stable from unstable loads ...
@@ -64,7 +71,7 @@ impl Fem {
             let middle = 0.5 * (low + high);
             let (mut state, partial) = guess_at(middle);
             iterations += 1;
-            if self.looks_stable(work, &mut state, &partial) {
+            if self.looks_stable(work, &mut state, partial) {
                 low = middle;
             } else {
                 high = middle;
@@ -72,13 +79,16 @@ impl Fem {
         }
         // ... but calls too many stable: from there, go back to a stable equilibrium, then bisect
         // between it and the unstable ones.
-        let mut begin = self.path_from_rest(0.5);
+        let mut begin = match self.path_start(work, load, 0.5, watch) {
+            Ok(begin) => begin,
+            failed => return (failed, iterations),
+        };
         let (mut share, mut step_back) = (low, BRACKET);
         (low, high) = (0.0, 1.0);
         while high - low > BRACKET && share > 0.0 {
             let (mut state, partial) = guess_at(share);
             work.ready = false;
-            let (attempt, n) = self.attempt(work, &mut state, &partial, MOST_ITERATIONS, watch);
+            let (attempt, n) = self.attempt(work, &mut state, partial, MOST_ITERATIONS, watch);
             iterations += n;
             match attempt {
                 Attempt::Stable(result) => {
@@ -88,7 +98,7 @@ impl Fem {
                     begin.reached = low;
                 }
                 Attempt::Failed(Failure::Cancelled) => break,
-                Attempt::Unstable(_) | Attempt::Failed(_) => high = share,
+                Attempt::Unstable | Attempt::Failed(_) => high = share,
             }
             share = if low > 0.0 {
                 0.5 * (low + high)
@@ -100,11 +110,17 @@ impl Fem {
         if low > 0.0 {
             begin.step = high - low;
         }
-        (begin, iterations)
+        (Ok(begin), iterations)
     }
 
     /// Whether the tangent at a state near equilibrium is positive at fixed platform.
-    fn looks_stable(&self, work: &mut Workspace, state: &mut State, load: &Load) -> bool {
-        self.tangent(work, state, load).is_ok() && work.balance.inner_instabilities == 0
+    fn looks_stable(
+        &self,
+        work: &mut Workspace,
+        state: &mut State,
+        (load, weight): (Load, f64),
+    ) -> bool {
+        work.sums.dead_share = weight;
+        self.tangent(work, state, &load).is_ok() && work.balance.inner_instabilities == 0
     }
 }

@@ -12,25 +12,29 @@ const STEP: f64 = 1e-3;
 
 impl Fem {
     /// Linear in the mid-frame coordinates; `None` where there is no equilibrium at the rest pose.
-    pub(super) fn linear_start(&self) -> Option<WarmStart> {
+    pub(super) fn linear_start(&self, watch: Watch) -> Option<WarmStart> {
         let load = Load::Pose(self.rest().platform.pose());
         let mut work = Workspace::new(self);
-        let mut state = self.rest();
+        let mut state = self.path_start(&mut work, &load, 1.0, watch).ok()?.state;
+        work.ready = false;
         let most = (
             self.settings.iterations,
             super::newton::MOST_UNSTABLE_ITERATES,
         );
-        self.newton(&mut work, &mut state, &load, most, Watch::default())
+        self.newton(&mut work, &mut state, &load, most, watch)
             .ok()?;
         let length = self.body.mesh.length_m();
-        let mut samples = vec![(self.point(&load), self.flatten(&state))];
+        let mut samples = vec![(self.point(&load, watch), self.flatten(&state))];
         for k in 0..6 {
             let mut gap = [0.0; 6];
             gap[k] = if k < 3 { STEP * length } else { STEP };
             let step = self.step(&mut work, &gap, true)?;
             self.move_by(&mut work, &state, &step, 1.0);
             let pose = work.trial.platform.pose();
-            samples.push((self.point(&Load::Pose(pose)), self.flatten(&work.trial)));
+            samples.push((
+                self.point(&Load::Pose(pose), watch),
+                self.flatten(&work.trial),
+            ));
         }
         let samples: Vec<_> = samples.iter().map(|(p, f)| (p, f.as_slice())).collect();
         WarmStart::of_degree(&samples, 1)

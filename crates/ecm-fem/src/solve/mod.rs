@@ -2,12 +2,17 @@
 
 mod batch;
 mod bent_frame;
+mod branch;
 mod condense;
 mod initial_guess;
 mod linear_start;
+mod load_path;
 mod newton;
+mod own_weight;
 mod path;
 mod prescribed;
+mod report;
+mod stability;
 #[cfg(test)]
 mod tests;
 mod warm_start;
@@ -23,9 +28,10 @@ use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::pattern::{Constraint, Pattern};
 use crate::platform::Platform;
-use crate::result::CaseResult;
+use crate::result::{CaseResult, Status};
 use crate::{FemError, tensor};
 use newton::Workspace;
+use own_weight::OwnWeight;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -108,6 +114,7 @@ pub struct Fem {
     force_unit_N: f64,
     /// Result without load, computed when first needed.
     at_rest: OnceLock<CaseResult>,
+    own_weight: OwnWeight,
 }
 
 impl Fem {
@@ -192,6 +199,7 @@ impl Fem {
             settings,
             force_unit_N,
             at_rest: OnceLock::new(),
+            own_weight: OwnWeight::default(),
         })
     }
 
@@ -210,12 +218,18 @@ impl Fem {
         )
     }
 
-    /// K at rest.
+    /// K at rest, under the body's own weight.
     ///
     /// # Errors
-    /// None for now; loads that do not vanish at rest may fail.
+    /// A body that does not carry its own weight.
     pub fn rest_stiffness(&self) -> Result<[[f64; 6]; 6], FemError> {
-        Ok(self.solve_wrench(&[0.0; 6])?.stiffness)
+        let result = self.solve_wrench(&[0.0; 6])?;
+        match result.status {
+            Status::Solved => Ok(result.stiffness),
+            status => Err(FemError::NoRest {
+                status: status.word(),
+            }),
+        }
     }
 
     /// Equilibrium under a dead wrench, from rest.
@@ -268,6 +282,7 @@ impl Fem {
         }
         self.body.dead_force_N = self.body.volume_load(|_| force_N_m3);
         self.at_rest = OnceLock::new();
+        self.own_weight = OwnWeight::default();
         Ok(self)
     }
 

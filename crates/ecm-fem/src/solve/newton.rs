@@ -30,7 +30,7 @@ pub(super) struct Workspace {
     /// L⁻¹ K_f6, column by column, then one column for the step.
     pub columns: Vec<f64>,
     pub pivots: Vec<f64>,
-    residual: Vec<f64>,
+    pub residual: Vec<f64>,
     pub trial: State,
     /// Whether `sums`, `factor` and the first six `columns` belong to the current state.
     pub ready: bool,
@@ -52,8 +52,6 @@ pub(super) struct Balance {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Failure {
     Diverged,
-    /// Diverged, with iterates that are unstable at fixed platform.
-    Unstable,
     Inverted,
     Cancelled,
 }
@@ -143,12 +141,7 @@ impl Fem {
             last_residual = work.balance.residual;
             if iteration == most || without_progress >= most_unstable {
                 work.ready = false;
-                let failure = if unstable_iterates > 0 {
-                    Failure::Unstable
-                } else {
-                    Failure::Diverged
-                };
-                return Err((failure, iteration));
+                return Err((Failure::Diverged, iteration));
             }
             let platform_step = self
                 .step(work, &gap, target.is_some())
@@ -170,8 +163,6 @@ impl Fem {
                         std::mem::swap(state, &mut work.trial);
                         share *= 0.5;
                         if share < SMALLEST_SHARE {
-                            let unstable = unstable_iterates > 0;
-                            let failure = if unstable { Failure::Unstable } else { failure };
                             return Err((failure, iteration));
                         }
                     }
@@ -204,7 +195,7 @@ impl Fem {
         }
     }
 
-    fn assemble(&self, work: &mut Workspace, state: &State) -> Result<(), Failure> {
+    pub(super) fn assemble(&self, work: &mut Workspace, state: &State) -> Result<(), Failure> {
         let start = Instant::now();
         work.ready = false;
         let arm = |node| state.platform.arm(&self.body.mesh, node);
@@ -217,7 +208,7 @@ impl Fem {
 
     /// Fills the residual and its norm; returns what is missing at the platform: the wrench
     /// (given − current) or the step to the given pose.
-    fn residuals(
+    pub(super) fn residuals(
         &self,
         work: &mut Workspace,
         state: &State,
@@ -267,7 +258,7 @@ impl Fem {
     }
 
     /// Factor of K_ff and L⁻¹ K_f6.
-    fn factorise(&self, work: &mut Workspace) -> Result<(), Failure> {
+    pub(super) fn factorise(&self, work: &mut Workspace) -> Result<(), Failure> {
         let n = self.pattern.unknowns;
         let symbolic = &self.pattern.symbolic;
         let start = Instant::now();

@@ -1,27 +1,15 @@
-//! Load stepping: the load grows in proportion, in as few steps as stability and Newton allow.
+//! Load stepping: the load grows in proportion, in as few steps as Newton allows.
+//!
+//! A failed step and an equilibrium that is not stable are no verdict: Newton may have left the
+//! branch. The step is halved, and where it becomes too small the branch is followed in small steps
+//! of the state instead (see [`super::branch`]).
 
-use super::condense::smallest_eigenvalue;
+use super::branch::End;
+use super::load_path::LoadPath;
 use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
+use super::stability::Instability;
 use super::{Fem, Load, State, Watch};
-use crate::platform::Platform;
 use crate::result::{CREASE, CaseResult, Reason, Status};
-use crate::tensor::{Mat3, product, transpose};
-use ecm_se3::stiffness::{StiffnessKind, convert};
-use ecm_se3::{Pose, Wrench};
-use nalgebra::Matrix3;
-
-/// Largest share of the load between the last stable and the first unstable equilibrium at which
-/// the load is reported as unstable.
-pub(super) const BRACKET: f64 = 1.0 / 16.0;
-
-/// Which stiffness is no longer positive definite.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Instability {
-    /// The tangent at fixed platform.
-    Internal,
-    /// H: the platform buckles under a dead wrench.
-    Buckling,
-}
 
 /// Start of a load path: an equilibrium at a share of the load, and the size of the first step.
 pub(super) struct PathStart {
@@ -34,260 +22,195 @@ pub(super) struct PathStart {
 /// How Newton ended at one load.
 pub(super) enum Attempt {
     Stable(Box<CaseResult>),
-    Unstable(Instability),
+    Unstable,
     Failed(Failure),
 }
 
+/// Most times that a path leaves the load steps to follow the branch.
+const MOST_BRIDGES: usize = 6;
+
+/// The last stable state on a path, its result and its share of the way.
+#[derive(Clone)]
+pub(super) struct Reached {
+    pub state: State,
+    pub result: Option<CaseResult>,
+    pub share: f64,
+}
+
+impl Failure {
+    pub(super) fn status(self) -> Status {
+        match self {
+            Self::Diverged => Status::NotConverged,
+            Self::Inverted => Status::Inverted,
+            Self::Cancelled => Status::Cancelled,
+        }
+    }
+}
+
+impl Instability {
+    /// The reason, by the smallest stretch in the last stable state.
+    fn reason(self, smallest_stretch: f64) -> Reason {
+        match self {
+            Self::Platform => Reason::Buckling,
+            Self::Inner if smallest_stretch < CREASE => Reason::Crease,
+            Self::Inner => Reason::Inner,
+        }
+    }
+}
+
 impl Fem {
-    /// Follows the load path from rest; also returns the final state.
-    pub(super) fn follow_from_rest(
-        &self,
-        work: &mut Workspace,
-        load: &Load,
-        watch: Watch,
-    ) -> (CaseResult, State) {
-        let before = work.timing.factorisations;
-        let (mut result, state) = self.follow(work, self.path_from_rest(1.0), load, watch);
-        result.factorisations = work.timing.factorisations - before;
-        (result, state)
-    }
-
-    pub(super) fn path_from_rest(&self, step: f64) -> PathStart {
-        PathStart {
-            state: self.rest(),
-            result: None,
-            reached: 0.0,
-            step,
-        }
-    }
-
-    pub(super) fn load_at_rest(&self, load: &Load) -> Load {
-        match load {
-            Load::Wrench(_) => Load::Wrench([0.0; 6]),
-            Load::Pose(_) => Load::Pose(self.rest().platform.pose()),
-        }
-    }
-
-    /// Follows the load path to its end.
+    /// Follows the load path to its end; also returns the final state.
     pub(super) fn follow(
         &self,
         work: &mut Workspace,
         begin: PathStart,
-        load: &Load,
+        path: &LoadPath,
         watch: Watch,
     ) -> (CaseResult, State) {
         work.ready = false;
-        let start = self.load_at_rest(load);
-        let PathStart {
-            mut state,
-            result: mut last_result,
-            mut reached,
-            mut step,
-        } = begin;
-        let most = self.settings.iterations;
+        let mut last = Reached {
+            state: begin.state,
+            result: begin.result,
+            share: begin.reached,
+        };
+        let mut loss = None;
         let (mut iterations, mut load_steps) = (0, 0);
-        let mut last_stable = state.clone();
+        let mut step = begin.step;
+        let mut bridges = 0;
+        let status = loop {
+            let (failed, counts) = self.step_load(work, &mut last, path, step, watch);
+            iterations += counts.0;
+            load_steps += counts.1;
+            let Some((failure, next)) = failed else {
+                break Status::Solved;
+            };
+            let follow = failure != Failure::Cancelled && bridges < MOST_BRIDGES;
+            let (end, n) = if follow {
+                self.follow_branch(work, &mut last, path, next, &mut loss, watch)
+            } else {
+                (End::Failed(failure), 0)
+            };
+            iterations += n;
+            bridges += 1;
+            match end {
+                End::Passed => step = self.settings.smallest_load_step,
+                End::Failed(Failure::Cancelled) => break Status::Cancelled,
+                End::Failed(_) if loss.is_some() => break Status::Unstable,
+                End::Failed(_) => break failure.status(),
+            }
+        };
+        let reason = match (status, loss) {
+            (Status::Unstable, Some(loss)) => {
+                last = loss.before;
+                let smallest = |r: &CaseResult| r.smallest_stretch;
+                Some(
+                    loss.instability
+                        .reason(last.result.as_ref().map_or(1.0, smallest)),
+                )
+            }
+            _ => None,
+        };
+        let (result, state) = self.result_at(work, last, path, watch);
+        let result = CaseResult {
+            status,
+            reason,
+            iterations,
+            load_steps,
+            ..result
+        };
+        (result, state)
+    }
+
+    /// Load steps from `last`, which moves along, as far as Newton finds stable states. Returns the
+    /// failure at the smallest step with its share of the load, `None` at the end of the path; and
+    /// the numbers of iterations and steps.
+    fn step_load(
+        &self,
+        work: &mut Workspace,
+        last: &mut Reached,
+        path: &LoadPath,
+        mut step: f64,
+        watch: Watch,
+    ) -> (Option<(Failure, f64)>, (usize, usize)) {
+        work.ready = false;
+        let mut state = last.state.clone();
+        let most = (self.settings.iterations, MOST_UNSTABLE_ITERATES);
+        let (mut iterations, mut load_steps) = (0, 0);
         let mut step_may_grow = true;
-        let (status, instability) = loop {
-            let next = if reached + step >= 1.0 - 1e-12 {
+        loop {
+            let next = if last.share + step >= 1.0 - 1e-12 {
                 1.0
             } else {
-                reached + step
+                last.share + step
             };
-            let load_now = between(&start, load, next);
-            let (attempt, n) = self.attempt(
-                work,
-                &mut state,
-                &load_now,
-                (most, MOST_UNSTABLE_ITERATES),
-                watch,
-            );
+            let (attempt, n) = self.attempt(work, &mut state, path.at(next), most, watch);
             iterations += n;
-            let (failure, instability) = match attempt {
+            let failure = match attempt {
                 Attempt::Stable(result) => {
                     load_steps += 1;
-                    reached = next;
                     let grown = if step_may_grow { 2.0 * step } else { step };
-                    step = grown.min(1.0 - reached);
+                    step = grown.min(1.0 - next);
                     step_may_grow = true;
-                    last_stable.clone_from(&state);
-                    last_result = Some(*result);
-                    if reached == 1.0 {
-                        break (Status::Solved, None);
+                    last.share = next;
+                    last.state.clone_from(&state);
+                    last.result = Some(*result);
+                    if next == 1.0 {
+                        return (None, (iterations, load_steps));
                     }
                     continue;
                 }
-                Attempt::Unstable(instability) => {
-                    if next - reached <= BRACKET {
-                        break (Status::Unstable, Some(instability));
-                    }
-                    (Status::Unstable, Some(instability))
-                }
-                Attempt::Failed(Failure::Cancelled) => break (Status::Cancelled, None),
-                Attempt::Failed(Failure::Diverged) => (Status::NotConverged, None),
-                Attempt::Failed(Failure::Inverted) => (Status::Inverted, None),
-                Attempt::Failed(Failure::Unstable) => {
-                    let compressed =
-                        |r: &CaseResult| next - reached <= BRACKET && r.stretch_ratio < CREASE;
-                    if last_result.as_ref().is_some_and(compressed) {
-                        break (Status::Unstable, Some(Instability::Internal));
-                    }
-                    (Status::Unstable, Some(Instability::Internal))
-                }
+                Attempt::Unstable => Failure::Diverged,
+                Attempt::Failed(failure) => failure,
             };
             step_may_grow = false;
             step *= 0.5;
-            if step < self.settings.smallest_load_step {
-                break (failure, instability);
+            if failure == Failure::Cancelled || step < self.settings.smallest_load_step {
+                return (Some((failure, next)), (iterations, load_steps));
             }
-            state.clone_from(&last_stable);
+            state.clone_from(&last.state);
             work.ready = false;
-        };
-        let mut result = match last_result {
-            Some(result) => result,
-            None => self.start_result(work, &mut last_stable, &start),
-        };
-        result.status = status;
-        result.reason = instability.map(|instability| match instability {
-            Instability::Buckling => Reason::Buckling,
-            Instability::Internal if result.stretch_ratio < CREASE => Reason::Crease,
-            Instability::Internal => Reason::Inner,
-        });
-        result.iterations = iterations;
-        result.load_steps = load_steps;
-        (result, last_stable)
+        }
     }
 
-    /// Newton from `state` at `load`, with the result where it converges.
+    /// Newton from `state` at a load and share of the dead force, with the result where it converges.
     pub(super) fn attempt(
         &self,
         work: &mut Workspace,
         state: &mut State,
-        load: &Load,
+        (load, weight): (Load, f64),
         most: (usize, usize),
         watch: Watch,
     ) -> (Attempt, usize) {
-        match self.newton(work, state, load, most, watch) {
-            Ok(n) => {
-                let result = self.report(work, state);
-                let attempt = if self.is_stable(load, &result) {
-                    Attempt::Stable(Box::new(result))
-                } else if result.inner_instabilities > 0 {
-                    Attempt::Unstable(Instability::Internal)
-                } else {
-                    Attempt::Unstable(Instability::Buckling)
-                };
-                (attempt, n)
-            }
+        // The forces in `work` belong to the share before.
+        work.ready &= work.sums.dead_share == weight;
+        work.sums.dead_share = weight;
+        match self.newton(work, state, &load, most, watch) {
+            Ok(n) => match self.report(work, state, &load) {
+                (result, None) => (Attempt::Stable(Box::new(result)), n),
+                (_, Some(_)) => (Attempt::Unstable, n),
+            },
             Err((failure, n)) => (Attempt::Failed(failure), n),
         }
     }
 
-    /// Stable at fixed platform and, at a given wrench, against buckling.
-    fn is_stable(&self, load: &Load, result: &CaseResult) -> bool {
-        result.inner_instabilities == 0
-            && (matches!(load, Load::Pose(_)) || result.smallest_eigenvalue > 0.0)
-    }
-
-    /// Result of the equilibrium at the start of a path, when no step succeeded.
-    fn start_result(&self, work: &mut Workspace, state: &mut State, start: &Load) -> CaseResult {
+    /// The result of the last stable state; where no step succeeded, of the start.
+    fn result_at(
+        &self,
+        work: &mut Workspace,
+        mut last: Reached,
+        path: &LoadPath,
+        watch: Watch,
+    ) -> (CaseResult, State) {
+        if let Some(result) = last.result {
+            return (result, last.state);
+        }
         work.ready = false;
-        // The start is an equilibrium: this only assembles and factorises there.
-        let _ = self.newton(
-            work,
-            state,
-            start,
-            (self.settings.iterations, MOST_UNSTABLE_ITERATES),
-            Watch::default(),
-        );
-        self.report(work, state)
-    }
-
-    /// The result at the state for which the workspace was computed.
-    fn report(&self, work: &Workspace, state: &State) -> CaseResult {
-        let n = self.pattern.unknowns;
-        let k_s = self
-            .condensed(
-                &work.sums,
-                &work.balance,
-                &work.columns[..6 * n],
-                &work.pivots,
-            )
-            .0;
-        let pose = state.platform.pose();
-        let wrench = work.balance.wrench;
-        let (at, h) = (Pose::from_array(&pose), Wrench::from_array(&wrench));
-        let stiffness_of_kind = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
-        let hessian = stiffness_of_kind(StiffnessKind::Generalised);
-        let strain = self.strain(state);
-        CaseResult {
-            status: Status::Solved,
-            pose,
-            wrench,
-            energy_J: work.sums.energy_J,
-            stiffness: stiffness_of_kind(StiffnessKind::Partial),
-            hessian,
-            smallest_eigenvalue: smallest_eigenvalue(&hessian, self.body.mesh.length_m()),
-            inner_instabilities: work.balance.inner_instabilities,
-            reason: None,
-            stretch_ratio: strain.ratio,
-            most_compressed_m: strain.at_m,
-            largest_stretch: strain.largest,
-            smallest_jacobian: work.sums.smallest_jacobian,
-            iterations: 0,
-            factorisations: 0,
-            load_steps: 0,
-            residual: work.balance.residual,
-        }
-    }
-
-    fn strain(&self, state: &State) -> Strain {
-        let mesh = &self.body.mesh;
-        let mut strain = Strain {
-            largest: 0.0,
-            ratio: 1.0,
-            at_m: [0.0; 3],
+        let most = (self.settings.iterations, MOST_UNSTABLE_ITERATES);
+        let at_start = path.at(last.share);
+        let result = match self.attempt(work, &mut last.state, at_start, most, watch).0 {
+            Attempt::Stable(result) => *result,
+            _ => CaseResult::without_state(),
         };
-        for (e, tet) in mesh.tetrahedra().iter().enumerate() {
-            for f in self.body.deformation_gradients(e, &state.field) {
-                let (small, large) = extreme_eigenvalues(&product(&transpose(&f), &f));
-                let (small, large) = (small.max(0.0).sqrt(), large.sqrt());
-                strain.largest = strain.largest.max(large);
-                if small / large < strain.ratio {
-                    strain.ratio = small / large;
-                    let corner = |k: usize| tet[..4].iter().map(move |&n| mesh.nodes_m()[n][k]);
-                    strain.at_m = [0, 1, 2].map(|k| 0.25 * corner(k).sum::<f64>());
-                }
-            }
-        }
-        strain
-    }
-}
-
-/// Extremes of the principal stretches over all quadrature points.
-struct Strain {
-    largest: f64,
-    ratio: f64,
-    at_m: [f64; 3],
-}
-
-fn extreme_eigenvalues(c: &Mat3) -> (f64, f64) {
-    let values = Matrix3::from_fn(|i, j| c[i][j]).symmetric_eigenvalues();
-    (values.min(), values.max())
-}
-
-/// The load at `share` of the way from `start` to `end`: wrenches along a straight
-/// line, poses along the screw-free path (straight origin, one rotation axis).
-pub(super) fn between(start: &Load, end: &Load, share: f64) -> Load {
-    match (start, end) {
-        _ if share == 1.0 => *end,
-        (Load::Wrench(a), Load::Wrench(b)) => {
-            Load::Wrench(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])))
-        }
-        (Load::Pose(a), Load::Pose(b)) => {
-            let (from, to) = (Platform::from_pose(a), Platform::from_pose(b));
-            Load::Pose(from.moved(&from.step_to(&to), share).pose())
-        }
-        _ => *end,
+        (result, last.state)
     }
 }

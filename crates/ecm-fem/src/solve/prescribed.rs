@@ -1,6 +1,7 @@
 //! Bodies under dead forces and prescribed displacements, without a rigid platform.
 
-use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
+use super::newton::{MOST_UNSTABLE_ITERATES, Workspace};
+use super::own_weight::OwnWeight;
 use super::{Fem, Load, Settings, Watch};
 use crate::FemError;
 use crate::body::Field;
@@ -60,6 +61,7 @@ impl Fem {
         self.check_components("dead force", &force_N)?;
         self.body.dead_force_N = force_N;
         self.at_rest = OnceLock::new();
+        self.own_weight = OwnWeight::default();
         Ok(self)
     }
 
@@ -101,12 +103,7 @@ impl Fem {
                 }
                 Err((failure, n)) => {
                     iterations += n;
-                    match failure {
-                        Failure::Cancelled => Status::Cancelled,
-                        Failure::Diverged => Status::NotConverged,
-                        Failure::Unstable => Status::Unstable,
-                        Failure::Inverted => Status::Inverted,
-                    }
+                    failure.status()
                 }
             };
             step *= 0.5;

@@ -1,0 +1,102 @@
+//! Where a loss of stability is reported, and where it is not.
+#![allow(clippy::unwrap_used, missing_docs, non_snake_case)]
+
+use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Reason, Status};
+
+const COARSE: Quality = Quality::Custom {
+    rings: 1,
+    layers: 4,
+    around: 6,
+    layer_grading_per_mille: 500,
+    ring_grading_per_mille: 1000,
+};
+
+fn neck(quality: Quality) -> Fem {
+    let mesh = Mesh::cylinder(0.1034, 0.033, quality).unwrap();
+    Fem::new(mesh, Box::new(NeoHookean::new(0.65e6, 0.49).unwrap()), None).unwrap()
+}
+
+fn axial(force_N: f64) -> [f64; 6] {
+    [force_N, 0.0, 0.0, 0.0, 0.0, 0.0]
+}
+
+/// Against P = μ A (l − l⁻²) of the free incompressible bar: bonded ends shorten the neck, and
+/// beyond some 1385 N a platform that is free to turn tilts and lengthens it (docs/fem.md).
+#[test]
+fn tension_is_solved_at_every_load() {
+    let fem = neck(COARSE);
+    let area = std::f64::consts::PI * 0.033 * 0.033;
+    let mu = 0.65e6 / 2.98;
+    let mut before = 1.0;
+    for force in (1..=14).map(|i| 250.0 * f64::from(i)).chain([5000.0]) {
+        let r = fem.solve_wrench(&axial(force)).unwrap();
+        assert_eq!(r.status, Status::Solved, "{force} N: {:?}", r.reason);
+        let stretch = r.pose[0] / 0.1034;
+        let of_free_bar = (stretch - stretch.powi(-2)) / (force / (mu * area));
+        assert!(
+            (0.85..1.05).contains(&of_free_bar),
+            "{force} N: {of_free_bar}"
+        );
+        assert!(stretch > before, "{force} N: {stretch}");
+        assert!(r.determinant > 0.0);
+        before = stretch;
+    }
+}
+
+#[test]
+fn tension_is_solved_on_the_standard_mesh_too() {
+    let fem = neck(Quality::Standard);
+    for force in [1500.0, 3000.0] {
+        let r = fem.solve_wrench(&axial(force)).unwrap();
+        assert_eq!(r.status, Status::Solved, "{force} N: {:?}", r.reason);
+    }
+}
+
+/// No equilibrium was found there, which says nothing about stability.
+#[test]
+fn a_pose_out_of_reach_is_not_converged() {
+    let fem = neck(COARSE);
+    for pose in [
+        [100.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.1, -100.0, 0.0, 0.0, 1.0, 0.0],
+    ] {
+        let r = fem.solve_pose(&pose).unwrap();
+        assert!(
+            matches!(r.status, Status::NotConverged | Status::Inverted),
+            "{:?} {:?}",
+            r.status,
+            r.reason
+        );
+        assert_eq!(r.reason, None);
+    }
+}
+
+/// A dead moment in space linearises to K_s. Along this ray det H falls to a tenth while det K_s
+/// rises; only K_s decides.
+#[test]
+fn a_dead_moment_is_judged_by_the_screw_stiffness() {
+    let fem = neck(Quality::Standard);
+    let at = |m: f64| {
+        let h = [-1.0, 0.0, 0.2, 0.02, 0.02, 0.0].map(|v| m * v);
+        fem.solve_wrench(&h).unwrap()
+    };
+    let (low, high, beyond) = (at(145.0), at(162.0), at(165.0));
+    for r in [&low, &high, &beyond] {
+        assert_eq!(r.status, Status::Solved, "{:?}", r.reason);
+    }
+    assert!(high.determinant > low.determinant);
+}
+
+/// Two planes buckle at once, and the determinant keeps its sign.
+#[test]
+fn a_column_buckles_at_a_bracketed_load() {
+    let fem = neck(COARSE);
+    let r = fem.solve_wrench(&axial(-260.0)).unwrap();
+    assert_eq!(
+        (r.status, r.reason),
+        (Status::Unstable, Some(Reason::Buckling))
+    );
+    assert!(r.smallest_eigenvalue > 0.0 && r.determinant > 0.0);
+    let below = fem.solve_wrench(&axial(0.99 * r.wrench[0])).unwrap();
+    assert_eq!(below.status, Status::Solved);
+}
