@@ -56,6 +56,8 @@ class Table:
         Warnings from reading.
     zeros_s
         Times of sensor zeros whose readings are no longer rows.
+    whole, places
+        Of a thinned table: the table that its rows were chosen from, and their places (N,) there.
 
     Examples
     --------
@@ -76,6 +78,8 @@ class Table:
     source: str
     warnings: tuple[str, ...] = ()
     zeros_s: tuple[float, ...] = ()
+    whole: Table | None = None
+    places: I | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0
@@ -187,7 +191,26 @@ class Table:
     def select(self, rows: ArrayLike) -> Table:
         """Return the rows of a mask (N,) or of row numbers."""
         index = np.asarray(rows)
-        return replace(self, columns={name: col[index] for name, col in self.columns.items()})
+        columns = {name: col[index] for name, col in self.columns.items()}
+        places = None if self.places is None else self.places[index]
+        return replace(self, columns=columns, places=places)
+
+    def thinned(self, rows: ArrayLike) -> Table:
+        """Return the rows of growing row numbers, which keep the history of all rows.
+
+        What depends on earlier rows, such as the pose before or the load so far, is computed on
+        the `whole` table.
+
+        Examples
+        --------
+        >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
+        >>> few = table.thinned([0, 2])
+        >>> len(few), len(few.whole), few.places
+        (2, 3, array([0, 2]))
+        """
+        index = np.asarray(rows, dtype=np.int64)
+        few = self.select(index)
+        return few if self.whole is not None else replace(few, whole=self, places=index)
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
         """Return the table with these columns (N,) replaced or added; new ones are last."""
@@ -213,7 +236,8 @@ class Table:
 
     def with_meta(self, meta: Meta) -> Table:
         """Return the table with another description."""
-        return replace(self, meta=meta)
+        whole = None if self.whole is None else self.whole.with_meta(meta)
+        return replace(self, meta=meta, whole=whole)
 
     def with_length(self, length_m: float | None) -> Table:
         """Return the table with this length of the mechanism, unless its own is known."""
