@@ -283,7 +283,10 @@ pub(crate) fn check_sizes(
         }
     }
     let sizes = least..=MOST_SIZE;
-    match largest.iter().position(|(size, _)| *size > 0.0 && !sizes.contains(size)) {
+    match largest
+        .iter()
+        .position(|(size, _)| *size > 0.0 && !sizes.contains(size))
+    {
         None => Ok(()),
         Some(column) => Err(DesignError::Size {
             what,

@@ -30,10 +30,16 @@ fn a_region_without_information_or_with_too_much_is_refused() {
         i_optimal(&rows, 1, 3, Some(&region), &settings(4), &Control::new())
     };
     let none = run(0.0).unwrap_err();
-    assert!(matches!(none, DesignError::Information { found: 0.0, .. }), "{none}");
+    assert!(
+        matches!(none, DesignError::Information { found: 0.0, .. }),
+        "{none}"
+    );
     assert!(run(1e-200).unwrap_err().to_string().contains("the region"));
     let huge = run(1e200).unwrap_err().to_string();
-    assert!(huge.contains("the region: row 0, column 0 is 1e200"), "{huge}");
+    assert!(
+        huge.contains("the region: row 0, column 0 is 1e200"),
+        "{huge}"
+    );
     assert!(run(1.0).is_ok());
 }
 
@@ -79,9 +85,15 @@ fn distances_of_any_scale() {
     for scale in [1e-300, 1e-200, 1.0, 1e90] {
         let design = run(scale).unwrap();
         assert_eq!(design.indices, [0, 5, 10], "{scale}");
-        assert!((design.value / (0.5 * scale) - 1.0).abs() < 1e-12, "{scale}");
+        assert!(
+            (design.value / (0.5 * scale) - 1.0).abs() < 1e-12,
+            "{scale}"
+        );
         assert_eq!(design.status, Status::Converged);
     }
     let refused = run(1e200).unwrap_err().to_string();
-    assert!(refused.contains("the points: row 10, column 0 is 1e200"), "{refused}");
+    assert!(
+        refused.contains("the points: row 10, column 0 is 1e200"),
+        "{refused}"
+    );
 }

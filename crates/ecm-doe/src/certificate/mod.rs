@@ -275,7 +275,11 @@ pub fn continuous(
         })
     };
     if !(cap > 0.0) {
-        return refused("cap", cap.to_string(), "a weight above 0, infinite for repeats");
+        return refused(
+            "cap",
+            cap.to_string(),
+            "a weight above 0, infinite for repeats",
+        );
     }
     if !(settings.tolerance > 0.0 && settings.tolerance.is_finite()) {
         let value = settings.tolerance.to_string();

@@ -54,12 +54,14 @@ pub(crate) fn search_near(
     check_room(problem, settings, optimum, free)?;
     let best = match (&problem.objective, problem.block) {
         // Nothing is left to choose: the included poses are the design.
-        _ if free == 0 => problem.regular_inverse(&problem.fixed).map(|_| SearchResult {
-            design: Vec::new(),
-            merit: optimum.merit,
-            swaps: 0,
-            complete: true,
-        }),
+        _ if free == 0 => problem
+            .regular_inverse(&problem.fixed)
+            .map(|_| SearchResult {
+                design: Vec::new(),
+                merit: optimum.merit,
+                swaps: 0,
+                complete: true,
+            }),
         (Objective::Trace(_) | Objective::Compound { .. }, _) => {
             run::<Linear>(problem, settings, optimum, free, control)
         }
