@@ -6,7 +6,6 @@ and no row twice.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -23,6 +22,7 @@ from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import read_csv, write_csv
 from ecm.io.description import Meta, read_meta
 from ecm.io.extras import require
+from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
@@ -260,23 +260,15 @@ class Table:
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         description = target.with_suffix(".toml")
-        if not self.meta.empty:
-            write_atomically(description, self._meta_for(target).to_toml())
-        elif description.exists():
+        if self.meta.empty and description.exists():
             raise InputError(
                 f"{target}: {description} exists and would be taken as its description. "
                 "Move that file, or choose another name."
             )
-        write_csv(target, self.columns)
-
-    def _meta_for(self, target: Path) -> Meta:
-        """Return the description with a relative mesh file as seen from the target."""
-        meta = self.meta.applied()
-        mesh = meta.mechanism.get("mesh")
-        if mesh is None or not meta.source or Path(mesh).is_absolute():
-            return meta
-        moved = os.path.relpath(Path(meta.source).parent / mesh, target.parent)
-        return replace(meta, mechanism={**meta.mechanism, "mesh": moved})
+        with uninterrupted():
+            if not self.meta.empty:
+                write_atomically(description, self.meta.beside(target).to_toml())
+            write_csv(target, self.columns)
 
 
 def read_table(
