@@ -37,6 +37,8 @@ def compare(options: Options, session: Session) -> None:
         levels = result.references.levels().items()
         shown = ", ".join(f"{name} {value:.2f}" for name, value in levels)
         session.print(f"Held-out error over noise: {shown}. {result.references.sentence()}")
+    if result.rows_used is not None:
+        session.print(result.rows_used.sentence())
     for warning in result.warnings:
         session.warn(warning)
     for sentence in excitation_sentences(constant):

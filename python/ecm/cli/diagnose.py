@@ -56,7 +56,7 @@ def _write_report(
     complete = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
     if result.effects and complete:
         after = replace(model, effects=(*model.effects, *result.effects))
-        predicted = (after.predict(table) - model.predict(table))[compared.row]
+        predicted = (after.predict(table) - model.predict(table))[compared.where().row - 1]
     write_diagnosis(path, document, compared, predicted)
 
 
