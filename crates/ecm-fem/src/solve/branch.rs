@@ -9,9 +9,8 @@
 //! a largest displacement. A loss of stability is found where the last equilibrium was stable and the
 //! next is not.
 
-use super::load_path::LoadPath;
+use super::load_path::{LoadPath, Reached};
 use super::newton::{Failure, Workspace};
-use super::path::Reached;
 use super::stability::Instability;
 use super::{Fem, Load, State, Watch};
 use crate::pattern::NONE;

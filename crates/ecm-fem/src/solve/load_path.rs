@@ -1,7 +1,8 @@
 //! The load as a function of the share of the way.
 
-use super::Load;
+use super::{Load, State};
 use crate::platform::Platform;
+use crate::result::CaseResult;
 
 /// From one load to another in proportion; the weight of the body may grow beside.
 #[derive(Debug, Clone, Copy)]
@@ -47,4 +48,12 @@ impl LoadPath {
     pub fn weight_rate(&self) -> f64 {
         self.weight[1] - self.weight[0]
     }
+}
+
+/// The last stable state on a path, its result and its share of the way.
+#[derive(Clone)]
+pub(super) struct Reached {
+    pub state: State,
+    pub result: Option<CaseResult>,
+    pub share: f64,
 }

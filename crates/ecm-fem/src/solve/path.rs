@@ -5,7 +5,7 @@
 //! of the state instead (see [`super::branch`]).
 
 use super::branch::End;
-use super::load_path::LoadPath;
+use super::load_path::{LoadPath, Reached};
 use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
 use super::stability::Instability;
 use super::{Fem, Load, State, Watch};
@@ -28,14 +28,6 @@ pub(super) enum Attempt {
 
 /// Most times that a path leaves the load steps to follow the branch.
 const MOST_BRIDGES: usize = 6;
-
-/// The last stable state on a path, its result and its share of the way.
-#[derive(Clone)]
-pub(super) struct Reached {
-    pub state: State,
-    pub result: Option<CaseResult>,
-    pub share: f64,
-}
 
 impl Failure {
     pub(super) fn status(self) -> Status {
