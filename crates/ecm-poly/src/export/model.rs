@@ -100,6 +100,12 @@ impl Model {
     }
 }
 
+/// Squares of the largest |c| (m) and |θ| (rad) of an energy's training data, with a margin for rounding.
+pub fn reach_squared(model: &EnergyModel) -> [f64; 2] {
+    let [length, angle] = model.scale();
+    [length, angle.min(core::f64::consts::PI)].map(|reach| reach * reach * (1.0 + 1e-5))
+}
+
 /// All numbers of a nested list, row by row.
 fn numbers(value: Option<&Value>) -> Vec<f64> {
     match value {

@@ -17,7 +17,7 @@ use crate::energy::model::EnergyModel;
 use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
@@ -82,6 +82,7 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
+    let reach = reach_squared(model);
     let memory = (plan.products.len() + 1).next_power_of_two();
     filled(
         include_str!("templates/energy.rs.txt"),
@@ -89,6 +90,8 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
             ("LENGTH", &number(plan.length_m)),
+            ("CSQUARED", &number(R::from_f64(reach[0]))),
+            ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
                 &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
@@ -110,11 +113,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         });
     }
     let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
-    let cubic = Cubic::new(
-        &narrow(model.lower()),
-        &narrow(model.upper()),
-        &narrow(model.coefficients()),
-    )?;
+    let (lower, upper) = (narrow(model.lower()), narrow(model.upper()));
+    let cubic = Cubic::new(&lower, &upper, &narrow(model.coefficients()))?;
     let (coefficients, centre) = cubic.tables();
     let rows = coefficients
         .iter()
@@ -124,6 +124,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         &[
             ("COEFFICIENTS", &list(rows)),
             ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
+            ("LOWER", &list(lower.iter().map(|&x| number(x)))),
+            ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
 }
