@@ -46,7 +46,9 @@ pub fn export(
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
         Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
     };
-    let stack = stack_bytes(numbers, precision).to_string();
+    let stack = (numbers * precision.size() + 400)
+        .next_multiple_of(16)
+        .to_string();
     let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
@@ -90,15 +92,6 @@ pub fn export(
 
 const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
 const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
-
-/// Bytes of stack that a call needs at most: its numbers, counters and saved registers.
-fn stack_bytes(numbers: usize, precision: Precision) -> usize {
-    let size = match precision {
-        Precision::Single => 4,
-        Precision::Double => 8,
-    };
-    (numbers * size + 400).next_multiple_of(16)
-}
 
 /// The source, and how many floating-point numbers a call keeps.
 fn energy(model: &EnergyModel, precision: Precision) -> (String, usize) {

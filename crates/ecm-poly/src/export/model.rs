@@ -100,10 +100,11 @@ impl Model {
     }
 }
 
-/// Squares of the largest |c| (m) and |θ| (rad) of an energy's training data, with a margin for rounding.
+/// Squares of the largest |c| (m) and |θ| (rad) that count as inside the training data of an energy.
 pub fn reach_squared(model: &EnergyModel) -> [f64; 2] {
-    let [length, angle] = model.scale();
-    [length, angle.min(core::f64::consts::PI)].map(|reach| reach * reach * (1.0 + 1e-5))
+    // Fits average repeated poses; the measured ones lie a little further out.
+    let [length, angle] = model.scale().map(|largest| 1.01 * largest);
+    [length, angle.min(core::f64::consts::PI)].map(|reach| reach * reach)
 }
 
 /// All numbers of a nested list, row by row.

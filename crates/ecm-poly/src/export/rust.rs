@@ -37,16 +37,21 @@ pub fn export(
         Precision::Double => "f64",
     };
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
-    let body = match (&model, precision) {
-        (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
-        (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
+    let (body, numbers) = match (&model, precision) {
+        // Where double is software, the unrolled sums lie on the stack.
+        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
+        (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
         (Model::Energy(model), Precision::Double) => energy::<f64>(model),
         (Model::Energy(model), Precision::Single) => energy::<f32>(model),
     };
+    let stack = (numbers * precision.size() + 600)
+        .next_multiple_of(16)
+        .to_string();
     let common = [
         ("NAME", name.as_str()),
         ("REAL", real),
         ("SUM", sum),
+        ("STACK", &stack),
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
     ];
     let golden = Golden::new(&model, precision)?;
@@ -72,7 +77,8 @@ pub fn export(
     Ok(files)
 }
 
-fn energy<R: Real>(model: &EnergyModel) -> String {
+/// The source, and how many floating-point numbers a call keeps.
+fn energy<R: Real>(model: &EnergyModel) -> (String, usize) {
     let (symmetry, exponents, coefficients) = model.written_out();
     let (scale, length) = (model.scale(), model.length_m());
     let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
@@ -84,7 +90,7 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
     };
     let reach = reach_squared(model);
     let memory = (plan.products.len() + 1).next_power_of_two();
-    filled(
+    let text = filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
@@ -100,7 +106,8 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
             ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
             ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
         ],
-    )
+    );
+    (text, memory + 450)
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {

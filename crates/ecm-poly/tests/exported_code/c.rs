@@ -151,7 +151,7 @@ fn exported_c_keeps_to_itself() {
                     control.iter().any(|word| bare.starts_with(word)) || bare.starts_with("} else");
                 let place = format!("{}:{}: {line}", file.path, number + 1);
                 assert!(!open || bare.ends_with('{'), "no braces, {place}");
-                for word in ["short", "unsigned", "long", " int i"] {
+                for word in ["short ", "unsigned ", " long ", "(int i"] {
                     assert!(!bare.contains(word), "not of stdint.h, {place}");
                 }
             }

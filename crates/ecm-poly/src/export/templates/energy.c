@@ -12,7 +12,7 @@ typedef @NAME@_real real;
 enum { MONOMIALS = @MONOMIALS@, SERIES = @SERIES@ };
 
 static const real length_m = R(@LENGTH@);
-/* Squares of the largest |c| (m) and |theta| (rad) of the training data. */
+/* Squares of the largest |c| (m) and |theta| (rad) of the training data and 1 %. */
 static const real c_squared = R(@CSQUARED@);
 static const real theta_squared = R(@THETASQUARED@);
 static const uint16_t parent_of[MONOMIALS] = {@PARENTS@};
