@@ -102,8 +102,8 @@ def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Pat
     built = done(
         need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb",
         "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
-        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld", CORTEX / "startup.c", *sources,
-        "-o", program,
+        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
+        CORTEX / "startup.c", *sources, "-o", program,
     )  # fmt: skip
     assert (built.returncode, built.stderr) == (0, "")
     return program
