@@ -50,7 +50,9 @@ class NormalEquations:
         squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
         members = (root > 0.0) * float(m)
         counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
-        return NormalEquations(rows.reshape(n * m, k), y[order].ravel(), bounds.astype(np.int64), squares, counts)
+        return NormalEquations(
+            rows.reshape(n * m, k), y[order].ravel(), bounds.astype(np.int64), squares, counts
+        )
 
     @cached_property
     def matrices(self) -> F:
