@@ -12,7 +12,8 @@ use crate::error::{ModelError, check_count, check_finite};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
 use crate::regression::leave_one_out::LeaveOneOut;
-use crate::regression::{Method, Solution, solve};
+use crate::regression::triangle::Triangle;
+use crate::regression::{Method, Solution};
 
 /// n inputs to m outputs by polynomials of one degree; n = m = 6 for a pose-to-wrench map.
 #[derive(Clone, Debug)]
@@ -100,21 +101,23 @@ impl PolynomialModel {
             });
         }
         let (lower, upper) = ranges(points, inputs);
-        let mut normalised = regressor(points, &table, &lower, &upper)?;
-        let mut targets = observations.to_vec();
-        if let Some(weights) = weights {
-            apply_weights(weights, &mut normalised, k);
-            apply_weights(weights, &mut targets, outputs);
-        }
+        let pairs = Pairs {
+            points,
+            observations,
+            outputs,
+            weights,
+        };
+        let triangle = pairs.triangle(&table, &lower, &upper)?;
+        let (solution, _) = triangle.solve(k, method)?;
         let Solution {
             coefficients,
             rank,
             condition_number,
             effective_parameters,
             unscaled_covariance,
-        } = solve(&ThinSvd::new(&normalised, k)?, &targets, outputs, method)?;
+        } = solution;
         let freedom = rows as f64 - effective_parameters;
-        let squares = residual_squares(&normalised, &coefficients, &targets, outputs);
+        let squares = triangle.residual_squares(k, &coefficients);
         let fit = FitFacts {
             condition_number,
             rank,
@@ -346,29 +349,6 @@ pub fn polynomial_regressor(
     regressor(points, &exponents(lower.len(), degree)?, lower, upper)
 }
 
-/// Σ (y − X β)² of each output.
-fn residual_squares(
-    matrix: &[f64],
-    coefficients: &[f64],
-    targets: &[f64],
-    outputs: usize,
-) -> Vec<f64> {
-    let k = coefficients.len() / outputs;
-    let mut squares = std::vec![0.0; outputs];
-    for (row, y) in matrix.chunks_exact(k).zip(targets.chunks_exact(outputs)) {
-        let mut residual = y.to_vec();
-        for (x, weights) in row.iter().zip(coefficients.chunks_exact(outputs)) {
-            for (e, w) in residual.iter_mut().zip(weights) {
-                *e -= x * w;
-            }
-        }
-        for (square, e) in squares.iter_mut().zip(&residual) {
-            *square += e * e;
-        }
-    }
-    squares
-}
-
 /// Number of rows of finite `points` (N, inputs) and `observations` (N, outputs).
 fn check_pairs(
     points: &[f64],
@@ -416,11 +396,42 @@ fn observed(values: &[f64], columns: usize, weights: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Multiplies rows by the square root of weight over mean weight.
-fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) {
-    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    for (line, w) in matrix.chunks_exact_mut(columns).zip(weights) {
-        let factor = (w / mean).sqrt();
-        line.iter_mut().for_each(|x| *x *= factor);
+/// Rows of a fit: row-major points (N, inputs) and observations (N, outputs), weights (N).
+struct Pairs<'a> {
+    points: &'a [f64],
+    observations: &'a [f64],
+    outputs: usize,
+    weights: Option<&'a [f64]>,
+}
+
+impl Pairs<'_> {
+    /// Triangle of [X | Y], each row times the square root of its weight over the mean weight.
+    fn triangle(
+        &self,
+        exponents: &[u8],
+        lower: &[f64],
+        upper: &[f64],
+    ) -> Result<Triangle, ModelError> {
+        let (inputs, outputs) = (lower.len(), self.outputs);
+        let k = exponents.len() / inputs;
+        let rows = self.points.len() / inputs;
+        let mean = self
+            .weights
+            .map_or(1.0, |w| w.iter().sum::<f64>() / rows as f64);
+        let map = Polynomial::new(exponents, lower, upper, &[])?;
+        Triangle::of_rows(rows, 1, k + outputs, |range| {
+            let mut scratch = std::vec![0.0; map.scratch_len()];
+            let mut block = std::vec![0.0; range.len() * (k + outputs)];
+            for (i, line) in range.zip(block.chunks_exact_mut(k + outputs)) {
+                let (x, y) = line.split_at_mut(k);
+                map.regressor_row(&self.points[i * inputs..][..inputs], x, &mut scratch)?;
+                y.copy_from_slice(&self.observations[i * outputs..][..outputs]);
+                if let Some(weights) = self.weights {
+                    let factor = (weights[i] / mean).sqrt();
+                    line.iter_mut().for_each(|value| *value *= factor);
+                }
+            }
+            Ok(block)
+        })
     }
 }
