@@ -46,7 +46,7 @@ def body() -> EnergyModel:
     count = EnergyModel.regressor(poses, **kind).shape[2]
     powers = EnergyModel.from_coefficients(coefficients=np.zeros(count), **kind).terms
     degrees = powers @ [1, 2, 2, 1, 2, 2]
-    coefficients = 0.1 * 0.6**degrees * np.random.default_rng(8).normal(size=count)
+    coefficients = 0.3 * 0.4**degrees * np.random.default_rng(8).normal(size=count)
     coefficients[:5] = 0.0, 5.0, 0.4, 0.23, 0.16  # J: c_x, c_x^2, |c_perp|^2, |theta_perp|^2 ...
     return EnergyModel.from_coefficients(coefficients=coefficients, **kind)
 
@@ -58,7 +58,7 @@ def slow_ramp(rows: int, seed: int = 0) -> Table:
     turns = rows / 400.0 * np.array([1.0, 1.31, 0.83, 0.57, 1.13, 1.73])
     path = REACH * np.sin(2.0 * np.pi * np.outer(np.linspace(0.0, 1.0, rows), turns))
     path *= np.linspace(0.2, 1.0, rows)[:, None]
-    true = path + [LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0]
+    true = path + np.array([LENGTH_M, 0.0, 0.0, 0.0, 0.0, 0.0])
     sd = np.repeat([INSTRUMENT.force_sd_N, INSTRUMENT.torque_sd_Nm], 3)
     error = random.normal(size=(rows, 6))
     for i in range(1, rows):

@@ -11,9 +11,9 @@ use crate::dense::{ThinSvd, condition_number};
 use crate::error::{ModelError, check_count, check_finite};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
+use crate::regression::Method;
 use crate::regression::leave_one_out::LeaveOneOut;
 use crate::regression::triangle::Triangle;
-use crate::regression::{Method, Solution};
 
 /// n inputs to m outputs by polynomials of one degree; n = m = 6 for a pose-to-wrench map.
 #[derive(Clone, Debug)]
@@ -74,7 +74,6 @@ impl PolynomialModel {
         weights: Option<&[f64]>,
     ) -> Result<Self, ModelError> {
         let table = exponents(inputs, degree)?;
-        let k = table.len() / inputs;
         let rows = check_pairs(points, inputs, observations, outputs)?;
         if let Some(weights) = weights {
             check_count("weights", "numbers", weights.len(), rows)?;
@@ -94,12 +93,6 @@ impl PolynomialModel {
                 );
             }
         }
-        if rows < k {
-            return Err(ModelError::TooFewRows {
-                equations: rows,
-                coefficients: k,
-            });
-        }
         let (lower, upper) = ranges(points, inputs);
         let pairs = Pairs {
             points,
@@ -108,32 +101,75 @@ impl PolynomialModel {
             weights,
         };
         let triangle = pairs.triangle(&table, &lower, &upper)?;
+        Self::of_triangle(&triangle, degree, (&lower, &upper), method)
+    }
+
+    /// Triangle of [X | Y] of row-major `points` (N, inputs) and `observations` (N, outputs), with
+    /// inputs mapped from these ranges: a part of the rows of [`PolynomialModel::of_triangle`].
+    pub fn triangle(
+        points: &[f64],
+        observations: &[f64],
+        outputs: usize,
+        degree: usize,
+        (lower, upper): (&[f64], &[f64]),
+    ) -> Result<Triangle, ModelError> {
+        let table = exponents(lower.len(), degree)?;
+        check_count("upper", "numbers", upper.len(), lower.len())?;
+        check_pairs(points, lower.len(), observations, outputs)?;
+        let pairs = Pairs {
+            points,
+            observations,
+            outputs,
+            weights: None,
+        };
+        pairs.triangle(&table, lower, upper)
+    }
+
+    /// The fit of a triangle of [X | Y], inputs mapped from these ranges.
+    ///
+    /// # Errors
+    /// Fewer rows than terms, settings out of range.
+    pub fn of_triangle(
+        triangle: &Triangle,
+        degree: usize,
+        (lower, upper): (&[f64], &[f64]),
+        method: Method,
+    ) -> Result<Self, ModelError> {
+        let table = exponents(lower.len(), degree)?;
+        let k = table.len() / lower.len();
+        let outputs = triangle.columns().saturating_sub(k);
+        check_count(
+            "triangle",
+            "columns",
+            triangle.columns(),
+            k + outputs.max(1),
+        )?;
+        if triangle.rows() < k {
+            return Err(ModelError::TooFewRows {
+                equations: triangle.rows(),
+                coefficients: k,
+            });
+        }
         let (solution, _) = triangle.solve(k, method)?;
-        let Solution {
-            coefficients,
-            rank,
-            condition_number,
-            effective_parameters,
-            unscaled_covariance,
-        } = solution;
-        let freedom = rows as f64 - effective_parameters;
-        let squares = triangle.residual_squares(k, &coefficients);
+        let freedom = triangle.rows() as f64 - solution.effective_parameters;
+        let squares = triangle.residual_squares(k, &solution.coefficients);
         let fit = FitFacts {
-            condition_number,
-            rank,
-            effective_parameters,
+            condition_number: solution.condition_number,
+            rank: solution.rank,
+            effective_parameters: solution.effective_parameters,
             residual_variance: squares
                 .iter()
                 .map(|s| if freedom > 0.5 { s / freedom } else { f64::NAN })
                 .collect(),
-            unscaled_covariance,
+            unscaled_covariance: solution.unscaled_covariance,
         };
+        let coefficients = solution.coefficients;
         Ok(Self {
-            cubic: fast_cubic(degree, outputs, &lower, &upper, &coefficients),
+            cubic: fast_cubic(degree, outputs, lower, upper, &coefficients),
             degree,
             exponents: table,
-            lower,
-            upper,
+            lower: lower.to_vec(),
+            upper: upper.to_vec(),
             coefficients,
             outputs,
             fit,

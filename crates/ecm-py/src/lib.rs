@@ -28,7 +28,7 @@ mod _native {
     #[pymodule_export]
     use crate::poly::{
         EnergyModel, PolynomialModel, export_model, open_model, polynomial_exponents,
-        polynomial_regressor, seal_model,
+        merged_triangle, polynomial_regressor, seal_model,
     };
 
     #[pymodule_export]

@@ -74,10 +74,11 @@ impl EnergyFit<'_> {
         check_finite("wrenches", wrenches.as_flattened(), 6)?;
         let scale = scale_of(poses, self.length_m);
         let triangle = self.triangle(poses, wrenches, scale)?;
-        self.solve(triangle, scale)
+        self.of_triangle(triangle, scale, self.covariance.is_some())
     }
 
-    /// Triangle of the weighted rows [Φ | h], six a pose.
+    /// Triangle of the weighted rows [Φ | h], six a pose: all rows of a fit, or a part of those
+    /// whose covariance is stated.
     ///
     /// # Errors
     /// As for [`EnergyFit::run`].
@@ -116,13 +117,20 @@ impl EnergyFit<'_> {
         })
     }
 
-    /// Coefficients, covariance and quality of the fit of a triangle of [`EnergyFit::triangle`].
+    /// The fit of a triangle of [`EnergyFit::triangle`]; `stated`: its rows were weighted by a stated
+    /// covariance, so that the residual does not scale that of the coefficients.
     ///
     /// # Errors
     /// A degree out of range, fewer equations than coefficients.
-    pub fn solve(&self, triangle: Triangle, scale: [f64; 2]) -> Result<EnergyModel, ModelError> {
+    pub fn of_triangle(
+        &self,
+        triangle: Triangle,
+        scale: [f64; 2],
+        stated: bool,
+    ) -> Result<EnergyModel, ModelError> {
         let k =
             terms(self.symmetry, self.degree)?.len() + group_terms(self.groups, self.degree).len();
+        check_count("triangle", "columns", triangle.columns(), k + 1)?;
         let equations = triangle.rows();
         if equations < k {
             return Err(ModelError::TooFewRows {
@@ -139,10 +147,10 @@ impl EnergyFit<'_> {
         let (mut coefficients, rank) = (solution.coefficients, solution.rank);
         let residual = triangle.residual_squares(k, &coefficients)[0];
         let freedom = equations - rank;
-        let variance = match self.covariance {
-            Some(_) => 1.0,
-            None if freedom > 0 => residual / freedom as f64,
-            None => 0.0,
+        let variance = match freedom {
+            _ if stated => 1.0,
+            0 => 0.0,
+            _ => residual / freedom as f64,
         };
         let mut covariance = solution.unscaled_covariance;
         for i in 0..k {
@@ -174,7 +182,7 @@ impl EnergyFit<'_> {
 }
 
 /// The largest |c| and |θ| of the poses; a tenth of the length and 1 rad where they are 0.
-fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
+pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for pose in poses {
         let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(pose), length_m);

@@ -75,10 +75,17 @@ impl Triangle {
         }
     }
 
-    /// From its rows (columns, columns), row-major, of a triangle that stood for `rows` rows.
-    pub fn from_parts(matrix: &[f64], columns: usize, rows: usize) -> Self {
-        let r = MatRef::from_row_major_slice(matrix, columns, columns).to_owned();
-        Self { r, rows }
+    /// Of the rows of several triangles (columns, columns), row-major, which stand for `rows` rows.
+    pub fn of_parts<P: AsRef<[f64]>>(
+        parts: impl IntoIterator<Item = P>,
+        columns: usize,
+        rows: usize,
+    ) -> Self {
+        let mut whole = Self::none(columns);
+        for part in parts {
+            whole.add(part.as_ref());
+        }
+        Self { rows, ..whole }
     }
 
     /// Row-major (columns, columns).
@@ -89,6 +96,11 @@ impl Triangle {
     /// Number of rows that it stands for.
     pub fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.r.ncols()
     }
 
     /// Adds row-major rows.
