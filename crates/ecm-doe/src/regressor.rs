@@ -3,7 +3,7 @@
 use ecm_poly::ModelError;
 use ecm_poly::basis;
 use ecm_poly::energy::regressor::regressor;
-use ecm_poly::energy::{Symmetry, terms};
+use ecm_poly::energy::{EnergyTerms, Symmetry};
 use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
@@ -105,10 +105,10 @@ impl Model {
         symmetry: Symmetry,
         length_m: f64,
     ) -> Result<Regressor, ModelError> {
-        let exponents = terms::terms(symmetry, degree)?;
+        let energy_terms = EnergyTerms::new(symmetry, degree, &[])?;
         let scale = [length_m, 1.0];
-        let mut rows = regressor(poses, length_m, symmetry, (&exponents, &[]), scale)?;
-        let terms = exponents.len();
+        let mut rows = regressor(poses, length_m, &energy_terms, scale)?;
+        let terms = energy_terms.count();
         for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
             for v in row {
                 *v /= COMPONENT_SD[r % 6];

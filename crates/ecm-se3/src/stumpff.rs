@@ -9,6 +9,9 @@ use crate::real::Real;
 /// 1/n! for n = 0 … 34.
 const INVERSE_FACTORIALS: [f64; 35] = inverse_factorials();
 
+/// Largest s = |θ|².
+const LARGEST: f64 = 16.0;
+
 const fn inverse_factorials() -> [f64; 35] {
     let mut table = [1.0; 35];
     // The factorial is exact up to 22!; beyond it the relative error stays below 1e-15.
@@ -33,9 +36,11 @@ impl<R: Real> Stumpff<R> {
     /// c_k at `s` = |θ|² (rad²).
     ///
     /// c₆ and c₇ by their series, the others by c_k = 1/k! − s c_{k+2}, which loses no digit
-    /// that counts up to |θ| = π; the precision falls off beyond |θ| = 4.
+    /// that counts up to |θ| = π. Beyond |θ| = 4, where the series are too short, all are NaN: no
+    /// wrong rotation passes for a right one.
     #[inline]
     pub fn new(s: R) -> Self {
+        let s = if s <= R::from_f64(LARGEST) { s } else { R::NAN };
         let mut c = [R::ZERO; 8];
         c[6] = series(6, s);
         c[7] = series(7, s);
@@ -104,6 +109,15 @@ mod tests {
                 assert!((double.c[k] - f64::from(single.c[k])).abs() < 1e-6);
             }
         }
+    }
+
+    #[test]
+    fn beyond_the_series_there_is_no_number() {
+        for s in [16.1, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(Stumpff::new(s).c.iter().all(|c| c.is_nan()), "{s}");
+            assert!(Stumpff::new(s as f32).c.iter().all(|c| c.is_nan()), "{s}");
+        }
+        assert!(Stumpff::new(16.0).c.iter().all(|c| c.is_finite()));
     }
 
     #[test]

@@ -5,12 +5,12 @@ use std::vec::Vec;
 use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::dense::ThinSvd;
-use crate::energy::groups::{Group, group_terms};
+use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::energy::regressor::{check_length, regressor};
-use crate::energy::terms::terms;
-use crate::error::{ModelError, check_count, check_finite};
+use crate::energy::terms::EnergyTerms;
+use crate::error::{ModelError, check_count, check_finite, checked_poses};
 
 /// Settings of the fit of an energy.
 #[derive(Clone, Copy, Debug)]
@@ -69,19 +69,17 @@ impl EnergyFit<'_> {
     ) -> Result<EnergyModel, ModelError> {
         check_length(self.length_m)?;
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("poses", poses.as_flattened(), 6)?;
         check_finite("wrenches", wrenches.as_flattened(), 6)?;
-        let rows = terms(self.symmetry, self.degree)?;
-        let broken = group_terms(self.groups, self.degree);
-        let k = rows.len() + broken.len();
+        let terms = EnergyTerms::new(self.symmetry, self.degree, self.groups)?;
+        let k = terms.count();
         if 6 * poses.len() < k {
             return Err(ModelError::TooFewRows {
                 equations: 6 * poses.len(),
                 coefficients: k,
             });
         }
-        let scale = scale_of(poses, self.length_m);
-        let mut matrix = regressor(poses, self.length_m, self.symmetry, (&rows, &broken), scale)?;
+        let scale = scale_of(&checked_poses("poses", poses)?, self.length_m);
+        let mut matrix = regressor(poses, self.length_m, &terms, scale)?;
         let mut targets: Vec<f64> = wrenches.as_flattened().to_vec();
         match self.covariance {
             Some(covariance) => {
@@ -110,14 +108,7 @@ impl EnergyFit<'_> {
                 covariance[i * k + j] *= variance / (lengths[i] * lengths[j]);
             }
         }
-        let mut model = EnergyModel::with_groups(
-            self.length_m,
-            self.degree,
-            self.symmetry,
-            self.groups,
-            scale,
-            &coefficients,
-        )?;
+        let mut model = EnergyModel::of_terms(self.length_m, terms, scale, &coefficients)?;
         model.set_fit(
             covariance,
             rank,
@@ -133,10 +124,10 @@ impl EnergyFit<'_> {
 }
 
 /// The largest |c| and |θ| of the poses; a tenth of the length and 1 rad where they are 0.
-fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
+fn scale_of(poses: &[Pose<f64>], length_m: f64) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for pose in poses {
-        let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(pose), length_m);
+        let q = ecm_se3::mid_frame::coordinates(pose, length_m);
         for part in 0..2 {
             let v = &q[3 * part..3 * part + 3];
             let square: f64 = v.iter().map(|x| x * x).sum();

@@ -13,7 +13,6 @@ use serde_json::{Map, Value};
 use crate::cubic::Cubic;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::model::{Model, identifier};
@@ -39,8 +38,8 @@ pub fn export(
     let body = match (&model, precision) {
         (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
         (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
-        (Model::Energy(model), Precision::Double) => energy::<f64>(model),
-        (Model::Energy(model), Precision::Single) => energy::<f32>(model),
+        (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
+        (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
     };
     let common = [("NAME", name.as_str()), ("REAL", real), ("SUM", sum)];
     let golden = Golden::new(&model, precision)?;
@@ -66,32 +65,36 @@ pub fn export(
     Ok(files)
 }
 
-fn energy<R: Real>(model: &EnergyModel) -> String {
-    let (symmetry, exponents, coefficients) = model.written_out();
-    let (scale, length) = (model.scale(), model.length_m());
-    let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
-    let plan = tables.plan();
-    let symmetry = match symmetry {
+fn energy<R: Real>(model: &EnergyModel) -> Result<String, ModelError> {
+    let tables = model.tables::<R>()?;
+    let symmetry = match tables.symmetry() {
         Symmetry::Alike => "Alike",
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
-    let memory = (plan.products.len() + 1).next_power_of_two();
-    filled(
+    let memory = tables.monomials().next_power_of_two();
+    let products = tables.products().iter();
+    Ok(filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
-            ("LENGTH", &number(plan.length_m)),
+            ("LENGTH", &number(tables.length_m())),
             (
                 "PRODUCTS",
-                &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
+                &list(products.map(|p| format!("({}, {})", p.0, p.1))),
             ),
-            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
-            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
-            ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
+            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
+            (
+                "COLUMNS",
+                &list(tables.columns().iter().map(u16::to_string)),
+            ),
+            (
+                "WEIGHTS",
+                &list(tables.weights().iter().map(|&w| number(w))),
+            ),
         ],
-    )
+    ))
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
