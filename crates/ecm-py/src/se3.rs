@@ -15,7 +15,7 @@ pub fn rotation_matrices<'py>(
     rotation_vectors: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
-    check_rotations("rotation_vectors", &vectors)?;
+    checked_rotations("rotation_vectors", &vectors)?;
     let results: Vec<_> = vectors.iter().map(ecm_se3::rotation_matrix).collect();
     from_matrices(py, &results)
 }
@@ -35,6 +35,13 @@ pub fn rotation_vectors<'py>(
     from_rows(py, &results.collect::<PyResult<Vec<_>>>()?)
 }
 
+/// Refuses (N, 3) rotation vectors longer than pi, naming the row.
+#[pyfunction]
+pub fn check_rotations(rotation_vectors: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+    let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
+    checked_rotations("rotation_vectors", &vectors)
+}
+
 /// J(theta) with dphi = J dtheta: (N, 3, 3).
 #[pyfunction]
 pub fn left_jacobians<'py>(
@@ -42,7 +49,7 @@ pub fn left_jacobians<'py>(
     rotation_vectors: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
-    check_rotations("rotation_vectors", &vectors)?;
+    checked_rotations("rotation_vectors", &vectors)?;
     let results: Vec<_> = vectors.iter().map(ecm_se3::left_jacobian).collect();
     from_matrices(py, &results)
 }
@@ -99,7 +106,7 @@ fn checked_poses(name: &'static str, rows: &[[f64; 6]]) -> PyResult<Vec<Pose<f64
     ecm_poly::checked_poses(name, rows).map_err(|error| ModelError::new_err(error.to_string()))
 }
 
-fn check_rotations(name: &'static str, vectors: &[[f64; 3]]) -> PyResult<()> {
+fn checked_rotations(name: &'static str, vectors: &[[f64; 3]]) -> PyResult<()> {
     let poses: Vec<_> = vectors
         .iter()
         .map(|t| [0.0, 0.0, 0.0, t[0], t[1], t[2]])
