@@ -248,6 +248,9 @@ class PolynomialModel:
         degree: int, lower: _F, upper: _F, coefficients: _F
     ) -> PolynomialModel: ...
     @staticmethod
+    def condition_number_raw(inputs: _F, degree: int) -> float:
+        """kappa of the regressor without normalisation."""
+    @staticmethod
     def leave_one_out(inputs: _F, outputs: _F, degree: int) -> tuple[_F, _F]:
         """Singular values (r,), and leave-one-out RMSE (r, m) of keeping the first 1, 2, ... r."""
     def leverage(self, inputs: _F) -> _F:
@@ -271,9 +274,6 @@ class PolynomialModel:
     @property
     def condition_number(self) -> float:
         """kappa of the normalised regressor that was kept (after PCR)."""
-    @property
-    def condition_number_raw(self) -> float:
-        """kappa before normalisation."""
     @property
     def rank(self) -> int: ...
     @property

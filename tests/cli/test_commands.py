@@ -423,7 +423,7 @@ def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> Non
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
-        (KeyboardInterrupt(), 130, "interrupted"),
+        (KeyboardInterrupt(), 130, "Interrupted; "),
         (OSError(errno.ENOSPC, "No space left on device", "d.csv"), 1, "the disk is full"),
         (PermissionError(errno.EACCES, "Permission denied", "d.csv"), 1, "Permission denied"),
         (MemoryError(), 1, "not enough memory"),
@@ -495,9 +495,8 @@ def test_a_signal_ends_with_130_and_says_what_is_kept(number: int, tmp_path: Pat
     _, err = process.communicate()
     timer.cancel()
     assert process.returncode == 130
-    assert "interrupted" in err
-    assert "s.parts" in err
-    assert "Traceback" not in err
+    said = "Interrupted; finished cases are kept in s.parts. The same command goes on there.\n"
+    assert err == said
 
 
 def test_a_reader_that_goes_away_is_no_traceback(tmp_path: Path) -> None:

@@ -144,4 +144,4 @@ def test_a_message_of_an_interruption_does_not_outlive_its_command(
     monkeypatch.setattr("ecm.cli.check.check_table", interrupted)
     done = ecm_command("check", data)
     assert done.code == 130
-    assert "Nothing was written." in done.err
+    assert "nothing was written." in done.err

@@ -1,4 +1,5 @@
-//! Nanoseconds a call of the models' evaluation, one thread: `cargo run --release --example speed`.
+//! Nanoseconds a call of the models' evaluation, one thread: `cargo run --release --example speed`;
+//! with `-- --fit` the parts of a fit, in turns.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use std::hint::black_box;
@@ -6,8 +7,9 @@ use std::time::Instant;
 
 use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
 use ecm_poly::cubic::Cubic;
+use ecm_poly::dense::ThinSvd;
 use ecm_poly::energy::{EnergyPlan, EnergyTerms};
-use ecm_poly::{EnergyModel, PolynomialModel, Symmetry};
+use ecm_poly::{EnergyModel, Method, PolynomialModel, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Pose, Real};
 
@@ -121,7 +123,69 @@ fn bulk() {
     }
 }
 
+/// A fit's decomposition, its Gram product, and what a fit no longer does: the product as a plain
+/// loop at 923 columns (energy6-general), and a cubic's condition number without normalisation.
+fn decomposition() {
+    const COLUMNS: usize = 923;
+    let sines =
+        |count: usize| -> Vec<f64> { (0..count).map(|i| ((i * i % 7919) as f64).sin()).collect() };
+    let matrix = sines(1200 * COLUMNS);
+    let (points, values) = (sines(1000 * 6), sines(1000 * 6));
+    let factors = ThinSvd::new(&matrix, COLUMNS).unwrap();
+    let parts: [(&str, &dyn Fn()); 5] = [
+        ("923 columns, SVD", &|| {
+            drop(black_box(ThinSvd::new(&matrix, COLUMNS)))
+        }),
+        ("923 columns, Gram product", &|| {
+            drop(black_box(factors.gram(|_, s| s.powi(-2))))
+        }),
+        ("923 columns, Gram product, plain loop", &|| {
+            drop(black_box(plain_gram(&factors)))
+        }),
+        ("cubic, 1000 rows, fit", &|| {
+            let method = Method::LeastSquares;
+            drop(black_box(PolynomialModel::fit(
+                &points, 6, &values, 6, 3, method, None,
+            )));
+        }),
+        ("cubic, 1000 rows, its raw condition number", &|| {
+            let _ = black_box(PolynomialModel::condition_number_raw(&points, 6, 3));
+        }),
+    ];
+    let mut best = [f64::INFINITY; 5];
+    for _ in 0..5 {
+        for ((_, part), least) in parts.iter().zip(&mut best) {
+            let begin = Instant::now();
+            part();
+            *least = least.min(begin.elapsed().as_secs_f64());
+        }
+    }
+    for ((name, _), seconds) in parts.iter().zip(best) {
+        println!("{name:44} {:8.4} s", seconds);
+    }
+}
+
+/// V σ⁻² Vᵀ entry by entry, as the sum is written.
+fn plain_gram(factors: &ThinSvd) -> Vec<f64> {
+    let (v, sigma) = (&factors.v, &factors.singular_values);
+    let n = v.nrows();
+    let mut gram = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let terms = sigma.iter().enumerate();
+            let sum = terms.map(|(r, s)| v[(i, r)] * v[(j, r)] / (s * s)).sum();
+            gram[i * n + j] = sum;
+            gram[j * n + i] = sum;
+        }
+    }
+    gram
+}
+
 fn main() {
+    if std::env::args().any(|a| a == "--fit") {
+        decomposition();
+        return;
+    }
     bulk();
     if std::env::args().any(|a| a == "--bulk") {
         return;

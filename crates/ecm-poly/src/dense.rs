@@ -5,7 +5,8 @@
 
 use std::vec::Vec;
 
-use faer::{Mat, MatRef};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, MatRef, Par};
 
 use crate::error::ModelError;
 
@@ -90,25 +91,31 @@ impl ThinSvd {
     /// V diag(filter(σ)) Vᵀ, row-major (columns, columns), exactly symmetric.
     pub fn gram(&self, filter: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let n = self.v.nrows();
-        let factors: Vec<f64> = self
-            .singular_values
-            .iter()
-            .enumerate()
+        let factors: Vec<f64> = (self.singular_values.iter().enumerate())
             .map(|(i, &s)| filter(i, s))
             .collect();
-        let mut gram = std::vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..=i {
-                let sum = factors
-                    .iter()
-                    .enumerate()
-                    .map(|(r, f)| f * self.v[(i, r)] * self.v[(j, r)])
-                    .sum();
-                gram[i * n + j] = sum;
-                gram[j * n + i] = sum;
-            }
+        let mut scaled = self.v.clone();
+        for (j, factor) in factors.iter().enumerate() {
+            scaled.col_mut(j).iter_mut().for_each(|x| *x *= factor);
         }
-        gram
+        // Half of the product is enough: the other half is its mirror image.
+        let mut product = Mat::zeros(n, n);
+        triangular::matmul(
+            &mut product,
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            &scaled,
+            BlockStructure::Rectangular,
+            self.v.transpose(),
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        let entry = |i: usize, j: usize| product[(i.max(j), i.min(j))];
+        (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .map(|(i, j)| entry(i, j))
+            .collect()
     }
 }
 
@@ -118,4 +125,13 @@ pub fn singular_values(matrix: &[f64], columns: usize) -> Result<Vec<f64>, Model
     MatRef::from_row_major_slice(matrix, rows, columns)
         .singular_values()
         .map_err(|_| ModelError::Decomposition { rows, columns })
+}
+
+/// σ₁/σ_min of a row-major matrix; infinite where a singular value is zero.
+pub fn condition_number(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {
+    let values = singular_values(matrix, columns)?;
+    Ok(match (values.first(), values.last()) {
+        (Some(&first), Some(&last)) if last > 0.0 => first / last,
+        _ => f64::INFINITY,
+    })
 }

@@ -39,9 +39,9 @@ pub fn ranges(rows: &[f64], inputs: usize) -> (std::vec::Vec<f64>, std::vec::Vec
     let mut lower = std::vec![f64::INFINITY; inputs];
     let mut upper = std::vec![f64::NEG_INFINITY; inputs];
     for row in rows.chunks_exact(inputs.max(1)) {
-        for (j, &x) in row.iter().enumerate() {
-            lower[j] = lower[j].min(x);
-            upper[j] = upper[j].max(x);
+        for (x, (low, high)) in row.iter().zip(lower.iter_mut().zip(&mut upper)) {
+            *low = low.min(*x);
+            *high = high.max(*x);
         }
     }
     (lower, upper)

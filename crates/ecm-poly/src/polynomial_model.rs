@@ -7,7 +7,7 @@ use std::vec::Vec;
 use crate::basis::exponents;
 use crate::cubic::Cubic;
 use crate::cubic_bulk;
-use crate::dense::{ThinSvd, singular_values};
+use crate::dense::{ThinSvd, condition_number};
 use crate::error::{ModelError, check_count, check_finite};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
@@ -33,8 +33,6 @@ pub struct PolynomialModel {
 pub struct FitFacts {
     /// Condition number κ of the normalised regressor, over the singular values in use.
     pub condition_number: f64,
-    /// κ of the regressor before normalisation.
-    pub condition_number_raw: f64,
     /// Number of singular values in use.
     pub rank: usize,
     /// tr(2H − H²) of the hat matrix H.
@@ -49,10 +47,11 @@ impl PolynomialModel {
     /// Fits row-major `points` (N, inputs) to `observations` (N, outputs).
     ///
     /// `weights` (N): each row's squared residual is multiplied by its weight; they are scaled
-    /// to a mean of one, so that the PCR threshold keeps its meaning.
+    /// to a mean of one, so that the PCR threshold keeps its meaning. A row of weight zero is no
+    /// observation: the fit is that of the other rows.
     ///
     /// # Errors
-    /// Wrong shapes, numbers that are not finite, fewer rows than terms, settings out of range.
+    /// Wrong shapes, no outputs, numbers that are not finite, fewer rows than terms, settings out of range.
     ///
     /// ```
     /// use ecm_poly::{Method, PolynomialModel};
@@ -75,11 +74,25 @@ impl PolynomialModel {
     ) -> Result<Self, ModelError> {
         let table = exponents(inputs, degree)?;
         let k = table.len() / inputs;
-        let rows = points.len() / inputs;
-        check_count("inputs", "numbers", points.len(), rows * inputs)?;
-        check_count("outputs", "numbers", observations.len(), rows * outputs)?;
-        check_finite("inputs", points, inputs)?;
-        check_finite("outputs", observations, outputs)?;
+        let rows = check_pairs(points, inputs, observations, outputs)?;
+        if let Some(weights) = weights {
+            check_count("weights", "numbers", weights.len(), rows)?;
+            check_weights(weights)?;
+            if weights.contains(&0.0) {
+                let [points, observations, weights] =
+                    [(points, inputs), (observations, outputs), (weights, 1)]
+                        .map(|(values, columns)| observed(values, columns, weights));
+                return Self::fit(
+                    &points,
+                    inputs,
+                    &observations,
+                    outputs,
+                    degree,
+                    method,
+                    Some(&weights),
+                );
+            }
+        }
         if rows < k {
             return Err(ModelError::TooFewRows {
                 equations: rows,
@@ -87,18 +100,11 @@ impl PolynomialModel {
             });
         }
         let (lower, upper) = ranges(points, inputs);
-        let raw = regressor(
-            points,
-            &table,
-            &std::vec![-1.0; inputs],
-            &std::vec![1.0; inputs],
-        )?;
         let mut normalised = regressor(points, &table, &lower, &upper)?;
         let mut targets = observations.to_vec();
         if let Some(weights) = weights {
-            check_count("weights", "numbers", weights.len(), rows)?;
-            apply_weights(weights, &mut normalised, k)?;
-            apply_weights(weights, &mut targets, outputs)?;
+            apply_weights(weights, &mut normalised, k);
+            apply_weights(weights, &mut targets, outputs);
         }
         let Solution {
             coefficients,
@@ -111,7 +117,6 @@ impl PolynomialModel {
         let squares = residual_squares(&normalised, &coefficients, &targets, outputs);
         let fit = FitFacts {
             condition_number,
-            condition_number_raw: condition_number_of(&raw, k)?,
             rank,
             effective_parameters,
             residual_variance: squares
@@ -132,6 +137,21 @@ impl PolynomialModel {
         })
     }
 
+    /// κ of the regressor of row-major `points` (N, inputs) without normalisation.
+    pub fn condition_number_raw(
+        points: &[f64],
+        inputs: usize,
+        degree: usize,
+    ) -> Result<f64, ModelError> {
+        let table = exponents(inputs, degree)?;
+        check_finite("inputs", points, inputs)?;
+        let (lower, upper) = (std::vec![-1.0; inputs], std::vec![1.0; inputs]);
+        condition_number(
+            &regressor(points, &table, &lower, &upper)?,
+            table.len() / inputs,
+        )
+    }
+
     /// Leave-one-out errors of every PCR rank, of the regressor that [`PolynomialModel::fit`] uses.
     pub fn leave_one_out(
         points: &[f64],
@@ -141,14 +161,7 @@ impl PolynomialModel {
         degree: usize,
     ) -> Result<LeaveOneOut, ModelError> {
         let table = exponents(inputs, degree)?;
-        check_count(
-            "outputs",
-            "numbers",
-            observations.len(),
-            points.len() / inputs * outputs,
-        )?;
-        check_finite("inputs", points, inputs)?;
-        check_finite("outputs", observations, outputs)?;
+        check_pairs(points, inputs, observations, outputs)?;
         let (lower, upper) = ranges(points, inputs);
         let normalised = regressor(points, &table, &lower, &upper)?;
         let factors = ThinSvd::new(&normalised, table.len() / inputs)?;
@@ -194,7 +207,6 @@ impl PolynomialModel {
             outputs,
             fit: FitFacts {
                 condition_number: f64::NAN,
-                condition_number_raw: f64::NAN,
                 rank: k,
                 effective_parameters: k as f64,
                 residual_variance: std::vec![f64::NAN; outputs],
@@ -341,7 +353,7 @@ fn residual_squares(
     targets: &[f64],
     outputs: usize,
 ) -> Vec<f64> {
-    let k = coefficients.len() / outputs.max(1);
+    let k = coefficients.len() / outputs;
     let mut squares = std::vec![0.0; outputs];
     for (row, y) in matrix.chunks_exact(k).zip(targets.chunks_exact(outputs)) {
         let mut residual = y.to_vec();
@@ -357,29 +369,58 @@ fn residual_squares(
     squares
 }
 
-fn condition_number_of(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {
-    let values = singular_values(matrix, columns)?;
-    Ok(match (values.first(), values.last()) {
-        (Some(&first), Some(&last)) if last > 0.0 => first / last,
-        _ => f64::INFINITY,
+/// Number of rows of finite `points` (N, inputs) and `observations` (N, outputs).
+fn check_pairs(
+    points: &[f64],
+    inputs: usize,
+    observations: &[f64],
+    outputs: usize,
+) -> Result<usize, ModelError> {
+    let rows = points.len() / inputs;
+    if outputs == 0 {
+        return Err(ModelError::Setting {
+            name: "outputs",
+            found: "0 columns".into(),
+            expected: "at least one column to fit",
+        });
+    }
+    check_count("inputs", "numbers", points.len(), rows * inputs)?;
+    check_count("outputs", "numbers", observations.len(), rows * outputs)?;
+    check_finite("inputs", points, inputs)?;
+    check_finite("outputs", observations, outputs)?;
+    Ok(rows)
+}
+
+fn check_weights(weights: &[f64]) -> Result<(), ModelError> {
+    let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));
+    if bad.is_none() && weights.iter().any(|w| *w > 0.0) {
+        return Ok(());
+    }
+    let found = match bad {
+        Some(row) => format!("{} in row {row}", weights[row]),
+        None => "0 in every row".into(),
+    };
+    Err(ModelError::Setting {
+        name: "weights",
+        found,
+        expected: "finite numbers, 0 or above, not all 0",
     })
 }
 
+/// The rows of row-major `values` whose weight is above zero.
+fn observed(values: &[f64], columns: usize, weights: &[f64]) -> Vec<f64> {
+    let rows = values.chunks_exact(columns).zip(weights);
+    rows.filter(|(_, w)| **w > 0.0)
+        .flat_map(|(row, _)| row)
+        .copied()
+        .collect()
+}
+
 /// Multiplies rows by the square root of weight over mean weight.
-fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) -> Result<(), ModelError> {
+fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) {
     let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));
-    if bad.is_some() || mean <= 0.0 {
-        let row = bad.unwrap_or(0);
-        return Err(ModelError::Setting {
-            name: "weights",
-            found: format!("{} in row {row}", weights[row]),
-            expected: "finite numbers, 0 or above, not all 0",
-        });
-    }
     for (line, w) in matrix.chunks_exact_mut(columns).zip(weights) {
         let factor = (w / mean).sqrt();
         line.iter_mut().for_each(|x| *x *= factor);
     }
-    Ok(())
 }

@@ -127,7 +127,8 @@ fn condition_falls_with_normalisation_and_with_the_threshold() {
     let ordinary = fit(Method::LeastSquares);
     let facts = ordinary.facts();
     assert_eq!((ordinary.coefficients().len(), facts.rank), (84, 84));
-    assert!(facts.condition_number_raw > 100.0 * facts.condition_number);
+    let raw = PolynomialModel::condition_number_raw(&points, 6, 3).unwrap();
+    assert!(raw > 100.0 * facts.condition_number);
     let x = polynomial_regressor(&points, 3, ordinary.lower(), ordinary.upper()).unwrap();
     let sigma = singular_values(&x, 84).unwrap();
     assert!((facts.condition_number / (sigma[0] / sigma[83]) - 1.0).abs() < 1e-9);
@@ -228,6 +229,61 @@ proptest! {
                 let rate = (a[j] - 8.0 * b[j] + 8.0 * c[j] - d[j]) / (12.0 * e);
                 prop_assert!((rate - jacobian[j * inputs + i]).abs() < 1e-9 * (1.0 + rate.abs()));
             }
+        }
+    }
+}
+
+#[test]
+fn a_row_of_weight_zero_is_no_observation() {
+    let points = poses(90, 51);
+    let values: Vec<f64> = points.chunks(6).map(|p| (5.0 * p[4]).sin()).collect();
+    // The rows of weight zero are the widest ones, so that they would also move the ranges.
+    let weights: Vec<f64> = (0..90).map(|i| f64::from(u8::from(i < 60))).collect();
+    let mut far = points.clone();
+    far[60 * 6..].iter_mut().for_each(|p| *p *= 3.0);
+    let fit = |points: &[f64], values: &[f64], weights: Option<&[f64]>| {
+        PolynomialModel::fit(points, 6, values, 1, 2, Method::LeastSquares, weights).unwrap()
+    };
+    let weighted = fit(&far, &values, Some(&weights));
+    let alone = fit(&points[..60 * 6], &values[..60], None);
+    assert_eq!(weighted.coefficients(), alone.coefficients());
+    assert_eq!(weighted.lower(), alone.lower());
+    let (own, other) = (weighted.facts(), alone.facts());
+    assert_eq!(own.residual_variance, other.residual_variance);
+    let few: Vec<f64> = (0..90).map(|i| f64::from(u8::from(i < 27))).collect();
+    let method = Method::LeastSquares;
+    let error = PolynomialModel::fit(&points, 6, &values, 1, 2, method, Some(&few)).unwrap_err();
+    assert!(
+        error.to_string().starts_with("27 equations for 28"),
+        "{error}"
+    );
+    let none = [0.0; 90];
+    let error = PolynomialModel::fit(&points, 6, &values, 1, 2, method, Some(&none)).unwrap_err();
+    assert!(error.to_string().contains("0 in every row"), "{error}");
+}
+
+#[test]
+fn a_fit_of_no_outputs_is_refused() {
+    let points = poses(40, 61);
+    let error =
+        PolynomialModel::fit(&points, 6, &[], 0, 2, Method::LeastSquares, None).unwrap_err();
+    assert!(
+        error.to_string().contains("outputs is 0 columns"),
+        "{error}"
+    );
+    assert!(PolynomialModel::leave_one_out(&points, 6, &[], 0, 2).is_err());
+}
+
+#[test]
+fn the_gram_of_the_factors_is_that_of_the_matrix() {
+    let x = poses(40, 71);
+    let svd = ecm_poly::dense::ThinSvd::new(&x, 6).unwrap();
+    let gram = svd.gram(|_, s| s * s);
+    for i in 0..6 {
+        for j in 0..6 {
+            let direct: f64 = x.chunks(6).map(|row| row[i] * row[j]).sum();
+            assert!((gram[6 * i + j] - direct).abs() < 1e-12);
+            assert_eq!(gram[6 * i + j], gram[6 * j + i]);
         }
     }
 }

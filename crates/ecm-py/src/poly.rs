@@ -193,6 +193,18 @@ impl PolynomialModel {
         ))
     }
 
+    /// Condition number of the regressor without normalisation.
+    #[staticmethod]
+    fn condition_number_raw(
+        py: Python<'_>,
+        inputs: PyReadonlyArray2<'_, f64>,
+        degree: usize,
+    ) -> PyResult<f64> {
+        let (points, _, columns) = numbers(&inputs);
+        py.detach(|| ecm_poly::PolynomialModel::condition_number_raw(&points, columns, degree))
+            .map_err(error)
+    }
+
     /// (N,) variance of the prediction in units of the residual variance.
     fn leverage<'py>(
         &self,
@@ -280,11 +292,6 @@ impl PolynomialModel {
     #[getter]
     fn condition_number(&self) -> f64 {
         self.0.facts().condition_number
-    }
-    /// Condition number before normalisation.
-    #[getter]
-    fn condition_number_raw(&self) -> f64 {
-        self.0.facts().condition_number_raw
     }
     #[getter]
     fn rank(&self) -> usize {

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from ecm.cli.command import Out, Session, command
-from ecm.cli.outputs import check_output
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, RigSettings, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
@@ -60,7 +59,7 @@ class Options:
 def campaign(options: Options, session: Session) -> None:
     """Drive the simulated rig through a plan and write what it measures."""
     many = bool(options.rigs) or options.scheduler is not None
-    check_output(options.out, options.film, options.phases)
+    session.check_output(options.out, options.film, options.phases)
     if not many:
         keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
     rig = read_rig(options.rig)
@@ -86,7 +85,7 @@ def campaign(options: Options, session: Session) -> None:
         session.write_json(document)
         session.print(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
         return
-    session.on_interrupt("Readings so far are kept: the same command goes on there.")
+    session.on_interrupt("finished readings are kept. The same command goes on there.")
     data = run_campaign(
         plan,
         rig,
@@ -95,6 +94,7 @@ def campaign(options: Options, session: Session) -> None:
         options=CampaignOptions(threads=session.threads),
         **common,
     )
+    session.on_interrupt(f"{options.out} complete.")
     for warning in data.warnings:
         session.warn(warning)
     session.write_json(

@@ -23,8 +23,9 @@ from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 
+from ecm.cli import interrupt
 from ecm.cli.console import Console
-from ecm.cli.outputs import check_output
+from ecm.cli.outputs import Outputs
 from ecm.io.cache import write_json
 from ecm.io.table import Need, Table, read_table
 from ecm.report.page import require_report
@@ -103,6 +104,18 @@ class Session(Console):
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
         self.json, self.report = json, report
         self.seed, self.threads = seed, threads
+        self._outputs = Outputs()
+
+    def __enter__(self) -> Session:
+        interrupt.describe(self._outputs.sentence)
+        return self
+
+    def check_output(self, *paths: Path | None) -> None:
+        """Raise InputError where a file could not be written; None is left out.
+
+        An interruption tells which of the files are written.
+        """
+        self._outputs.check(*paths)
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
@@ -154,7 +167,7 @@ def command(
         def run(**values: Any) -> None:
             session = Session(**{name: values.pop(name) for name in common})
             with session:
-                check_output(session.json, session.report)
+                session.check_output(session.json, session.report)
                 if session.report is not None:
                     require_report()
                 function(options(**values), session)

@@ -11,7 +11,7 @@ import typer
 
 from ecm.cli.command import Out, Session, command
 from ecm.cli.models import open_model
-from ecm.cli.outputs import check_output_plan
+from ecm.cli.outputs import check_plan
 from ecm.designs import CRITERIA, Size
 from ecm.designs.rows import list_or_region, row_list
 from ecm.effects import Effect, get_effect, load_installed
@@ -92,10 +92,11 @@ class Options:
 @command(Options, tables=True, report=True, seed=True, hide=("meta", "skip_bad_rows", "quiet"))
 def design(options: Options, session: Session) -> None:
     """Choose the poses worth measuring (all options: docs/designs.md)."""
-    check_output_plan(options.out)
+    session.check_output(options.out)
     effects = _effects(options.effects)
     rig = None if options.rig is None else read_rig(options.rig)
     table = session.read([options.candidates], need="predict")
+    check_plan(options.out, table)
     planned = design_plan(
         table,
         options.n,

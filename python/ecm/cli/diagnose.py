@@ -11,7 +11,7 @@ import typer
 from ecm.cli.command import Data, ModelFile, Session, command
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.cli.models import open_model, prepare_physics
-from ecm.cli.outputs import check_output_plan
+from ecm.cli.outputs import check_plan
 from ecm.comparison import compare
 from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
@@ -38,13 +38,15 @@ class Options:
 @command(Options, tables=True, report=True, seed=True)
 def diagnose(options: Options, session: Session) -> None:
     """Rank the effects that the model may lack, and say which one is missing."""
-    check_output_plan(options.next_plan)
+    session.check_output(options.next_plan)
     table = session.read(options.data, need="fit")
     load_installed()
     model = open_model(options.model, session, table)
     if model.base.kind != "physics":
         prepare_physics(table, session)
     table = table.with_length(model.known_length_m)
+    if options.next_plan is not None:
+        check_plan(options.next_plan, table)
     result = diagnose_model(model, table, seed=session.seed)
     document = result.to_dict()
     document["warnings"] = [*document["warnings"], *table.warnings]

@@ -9,7 +9,6 @@ import typer
 
 from ecm.cli.command import Data, Out, Session, command
 from ecm.cli.models import build_physics, is_mechanism, read_mechanism
-from ecm.cli.outputs import check_output
 from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.models import (
@@ -59,7 +58,7 @@ class Options:
 @command(Options, tables=True, seed=True)
 def fit(options: Options, session: Session) -> None:
     """Fit a model to a table and write its file."""
-    check_output(options.out)
+    session.check_output(options.out)
     table = session.read(options.data, need="fit")
     name, choice = options.model, None
     if name == "choose":

@@ -34,7 +34,7 @@ def identify(options: Options, session: Session) -> None:
     """Simulate, select, measure, identify; then find the effect that was hidden."""
     out = options.out
     check_output_directory(out)
-    session.on_interrupt(f"Finished stages are kept in {out}: the same command goes on there.")
+    session.on_interrupt(f"finished stages are kept in {out}. The same command goes on there.")
     config = read_config(options.config)
     if options.rig is not None:
         config = with_rig(config, options.rig)

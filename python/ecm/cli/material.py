@@ -10,10 +10,10 @@ import typer
 
 from ecm.cli.app import new_application
 from ecm.cli.command import Session, command
-from ecm.cli.outputs import check_output
 from ecm.cli.text import columns
 from ecm.errors import InputError
 from ecm.fem.material_fit import fit_material, read_test
+from ecm.io.cache import write_atomically
 from ecm.io.toml import write_toml
 
 _FILE = "FILE"
@@ -55,7 +55,7 @@ def _about() -> None:
 @command(Options)
 def fit(options: Options, session: Session) -> None:
     """Fit a material to uniaxial, equibiaxial and pure-shear tests, with errors."""
-    check_output(options.out)
+    session.check_output(options.out)
     use = options.use
     if not 0.0 < use[0] <= 1.0 <= use[1]:
         raise InputError(f"--use {use[0]} {use[1]}: expected stretches around 1")
@@ -79,7 +79,7 @@ def fit(options: Options, session: Session) -> None:
     table = fitted.material.to_dict()
     if options.out is not None:
         text = "[mechanism.material]\n" + write_toml(table)
-        options.out.write_text(text, encoding="utf-8")
+        write_atomically(options.out, text)
         session.print(f"{options.out}: copy [mechanism.material] into the TOML of the mechanism")
     session.write_json(
         {

@@ -11,7 +11,6 @@ import typer
 
 from ecm.cli.command import ModelFile, Out, Session, command
 from ecm.cli.models import open_model
-from ecm.cli.outputs import check_output
 from ecm.effects import load_installed
 from ecm.models.prediction import predict as predict_table
 
@@ -45,7 +44,7 @@ class Options:
 @command(Options, tables=True)
 def predict(options: Options, session: Session) -> None:
     """Predict the wrench of a model at each pose; other columns are kept."""
-    check_output(options.out)
+    session.check_output(options.out)
     load_installed()
     table = session.read([options.poses], need="predict")
     kind: Any = options.stiffness_kind.value if options.stiffness else None

@@ -9,7 +9,6 @@ import typer
 
 from ecm.cli.command import Data, ModelFile, Out, Session, command
 from ecm.cli.models import open_model
-from ecm.cli.outputs import check_output
 from ecm.effects import load_installed
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary
@@ -37,7 +36,7 @@ class Options:
 @command(Options, tables=True)
 def refit(options: Options, session: Session) -> None:
     """Fit a model again with an effect more or less: fit report and fit history."""
-    check_output(options.out)
+    session.check_output(options.out)
     table = session.read(options.data, need="fit")
     load_installed()
     fitted = refit_model(

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from ecm.cli.command import Out, Session, command
-from ecm.cli.outputs import check_output, check_output_directory
+from ecm.cli.outputs import check_output_directory
 from ecm.fem.simulate import simulate as simulate_pairs
 from ecm.fem.simulate import write_vtu
 from ecm.workflow.config import read_config
@@ -44,12 +44,12 @@ class Options:
 def simulate(options: Options, session: Session) -> None:
     """Simulate wrenches of the box by FEM and keep the poses of the admissible workspace."""
     out = options.out
-    check_output(out)
+    session.check_output(out)
     if options.vtu is not None:
         check_output_directory(options.vtu)
     config = read_config(options.config)
     parts = out.with_suffix(".parts")
-    session.on_interrupt(f"Finished cases are kept in {parts}: the same command goes on there.")
+    session.on_interrupt(f"finished cases are kept in {parts}. The same command goes on there.")
     workspace = config.workspace
     pairs = simulate_pairs(
         config.mechanism,
@@ -62,6 +62,7 @@ def simulate(options: Options, session: Session) -> None:
         progress=session.progress("FEM poses"),
     )
     pairs.table(str(out)).write(out)
+    session.on_interrupt(f"{out} complete.")
     if options.vtu is not None:
         shown = pairs.wrenches[:_VTU]
         write_vtu(config.mechanism, shown, options.vtu)

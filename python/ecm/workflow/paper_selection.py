@@ -48,7 +48,7 @@ def table_two(
             "degree": degree,
             "terms": len(model.coefficients),
             "rmse": rmse(model.predict(test[0]), test[1]).tolist(),
-            "kappa_raw": model.condition_number_raw,
+            "kappa_raw": PolynomialModel.condition_number_raw(train[0], degree),
             "kappa": model.condition_number,
         }
         if degree in TABLE_II_DEGREE:

@@ -41,7 +41,7 @@ pub fn export(
         Precision::Single => "float",
         Precision::Double => "double",
     };
-    let guard = format!("{}_H", name.to_uppercase());
+    let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
     let (sum, inputs, outputs) = (text("sha256"), columns("inputs"), columns("outputs"));
@@ -199,7 +199,7 @@ fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
             .map(|row| format!("{{{}}}", list(row.iter().map(|&x| cast(x, name)))));
         list(lines)
     };
-    let guard = format!("{}_GOLDEN_H", name.to_uppercase());
+    let guard = format!("ECM_EXPORT_{}_GOLDEN_H", name.to_uppercase());
     let [h, k] = golden.tolerance.map(|t| cast(t, name));
     format!(
         "/* What the model says at {count} poses. */\n#ifndef {guard}\n#define {guard}\n\n\

@@ -1,7 +1,8 @@
 //! A model as a `no_std` Rust crate of constants: `Cargo.toml`, `src/lib.rs`, `tests/golden.rs`.
 //!
-//! The constants are tables for the evaluation of this crate, whose source the export
-//! contains: no std, no allocation, no libm, no other crate. `examples/control.rs` is a control loop.
+//! The constants are tables for the evaluation of this crate, whose source the export contains as
+//! private modules: no std, no allocation, no libm, no other crate, and any number of models in one
+//! program. `examples/control.rs` is a control loop.
 
 use std::format;
 use std::string::{String, ToString};
@@ -41,7 +42,12 @@ pub fn export(
         (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
         (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
     };
-    let common = [("NAME", name.as_str()), ("REAL", real), ("SUM", sum)];
+    let common = [
+        ("NAME", name.as_str()),
+        ("REAL", real),
+        ("SUM", sum),
+        ("RUST", env!("CARGO_PKG_RUST_VERSION")),
+    ];
     let golden = Golden::new(&model, precision)?;
     let hold = list(golden.hold.iter().map(|&x| number(x)));
     let control = filled(
@@ -61,7 +67,7 @@ pub fn export(
         file("tests/golden.rs", filled(&golden_test(&golden), &common)),
         file("examples/control.rs", filled(&control, &common)),
     ];
-    files.extend(source::crates());
+    files.extend(source::evaluation());
     Ok(files)
 }
 

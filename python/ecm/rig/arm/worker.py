@@ -1,22 +1,24 @@
 """Sorties in other processes, which read sorties and write results.
 
 A sortie begins and ends at home at rest, so none depends on another: any number of processes gives
-the same numbers. A worker ends with its input, also if the campaign is killed.
+the same numbers. A worker ends with its input, also if the campaign is killed in the middle of a
+sortie: a thread waits for the end of the input.
 """
 
 from __future__ import annotations
 
+import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
 from ecm.rig.arm.non_elastic import HiddenPhysics
@@ -55,23 +57,23 @@ RunSorties = Callable[
 
 
 class _Worker:
-    def __init__(self, setup: ArmSetup) -> None:
+    def __init__(self) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-c", "from ecm.rig.arm.worker import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C goes to the campaign alone, which ends its workers
         )
         self._in = cast("IO[bytes]", self._process.stdin)
         self._out = cast("IO[bytes]", self._process.stdout)
-        self._send(setup)
 
-    def _send(self, value: object) -> None:
+    def send(self, value: object) -> None:
         pickle.dump(value, self._in)
         self._in.flush()
 
     def sortie(self, stops: Sequence[Stop]) -> SortieResult:
         try:
-            self._send(tuple(stops))
+            self.send(tuple(stops))
             return cast("SortieResult", pickle.load(self._out))
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
@@ -82,7 +84,8 @@ class _Worker:
     def close(self) -> None:
         self._process.kill()
         self._process.wait()
-        self._in.close()
+        with suppress(OSError):  # what was to be sent goes nowhere now
+            self._in.close()
         self._out.close()
 
 
@@ -95,10 +98,8 @@ def run_sorties(
         arm = setup.build() if tasks else None
         yield (arm.sortie(task) for task in tasks if arm is not None)
         return
-    workers = [_Worker(setup) for _ in range(min(processes, len(tasks)))]
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
-    for worker in workers:
-        free.put(worker)
+    count = min(processes, len(tasks))
 
     def run(task: Sequence[Stop]) -> SortieResult:
         worker = free.get()
@@ -107,26 +108,35 @@ def run_sorties(
         finally:
             free.put(worker)
 
-    pool = ThreadPoolExecutor(len(workers))
-    try:
+    with ExitStack() as stack:
+        pool = stack.enter_context(ThreadPoolExecutor(count))
+        for _ in range(count):
+            worker = _Worker()
+            stack.callback(worker.close)
+            worker.send(setup)
+            free.put(worker)
+        stack.callback(pool.shutdown, wait=False, cancel_futures=True)
         yield pool.map(run, tasks)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.close()
-        pool.shutdown()
 
 
 def serve() -> None:
     """Read a setup and sorties from standard input, write results to standard output."""
-    # Ctrl-C goes to the whole process group; the campaign decides and closes the input.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    source, sink = sys.stdin.buffer, sys.stdout.buffer
-    arm = cast("ArmSetup", pickle.load(source)).build()
+    received: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(received,), daemon=True).start()
+    arm = cast("ArmSetup", received.get()).build()
+    while True:
+        result = arm.sortie(received.get())
+        try:
+            pickle.dump(result, sys.stdout.buffer)
+            sys.stdout.buffer.flush()
+        except OSError:  # the campaign has ended
+            os._exit(0)
+
+
+def _receive(received: queue.SimpleQueue[Any]) -> None:
+    """Put what is read from standard input into a queue; end the process with it."""
     while True:
         try:
-            task = pickle.load(source)
-        except EOFError:
-            return
-        pickle.dump(arm.sortie(task), sink)
-        sink.flush()
+            received.put(pickle.load(sys.stdin.buffer))
+        except (EOFError, OSError, pickle.UnpicklingError):
+            os._exit(0)

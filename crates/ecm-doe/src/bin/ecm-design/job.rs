@@ -118,7 +118,7 @@ impl Job {
 
     /// Searches the design.
     pub fn run(&self, args: &Args, path: &Path, control: &Control<'_>) -> Result<Design, Failure> {
-        let n = args.n.unwrap_or(0) + self.include.len();
+        let n = args.n.unwrap_or(0).saturating_add(self.include.len());
         match args.criterion {
             Criterion::Maximin => self.run_maximin(args, n, control),
             _ => self.run_model(args, path, n, control),

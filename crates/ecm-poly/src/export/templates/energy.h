@@ -6,11 +6,19 @@
 #ifndef @GUARD@
 #define @GUARD@
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef @REAL@ @NAME@_real;
 
 /* U in J */
 @NAME@_real @NAME@_energy(const @NAME@_real p[6]);
 void @NAME@_value(const @NAME@_real p[6], @NAME@_real h[6]);
 void @NAME@_value_and_stiffness(const @NAME@_real p[6], @NAME@_real h[6], @NAME@_real k[36]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif
