@@ -35,7 +35,7 @@ class Life:
         return time.monotonic() - self.begin_s
 
     def runs_ecm(self) -> bool:
-        """Whether Python has come so far that it loads modules of ecm."""
+        """Whether the compiled part of ecm is loaded."""
         try:
             maps = Path(f"/proc/{self.process.pid}/maps").read_bytes()
         except OSError:
@@ -78,6 +78,11 @@ class End:
         if sum(line.startswith("Interrupted; ") for line in self.text.splitlines()) != 1:
             found.append("not one line 'Interrupted; '")
         return found
+
+
+def loads_ecm(life: Life) -> bool:
+    """The process has come so far that it loads modules of ecm, or answers signals by it."""
+    return life.catches(signal.SIGTERM) or life.runs_ecm()
 
 
 def after(seconds: float) -> Moment:
@@ -126,7 +131,7 @@ def run(
         sent = early = False
         while process.poll() is None and life.age_s() < _LONGEST_S:
             if moment is not None and not sent and moment(life):
-                early = not life.catches(signal.SIGTERM) and not life.runs_ecm()
+                early = not loads_ecm(life)
                 sent = process.poll() is None
                 # As a terminal does: to the whole process group.
                 os.killpg(process.pid, number)
