@@ -1,12 +1,11 @@
 """Interrupts every long command at many moments of its life, runs it again, compares the bytes.
 
-    python benches/interrupt.py                          # all commands, 40 interruptions each
-    python benches/interrupt.py fit arm --kills 100 --signal KILL
+    python benches/interrupt.py                          # all commands, ten rounds each
+    python benches/interrupt.py fit arm --rounds 50 --signal KILL
 
-A quarter of the interruptions comes in the first 200 ms of ecm, a quarter in the last 100 ms, a
-quarter in the 50 ms after the first result is written, the others are spread evenly. Each begins in
-a new folder with a cache of its own; the command is interrupted there and run again to its end.
-Then all files must be those of a run that nobody interrupted.
+A round begins in a new folder with a cache of its own. There the command is interrupted four
+times: in the first 200 ms of ecm, anywhere, in the 50 ms after its first result is written, and in
+the last 100 ms. Then it is run to its end, and all files must be those of an uninterrupted run.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ COMMANDS = {
     "identify": "identify config.toml --out job",
 }
 FIRST_S, LAST_S, FILE_S = 0.2, 0.1, 0.05
-WHERE = ("first", "last", "file", "all")
+WHERE = ("first", "all", "file", "last")
 
 
 @dataclass
@@ -114,30 +113,34 @@ class Trial:
         self.name = name
         self.tally = Tally()
         self._life_s = 0.0
-        self._whole = results(self._finished(self._folder(), interrupted=False))
-
-    def interrupt(self, share: float, where: str) -> None:
-        """Interrupt at a share of one of the four spans."""
-        moment = {
-            "first": when(loads_ecm, share * FIRST_S),
-            "last": after(self._life_s - share * LAST_S),
-            "file": when(written(self._first_file), share * FILE_S),
-            "all": when(loads_ecm, share * self._life_s),
-        }[where]
         folder = self._folder()
-        end = self._run(folder, moment)
-        self._count(end, where)
-        self._finished(folder, interrupted=end.code != 0)
-        if results(folder) != self._whole:
-            self.tally.other_bytes += 1
-            print(f"{self.name}: other bytes, {end.code}\n{end.text}", flush=True)
-        shutil.rmtree(folder)
+        self._finish(folder)
+        self._whole = results(folder)
+
+    def round(self, random: np.random.Generator) -> None:
+        """Interrupt at four moments, run to the end, and compare."""
+        folder = self._folder()
+        for where in WHERE:
+            end = self._run(folder, self._moment(where, random.uniform()))
+            self._count(end, where)
+            if end.code in (0, 2):  # it is complete, and would be done again or refused
+                self._compare(folder)
+                folder = self._folder()
+        self._compare(folder)
+
+    def _moment(self, where: str, share: float) -> Moment:
+        return {
+            "first": when(loads_ecm, share * FIRST_S),
+            "all": when(loads_ecm, share * self._life_s),
+            "file": when(written(self._first_file), share * FILE_S),
+            "last": after(self._life_s - share * LAST_S),
+        }[where]
 
     def _count(self, end: End, where: str) -> None:
         self.tally.sent += end.sent
         if end.early:
             self.tally.early += 1
-        elif not end.sent or end.code == 0:
+        elif not end.sent or end.code in (0, 2):
             self.tally.ended += 1
         elif faults := end.faults(self._number):
             self.tally.wrong += 1
@@ -145,16 +148,23 @@ class Trial:
         else:
             self.tally.right += 1
 
-    def _finished(self, folder: Path, *, interrupted: bool) -> Path:
+    def _compare(self, folder: Path) -> None:
+        """Run to the end; the files must be those of a run that nobody interrupted."""
+        self._finish(folder)
+        if results(folder) != self._whole:
+            self.tally.other_bytes += 1
+            print(f"{self.name}: other bytes", flush=True)
+        shutil.rmtree(folder)
+
+    def _finish(self, folder: Path) -> None:
         begin = time.monotonic()
         done = self._run(folder)
         if done.code == 2 and "--overwrite" in done.text:
             done = self._run(folder, more=["--overwrite"])
+        elif done.code == 0:
+            self._life_s = time.monotonic() - begin
         if done.code != 0:
             print(f"{self.name}: does not go on\n{done.text}", flush=True)
-        if not interrupted and done.code == 0:
-            self._life_s = time.monotonic() - begin
-        return folder
 
     def _folder(self) -> Path:
         folder = Path(tempfile.mkdtemp(dir=self._work))
@@ -168,9 +178,10 @@ class Trial:
 
 
 def main() -> None:
+    """Print a line per command, and what was wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("commands", nargs="*", choices=[*COMMANDS, []], default=list(COMMANDS))
-    parser.add_argument("--kills", type=int, default=40, help="interruptions of each command")
+    parser.add_argument("commands", nargs="*", help=f"of {', '.join(COMMANDS)}; default: all")
+    parser.add_argument("--rounds", type=int, default=10, help="of four interruptions each")
     parser.add_argument("--signal", choices=("INT", "TERM", "KILL"), default="INT")
     options = parser.parse_args()
     random = np.random.default_rng(0)
@@ -179,11 +190,11 @@ def main() -> None:
         inputs.mkdir()
         work.mkdir()
         prepare(inputs)
-        for name in options.commands:
+        for name in options.commands or COMMANDS:
             trial = Trial(name, inputs, work, signal.Signals[f"SIG{options.signal}"])
-            for i in range(options.kills):
-                trial.interrupt(random.uniform(), WHERE[i % len(WHERE)])
-            print(f"{name:9s} {trial.tally}", flush=True)
+            for _ in range(options.rounds):
+                trial.round(random)
+                print(f"{name:9s} {trial.tally}", flush=True)
 
 
 if __name__ == "__main__":

@@ -121,6 +121,9 @@ def run(
     environment: Mapping[str, str] | None = None,
 ) -> End:
     """Run `ecm ARGUMENTS` in a folder, and send it a signal when its moment has come."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # As a shell's background job has it; the command would inherit that and ignore Ctrl-C.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.NamedTemporaryFile() as sink:
         process = subprocess.Popen(
             [sys.executable, "-m", "ecm.cli", *arguments],

@@ -21,6 +21,7 @@ def export(options: Options, session: Session) -> None:
         name=options.name,
         precision=options.precision.value,
     )
+    session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
     session.write_json(
         {
             "schema": 1,
