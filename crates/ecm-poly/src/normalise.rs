@@ -25,7 +25,7 @@ pub fn to_unit<R: Real>(value: R, lower: R, upper: R) -> R {
 pub fn unit_slope<R: Real>(lower: R, upper: R) -> R {
     let width = upper - lower;
     let size = |x: R| if x < R::ZERO { -x } else { x };
-    let rounding = R::from_f64(8.0) * R::EPSILON * (size(lower) + size(upper)) * R::HALF;
+    let rounding = R::from_u16(8) * R::EPSILON * (size(lower) + size(upper)) * R::HALF;
     if width > rounding && width > R::from_f64(SMALLEST_WIDTH) {
         R::TWO / width
     } else {

@@ -53,7 +53,7 @@ impl<R: Real> Pose<R> {
     fn is_valid(&self) -> bool {
         let theta = &self.rotation_vector;
         // Half a turn as a logarithm rounds it still counts as half a turn.
-        let limit = R::PI * R::PI * (R::ONE + R::from_f64(8.0) * R::EPSILON);
+        let limit = R::PI * R::PI * (R::ONE + R::from_u16(8) * R::EPSILON);
         // A NaN fails the comparison.
         self.position.iter().all(|x| x.is_finite()) && dot(theta, theta) <= limit
     }

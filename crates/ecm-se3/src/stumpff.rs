@@ -6,24 +6,8 @@
 
 use crate::real::Real;
 
-/// 1/n! for n = 0 … 34.
-const INVERSE_FACTORIALS: [f64; 35] = inverse_factorials();
-
 /// Largest s = |θ|².
-const LARGEST: f64 = 16.0;
-
-const fn inverse_factorials() -> [f64; 35] {
-    let mut table = [1.0; 35];
-    // The factorial is exact up to 22!; beyond it the relative error stays below 1e-15.
-    let mut factorial = 1.0;
-    let mut n = 1;
-    while n < 35 {
-        factorial *= n as f64;
-        table[n] = 1.0 / factorial;
-        n += 1;
-    }
-    table
-}
+const LARGEST: u16 = 16;
 
 /// c₀ … c₇ at one s = |θ|².
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,14 +24,14 @@ impl<R: Real> Stumpff<R> {
     /// wrong rotation passes for a right one.
     #[inline]
     pub fn new(s: R) -> Self {
-        let s = if s <= R::from_f64(LARGEST) { s } else { R::NAN };
+        let s = if s <= R::from_u16(LARGEST) { s } else { R::NAN };
         let mut c = [R::ZERO; 8];
         c[6] = series(6, s);
         c[7] = series(7, s);
         let mut k = 6;
         while k > 0 {
             k -= 1;
-            c[k] = R::from_f64(INVERSE_FACTORIALS[k]) - s * c[k + 2];
+            c[k] = R::INVERSE_FACTORIALS[k] - s * c[k + 2];
         }
         Self { c }
     }
@@ -55,13 +39,13 @@ impl<R: Real> Stumpff<R> {
     /// dc_k/ds = (k c_{k+2} − c_{k+1}) / 2, for k ≤ 5.
     #[inline(always)]
     pub fn first(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.c[k + 2] - self.c[k + 1])
+        R::HALF * (R::from_u16(k as u16) * self.c[k + 2] - self.c[k + 1])
     }
 
     /// d²c_k/ds², for k ≤ 3.
     #[inline(always)]
     pub fn second(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.first(k + 2) - self.first(k + 1))
+        R::HALF * (R::from_u16(k as u16) * self.first(k + 2) - self.first(k + 1))
     }
 }
 
@@ -71,7 +55,7 @@ fn series<R: Real>(k: usize, s: R) -> R {
     let mut j = R::SERIES_TERMS;
     while j > 0 {
         j -= 1;
-        value = R::from_f64(INVERSE_FACTORIALS[2 * j + k]) - s * value;
+        value = R::INVERSE_FACTORIALS[2 * j + k] - s * value;
     }
     value
 }

@@ -2,7 +2,7 @@
 
 use std::vec::Vec;
 
-use ecm_se3::{Mat6, Pose, Vec6};
+use ecm_se3::{Mat6, Vec6};
 
 use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;

@@ -112,6 +112,12 @@ impl<'a, R: Real, const S: usize> EnergyPlan<'a, R, S> {
         }
     }
 
+    /// Undeformed length of the mechanism (m).
+    #[inline(always)]
+    pub fn length_m(&self) -> R {
+        self.length_m
+    }
+
     /// U (J) at a pose.
     #[inline(always)]
     pub fn energy<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> R {

@@ -16,7 +16,7 @@ use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
@@ -36,16 +36,21 @@ pub fn export(
         Precision::Double => "f64",
     };
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
-    let body = match (&model, precision) {
-        (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
-        (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
+    let (body, numbers) = match (&model, precision) {
+        // Where double is software, the unrolled sums lie on the stack.
+        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
+        (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
         (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
         (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
     };
+    let stack = (numbers * precision.size() + 600)
+        .next_multiple_of(16)
+        .to_string();
     let common = [
         ("NAME", name.as_str()),
         ("REAL", real),
         ("SUM", sum),
+        ("STACK", &stack),
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
     ];
     let golden = Golden::new(&model, precision)?;
@@ -71,21 +76,25 @@ pub fn export(
     Ok(files)
 }
 
-fn energy<R: Real>(model: &EnergyModel) -> Result<String, ModelError> {
+/// The source, and how many floating-point numbers a call keeps.
+fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
     let tables = model.tables::<R>()?;
     let symmetry = match tables.symmetry() {
         Symmetry::Alike => "Alike",
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
+    let reach = reach_squared(model);
     let memory = tables.monomials().next_power_of_two();
     let products = tables.products().iter();
-    Ok(filled(
+    let text = filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
             ("LENGTH", &number(tables.length_m())),
+            ("CSQUARED", &number(R::from_f64(reach[0]))),
+            ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
                 &list(products.map(|p| format!("({}, {})", p.0, p.1))),
@@ -100,7 +109,8 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<String, ModelError> {
                 &list(tables.weights().iter().map(|&w| number(w))),
             ),
         ],
-    ))
+    );
+    Ok((text, memory + 450))
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
@@ -113,11 +123,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         });
     }
     let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
-    let cubic = Cubic::new(
-        &narrow(model.lower()),
-        &narrow(model.upper()),
-        &narrow(model.coefficients()),
-    )?;
+    let (lower, upper) = (narrow(model.lower()), narrow(model.upper()));
+    let cubic = Cubic::new(&lower, &upper, &narrow(model.coefficients()))?;
     let (coefficients, centre) = cubic.tables();
     let rows = coefficients
         .iter()
@@ -127,6 +134,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         &[
             ("COEFFICIENTS", &list(rows)),
             ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
+            ("LOWER", &list(lower.iter().map(|&x| number(x)))),
+            ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
 }
