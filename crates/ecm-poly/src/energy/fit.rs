@@ -10,7 +10,7 @@ use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::energy::regressor::{check_length, regressor};
 use crate::energy::terms::terms;
-use crate::error::{ModelError, check_count, check_finite};
+use crate::error::{ModelError, check_count, check_finite, check_sizes};
 
 /// Settings of the fit of an energy.
 #[derive(Clone, Copy, Debug)]
@@ -69,8 +69,8 @@ impl EnergyFit<'_> {
     ) -> Result<EnergyModel, ModelError> {
         check_length(self.length_m)?;
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("poses", poses.as_flattened(), 6)?;
-        check_finite("wrenches", wrenches.as_flattened(), 6)?;
+        check_sizes("poses", poses.as_flattened(), 6)?;
+        check_sizes("wrenches", wrenches.as_flattened(), 6)?;
         let rows = terms(self.symmetry, self.degree)?;
         let broken = group_terms(self.groups, self.degree);
         let k = rows.len() + broken.len();
@@ -110,6 +110,7 @@ impl EnergyFit<'_> {
                 covariance[i * k + j] *= variance / (lengths[i] * lengths[j]);
             }
         }
+        check_finite("the covariance of the coefficients", &covariance, k)?;
         let mut model = EnergyModel::with_groups(
             self.length_m,
             self.degree,

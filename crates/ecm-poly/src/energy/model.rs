@@ -179,6 +179,7 @@ impl EnergyModel {
                 *energy += map.energy(&Pose::from_array(pose));
             }
         }
+        check_finite("the energy", &energies, 1)?;
         Ok(energies)
     }
 
@@ -194,6 +195,7 @@ impl EnergyModel {
             let added = bulk::wrenches(extra.tables.plan(), poses)?;
             add(wrenches.as_flattened_mut(), added.as_flattened());
         }
+        check_finite("the prediction", wrenches.as_flattened(), 6)?;
         Ok(wrenches)
     }
 
@@ -215,6 +217,7 @@ impl EnergyModel {
             let sums = stiffnesses.as_flattened_mut().as_flattened_mut();
             add(sums, added.as_flattened().as_flattened());
         }
+        check_finite("the stiffness", stiffnesses.as_flattened().as_flattened(), 36)?;
         Ok(stiffnesses)
     }
 

@@ -8,7 +8,7 @@ use ecm_se3::{Pose, Vec6};
 use crate::energy::groups::GroupTerm;
 use crate::energy::invariants::Symmetry;
 use crate::energy::mid_frame::EnergyMap;
-use crate::error::{ModelError, check_finite};
+use crate::error::{ModelError, check_finite, check_sizes};
 
 /// Φ (6 N, k), row-major, six rows a pose; the columns of groups come after the symmetry's.
 pub fn regressor(
@@ -20,7 +20,7 @@ pub fn regressor(
 ) -> Result<Vec<f64>, ModelError> {
     check_length(length_m)?;
     check_scale(scale)?;
-    check_finite("poses", poses.as_flattened(), 6)?;
+    check_sizes("poses", poses.as_flattened(), 6)?;
     let map = EnergyMap::new(symmetry, &[], &[], scale, length_m)?;
     let general = EnergyMap::new(Symmetry::General, &[], &[], scale, length_m)?;
     let k = exponents.len() + broken.len();
@@ -46,6 +46,7 @@ pub fn regressor(
             }
         }
     }
+    check_finite("the regressor", &matrix, k)?;
     Ok(matrix)
 }
 
