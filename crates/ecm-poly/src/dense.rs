@@ -19,12 +19,20 @@ pub struct ThinSvd {
     pub singular_values: Vec<f64>,
     /// (columns, r).
     pub v: Mat<f64>,
+    /// Rows of the matrix, or of that whose triangle was decomposed.
+    rows: usize,
 }
 
 impl ThinSvd {
     /// Decomposes a row-major matrix with `columns` columns.
     pub fn new(matrix: &[f64], columns: usize) -> Result<Self, ModelError> {
         Self::of(as_matrix(matrix, columns)?)
+    }
+
+    /// Decomposes the triangle of a matrix of `rows` rows.
+    pub(crate) fn of_triangle(triangle: MatRef<'_, f64>, rows: usize) -> Result<Self, ModelError> {
+        let factors = Self::of(triangle)?;
+        Ok(Self { rows, ..factors })
     }
 
     fn of(matrix: MatRef<'_, f64>) -> Result<Self, ModelError> {
@@ -38,6 +46,7 @@ impl ThinSvd {
                 u: qr.compute_thin_Q() * inner.U(),
                 singular_values: inner.S().column_vector().iter().copied().collect(),
                 v: inner.V().to_owned(),
+                rows,
             });
         }
         let svd = matrix.thin_svd().map_err(failed)?;
@@ -45,13 +54,14 @@ impl ThinSvd {
             u: svd.U().to_owned(),
             singular_values: svd.S().column_vector().iter().copied().collect(),
             v: svd.V().to_owned(),
+            rows,
         })
     }
 
     /// Singular values above rounding: σ > σ₁ ε max(rows, columns).
     pub fn numerical_rank(&self) -> usize {
         let largest = self.singular_values.first().copied().unwrap_or(0.0);
-        let size = self.u.nrows().max(self.v.nrows()) as f64;
+        let size = self.rows.max(self.v.nrows()) as f64;
         let floor = largest * f64::EPSILON * size;
         self.singular_values.iter().filter(|&&s| s > floor).count()
     }
