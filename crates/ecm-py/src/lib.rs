@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::doe::{DesignResult, d_optimal, maximin};
+    use crate::doe::{DesignResult, criteria, d_optimal, maximin};
 
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};

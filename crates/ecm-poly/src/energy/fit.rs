@@ -9,7 +9,7 @@ use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::energy::regressor::{check_length, regressor};
 use crate::energy::terms::EnergyTerms;
-use crate::error::{ModelError, check_count, check_finite, checked_poses};
+use crate::error::{ModelError, check_count, check_finite, check_sizes, checked_poses};
 use crate::regression::Method;
 use crate::regression::triangle::Triangle;
 
@@ -70,7 +70,8 @@ impl EnergyFit<'_> {
     ) -> Result<EnergyModel, ModelError> {
         check_length(self.length_m)?;
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("wrenches", wrenches.as_flattened(), 6)?;
+        check_sizes("poses", poses.as_flattened(), 6)?;
+        check_sizes("wrenches", wrenches.as_flattened(), 6)?;
         let scale = scale_of(poses, self.length_m)?;
         let triangle = self.triangle(poses, wrenches, scale)?;
         self.of_triangle(triangle, scale, self.covariance.is_some())
@@ -92,7 +93,7 @@ impl EnergyFit<'_> {
         scale: [f64; 2],
     ) -> Result<Triangle, ModelError> {
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("wrenches", wrenches.as_flattened(), 6)?;
+        check_sizes("wrenches", wrenches.as_flattened(), 6)?;
         if let Some(covariance) = self.covariance {
             check_count("covariance", "rows", covariance.len(), poses.len())?;
         }
@@ -160,6 +161,7 @@ impl EnergyFit<'_> {
                 covariance[i * k + j] *= variance / (lengths[i] * lengths[j]);
             }
         }
+        check_finite("the covariance of the coefficients", &covariance, k)?;
         let mut model = EnergyModel::of_terms(self.length_m, terms, scale, &coefficients)?;
         model.set_fit(
             covariance,

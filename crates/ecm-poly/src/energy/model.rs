@@ -183,6 +183,7 @@ impl EnergyModel {
         if let Some(broken) = &self.broken {
             add(&mut energies, &bulk::energies(&broken.evaluator, &poses));
         }
+        check_finite("the energy", &energies, 1)?;
         Ok(energies)
     }
 
@@ -197,6 +198,7 @@ impl EnergyModel {
             let added = bulk::wrenches(&broken.evaluator, &poses);
             add(wrenches.as_flattened_mut(), added.as_flattened());
         }
+        check_finite("the prediction", wrenches.as_flattened(), 6)?;
         Ok(wrenches)
     }
 
@@ -217,6 +219,7 @@ impl EnergyModel {
             let sums = stiffnesses.as_flattened_mut().as_flattened_mut();
             add(sums, added.as_flattened().as_flattened());
         }
+        check_finite("the stiffness", stiffnesses.as_flattened().as_flattened(), 36)?;
         Ok(stiffnesses)
     }
 

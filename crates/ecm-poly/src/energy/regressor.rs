@@ -12,7 +12,7 @@ use crate::energy::tables::{
     LARGEST_MEMORY, Monomial, Products, differentiated, first_order, unscaled,
 };
 use crate::energy::terms::EnergyTerms;
-use crate::error::{ModelError, checked_poses};
+use crate::error::{ModelError, check_finite, check_sizes, checked_poses};
 
 /// Φ (6 N, k), row-major, six rows a pose; the columns of groups come after the symmetry's.
 ///
@@ -27,6 +27,7 @@ pub fn regressor(
 ) -> Result<Vec<f64>, ModelError> {
     check_length(length_m)?;
     check_scale(scale)?;
+    check_sizes("poses", poses.as_flattened(), 6)?;
     let poses = checked_poses("poses", poses)?;
     let symmetric = terms.symmetric().iter().map(|e| std::vec![(*e, 1.0)]);
     let symmetric = Columns::new(terms.symmetry(), symmetric, scale);
@@ -45,6 +46,7 @@ pub fn regressor(
         let first = symmetric.count;
         broken.wrenches(&frame, &mut |t, column| add(first + t, column));
     }
+    check_finite("the regressor", &matrix, k)?;
     Ok(matrix)
 }
 
