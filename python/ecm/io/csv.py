@@ -18,7 +18,7 @@ from ecm.io.columns import TEXT, WHOLE
 from ecm.io.raw_table import Cells, RawTable
 from ecm.io.toml import read_text
 
-_BLOCK = 8192
+_BLOCK = 4096
 """Lines that are held as text at a time."""
 
 

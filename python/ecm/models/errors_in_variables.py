@@ -126,7 +126,9 @@ def fit_with_pose_noise(
         changes = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
         before, last = base.coefficients, change
         change = float(changes.max())
-        if change < _TOLERANCE or (change > last and change < 0.1):
+        # Near the end each change is the same share of the one before, and the next one is known.
+        ahead = change * change / last if near and np.isfinite(last) else change
+        if ahead < _TOLERANCE or (change > last and change < 0.1):
             break
         rows = rows.moved(base, noise)
     return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
