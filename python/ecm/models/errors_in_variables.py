@@ -114,7 +114,7 @@ def fit_with_pose_noise(
     change = np.inf
     if near:
         rows = rows.moved(base, noise)
-    for _ in range(_MAX_ITERATIONS):
+    for step in range(_MAX_ITERATIONS):
         frame = family.frame(rows.poses)
 
         def reduced(block: slice) -> Any:
@@ -127,7 +127,7 @@ def fit_with_pose_noise(
         before, last = base.coefficients, change
         change = float(changes.max())
         # Near the end each change is the same share of the one before, and the next one is known.
-        ahead = change * change / last if near and np.isfinite(last) else change
+        ahead = change * min(1.0, change / last) if near and step > 1 else change
         if ahead < _TOLERANCE or (change > last and change < 0.1):
             break
         rows = rows.moved(base, noise)
@@ -152,7 +152,7 @@ def fits_without_folds(
     fold
         (N,) number of each row's fold, from 0.
     """
-    rows = _NoisyRows.of(table, fitted).moved(fitted, noise).moved(fitted, noise)
+    rows = _NoisyRows.of(table, fitted).moved(fitted, noise)
     frame = family.frame(rows.poses)
 
     def triangle(own: I) -> F:
