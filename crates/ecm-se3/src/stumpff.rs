@@ -6,22 +6,6 @@
 
 use crate::real::Real;
 
-/// 1/n! for n = 0 … 34.
-const INVERSE_FACTORIALS: [f64; 35] = inverse_factorials();
-
-const fn inverse_factorials() -> [f64; 35] {
-    let mut table = [1.0; 35];
-    // The factorial is exact up to 22!; beyond it the relative error stays below 1e-15.
-    let mut factorial = 1.0;
-    let mut n = 1;
-    while n < 35 {
-        factorial *= n as f64;
-        table[n] = 1.0 / factorial;
-        n += 1;
-    }
-    table
-}
-
 /// c₀ … c₇ at one s = |θ|².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stumpff<R> {
@@ -42,7 +26,7 @@ impl<R: Real> Stumpff<R> {
         let mut k = 6;
         while k > 0 {
             k -= 1;
-            c[k] = R::from_f64(INVERSE_FACTORIALS[k]) - s * c[k + 2];
+            c[k] = R::INVERSE_FACTORIALS[k] - s * c[k + 2];
         }
         Self { c }
     }
@@ -50,13 +34,13 @@ impl<R: Real> Stumpff<R> {
     /// dc_k/ds = (k c_{k+2} − c_{k+1}) / 2, for k ≤ 5.
     #[inline(always)]
     pub fn first(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.c[k + 2] - self.c[k + 1])
+        R::HALF * (R::from_u16(k as u16) * self.c[k + 2] - self.c[k + 1])
     }
 
     /// d²c_k/ds², for k ≤ 3.
     #[inline(always)]
     pub fn second(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.first(k + 2) - self.first(k + 1))
+        R::HALF * (R::from_u16(k as u16) * self.first(k + 2) - self.first(k + 1))
     }
 }
 
@@ -66,7 +50,7 @@ fn series<R: Real>(k: usize, s: R) -> R {
     let mut j = R::SERIES_TERMS;
     while j > 0 {
         j -= 1;
-        value = R::from_f64(INVERSE_FACTORIALS[2 * j + k]) - s * value;
+        value = R::INVERSE_FACTORIALS[2 * j + k] - s * value;
     }
     value
 }

@@ -30,7 +30,7 @@ impl<R: Real> Powers<R> {
         match (derivative, e) {
             (false, _) => power(e),
             (true, 0) => R::ZERO,
-            (true, _) => R::from_f64(f64::from(e)) * power(e - 1),
+            (true, _) => R::from_u16(u16::from(e)) * power(e - 1),
         }
     }
 

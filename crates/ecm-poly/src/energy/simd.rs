@@ -243,7 +243,7 @@ fn powers<R: Real>(z: R) -> [[R; 3]; MAX_POWER + 1] {
     table[0][0] = R::ONE;
     for e in 1..=MAX_POWER {
         let [value, first, _] = table[e - 1];
-        let factor = R::from_f64(e as f64);
+        let factor = R::from_u16(e as u16);
         table[e] = [value * z, factor * value, factor * first];
     }
     table

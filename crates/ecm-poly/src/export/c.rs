@@ -12,7 +12,7 @@ use crate::energy::model::EnergyModel;
 use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -42,6 +42,13 @@ pub fn export(
         Precision::Single => "float",
         Precision::Double => "double",
     };
+    let (header, (source, numbers)) = match &model {
+        Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
+        Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
+    };
+    let stack = (numbers * precision.size() + 400)
+        .next_multiple_of(16)
+        .to_string();
     let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
@@ -51,6 +58,7 @@ pub fn export(
         ("GUARD", &guard),
         ("TITLE", &title),
         ("REAL", real),
+        ("STACK", &stack),
         ("SUM", &sum),
         ("INPUTS", &inputs),
         ("OUTPUTS", &outputs),
@@ -58,10 +66,6 @@ pub fn export(
         ("M", &sizes[1]),
         ("NM", &sizes[2]),
     ];
-    let (header, source) = match &model {
-        Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
-        Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
-    };
     let golden = Golden::new(&model, precision)?;
     let hold = list(golden.hold.iter().map(|&x| cast(x, &name)));
     let golden = golden_header(&golden, &name, n, m);
@@ -89,11 +93,13 @@ pub fn export(
 const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
 const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
-fn energy(model: &EnergyModel, precision: Precision) -> String {
+/// The source, and how many floating-point numbers a call keeps.
+fn energy(model: &EnergyModel, precision: Precision) -> (String, usize) {
     let (symmetry, exponents, coefficients) = model.written_out();
     let (scale, length) = (model.scale(), model.length_m());
     let tables = EnergyTables::<f64>::new(symmetry, &exponents, &coefficients, scale, length);
     let plan = tables.plan();
+    let reach = reach_squared(model);
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,
@@ -108,13 +114,15 @@ fn energy(model: &EnergyModel, precision: Precision) -> String {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),
     };
-    filled(
+    let text = filled(
         include_str!("templates/energy.c"),
         &[
             ("MONOMIALS", &plan.products.len().to_string()),
             ("SERIES", &count.to_string()),
             ("ENTRIES", &plan.columns.len().to_string()),
             ("LENGTH", &format!("{:e}", plan.length_m)),
+            ("CSQUARED", &format!("{:e}", reach[0])),
+            ("THETASQUARED", &format!("{:e}", reach[1])),
             (
                 "PARENTS",
                 &list(plan.products.iter().map(|p| p.0.to_string())),
@@ -130,10 +138,12 @@ fn energy(model: &EnergyModel, precision: Precision) -> String {
             ("SERIES7", &series(7)),
             ("SYMMETRY", symmetry),
         ],
-    )
+    );
+    (text, plan.products.len() + 300)
 }
 
-fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
+/// As [`energy`].
+fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
     let n = model.inputs();
     let rows: Vec<&[u8]> = model.exponents().chunks_exact(n).collect();
     if rows.len() > usize::from(u16::MAX) || n > 255 {
@@ -170,7 +180,7 @@ fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
     } else {
         slopes
     };
-    Ok(filled(
+    let text = filled(
         include_str!("templates/polynomial.c"),
         &[
             ("TERMS", &rows.len().to_string()),
@@ -187,7 +197,8 @@ fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
             ("SLOPELOWERS", &list(slopes.iter().map(|s| s.2.to_string()))),
             ("SLOPEFACTORS", &list(slopes.iter().map(|s| real(s.3)))),
         ],
-    ))
+    );
+    Ok((text, rows.len() + n))
 }
 
 fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {

@@ -17,7 +17,7 @@ use crate::energy::model::EnergyModel;
 use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
@@ -37,16 +37,21 @@ pub fn export(
         Precision::Double => "f64",
     };
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
-    let body = match (&model, precision) {
-        (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
-        (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
+    let (body, numbers) = match (&model, precision) {
+        // Where double is software, the unrolled sums lie on the stack.
+        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
+        (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
         (Model::Energy(model), Precision::Double) => energy::<f64>(model),
         (Model::Energy(model), Precision::Single) => energy::<f32>(model),
     };
+    let stack = (numbers * precision.size() + 600)
+        .next_multiple_of(16)
+        .to_string();
     let common = [
         ("NAME", name.as_str()),
         ("REAL", real),
         ("SUM", sum),
+        ("STACK", &stack),
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
     ];
     let golden = Golden::new(&model, precision)?;
@@ -72,7 +77,8 @@ pub fn export(
     Ok(files)
 }
 
-fn energy<R: Real>(model: &EnergyModel) -> String {
+/// The source, and how many floating-point numbers a call keeps.
+fn energy<R: Real>(model: &EnergyModel) -> (String, usize) {
     let (symmetry, exponents, coefficients) = model.written_out();
     let (scale, length) = (model.scale(), model.length_m());
     let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
@@ -82,13 +88,16 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
+    let reach = reach_squared(model);
     let memory = (plan.products.len() + 1).next_power_of_two();
-    filled(
+    let text = filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
             ("LENGTH", &number(plan.length_m)),
+            ("CSQUARED", &number(R::from_f64(reach[0]))),
+            ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
                 &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
@@ -97,7 +106,8 @@ fn energy<R: Real>(model: &EnergyModel) -> String {
             ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
             ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
         ],
-    )
+    );
+    (text, memory + 450)
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
@@ -110,11 +120,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         });
     }
     let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
-    let cubic = Cubic::new(
-        &narrow(model.lower()),
-        &narrow(model.upper()),
-        &narrow(model.coefficients()),
-    )?;
+    let (lower, upper) = (narrow(model.lower()), narrow(model.upper()));
+    let cubic = Cubic::new(&lower, &upper, &narrow(model.coefficients()))?;
     let (coefficients, centre) = cubic.tables();
     let rows = coefficients
         .iter()
@@ -124,6 +131,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         &[
             ("COEFFICIENTS", &list(rows)),
             ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
+            ("LOWER", &list(lower.iter().map(|&x| number(x)))),
+            ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
 }

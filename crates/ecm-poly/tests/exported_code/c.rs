@@ -1,5 +1,6 @@
 //! C: compiled with every warning, run, and linked with a second model.
 
+use std::collections::BTreeSet;
 use std::process::Command;
 
 use ecm_poly::Symmetry;
@@ -131,5 +132,52 @@ fn exported_c_models_share_a_program() {
             Some(0),
             "{main}"
         );
+    }
+}
+
+/// What firmware rules ask of generated code, and no macro beside the guards.
+#[test]
+fn exported_c_keeps_to_itself() {
+    let models = [energy(Symmetry::Revolution, 4), polynomial(6, 6, 3)];
+    for (document, name) in models.iter().zip(["ring", "cube"]) {
+        let folder = folder(&format!("c-rules-{name}"));
+        let files = c::export(document, name, Precision::Single).unwrap();
+        write(&folder, &files);
+        for file in &files {
+            for (number, line) in file.text.lines().enumerate() {
+                let bare = line.trim();
+                let control = ["for (", "if (", "while ("];
+                let open =
+                    control.iter().any(|word| bare.starts_with(word)) || bare.starts_with("} else");
+                let place = format!("{}:{}: {line}", file.path, number + 1);
+                assert!(!open || bare.ends_with('{'), "no braces, {place}");
+                for word in ["short ", "unsigned ", " long ", "(int i"] {
+                    assert!(!bare.contains(word), "not of stdint.h, {place}");
+                }
+            }
+        }
+        let header = &files[0].text;
+        for promise in [
+            "extern \"C\"",
+            "Reentrant:",
+            "Time:",
+            "Stack: at most",
+            "_inside(",
+        ] {
+            assert!(header.contains(promise), "{promise}");
+        }
+        if installed("gcc", "macros of the exported header") {
+            let macros = |include: &str| {
+                let main = folder.join("macros.c");
+                std::fs::write(&main, format!("#include {include}\n")).unwrap();
+                let (_, listed) = run(Command::new("gcc").args(["-dM", "-E"]).arg(&main));
+                listed.lines().map(str::to_owned).collect::<BTreeSet<_>>()
+            };
+            let own = &macros(&format!("\"{name}_golden.h\"")) - &macros("<stdint.h>");
+            let own: Vec<_> = own.iter().map(|line| line.trim_end()).collect();
+            let upper = name.to_uppercase();
+            let guards = ["GOLDEN_H", "H"].map(|end| format!("#define ECM_EXPORT_{upper}_{end}"));
+            assert_eq!(own, guards);
+        }
     }
 }

@@ -40,7 +40,7 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
     ];
     let root = folder("rust");
     let mut dependencies = String::new();
-    let mut main = format!("{PROGRAM}");
+    let mut main = PROGRAM.to_string();
     for (name, document, precision) in &models {
         write(
             &root.join(name),
