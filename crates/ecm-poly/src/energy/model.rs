@@ -219,7 +219,11 @@ impl EnergyModel {
             let sums = stiffnesses.as_flattened_mut().as_flattened_mut();
             add(sums, added.as_flattened().as_flattened());
         }
-        check_finite("the stiffness", stiffnesses.as_flattened().as_flattened(), 36)?;
+        check_finite(
+            "the stiffness",
+            stiffnesses.as_flattened().as_flattened(),
+            36,
+        )?;
         Ok(stiffnesses)
     }
 
