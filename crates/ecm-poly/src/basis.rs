@@ -8,7 +8,10 @@ pub const fn number_of_terms(inputs: usize, degree: usize) -> Option<usize> {
     let mut i = 1;
     while i <= degree {
         // C(n + i, i) = C(n + i − 1, i − 1) (n + i) / i, exact at every step.
-        k = match k.checked_mul(inputs + i) {
+        let Some(factor) = inputs.checked_add(i) else {
+            return None;
+        };
+        k = match k.checked_mul(factor) {
             Some(product) => product / i,
             None => return None,
         };
@@ -30,9 +33,9 @@ pub fn advance(exponents: &mut [u8]) {
     match exponents[..last].iter().rposition(|&e| e > 0) {
         Some(i) => {
             exponents[i] -= 1;
-            exponents[i + 1] = tail + 1;
+            exponents[i + 1] = tail.saturating_add(1);
         }
-        None => exponents[0] = tail + 1,
+        None => exponents[0] = tail.saturating_add(1),
     }
 }
 
