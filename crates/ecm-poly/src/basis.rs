@@ -42,7 +42,7 @@ pub fn advance(exponents: &mut [u8]) {
 /// Exponents of all monomials up to `degree`, one row of `inputs` numbers each.
 ///
 /// # Errors
-/// No inputs, a degree above 20, or more than a million terms.
+/// No inputs or more than 255, a degree above 20, or more than a million terms.
 ///
 /// ```
 /// # fn main() -> Result<(), ecm_poly::ModelError> {
@@ -55,15 +55,15 @@ pub fn advance(exponents: &mut [u8]) {
 pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crate::ModelError> {
     use crate::error::ModelError;
 
-    if inputs == 0 || degree > 20 {
+    if inputs == 0 || inputs > 255 || degree > 20 {
         return Err(ModelError::Setting {
             name: "degree",
             found: std::format!("{degree} of {inputs} inputs"),
-            expected: "at least one input and a degree of at most 20",
+            expected: "1 to 255 inputs and a degree of at most 20",
         });
     }
     let k = number_of_terms(inputs, degree)
-        .filter(|&k| k <= 1_000_000)
+        .filter(|&k| k <= 1_000_000 && k * inputs <= 20_000_000)
         .ok_or_else(|| ModelError::Setting {
             name: "degree",
             found: std::format!("degree {degree} of {inputs} inputs"),
