@@ -43,7 +43,13 @@ fn a_polynomial_file_gives_its_wrench_and_stiffness() {
             one.wrench_and_stiffness(&pose),
             either.wrench_and_stiffness(&pose),
         ] {
-            assert_eq!(h.to_array().to_vec(), value, "degree {degree}");
+            // The one pass of h and K rounds h differently than h alone.
+            for (a, b) in h.to_array().iter().zip(&value) {
+                assert!(
+                    (a - b).abs() < 1e-14 * (1.0 + b.abs()),
+                    "degree {degree}: {a} {b}"
+                );
+            }
             assert_eq!(k.as_flattened(), jacobian, "degree {degree}");
         }
         assert!(EnergyModel::from_json(&text).is_err());
