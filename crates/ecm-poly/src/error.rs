@@ -1,11 +1,12 @@
 //! Errors of model data and model files.
 
-use std::string::String;
+use alloc::string::String;
 
 use crate::shape::ShapeError;
 
 /// Wrong input to a fit, an evaluation or a model file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// An array of another shape than the call needs.
     #[error("{name} has {found} {unit}, expected {expected}")]

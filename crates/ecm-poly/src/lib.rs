@@ -1,10 +1,12 @@
 //! Pose-to-wrench models: polynomials with principal component regression, and symmetric
 //! energies in mid-frame coordinates, both with analytic stiffness.
 //!
-//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation; fitting and
-//! model files need the feature `std`.
+//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature
+//! `alloc` adds terms and tables of energies, `std` fitting, model files and export.
 #![no_std]
 
+#[cfg(feature = "alloc")]
+extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
@@ -22,7 +24,7 @@ pub mod uncertainty;
 mod cubic_bulk;
 #[cfg(feature = "std")]
 pub mod dense;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod error;
 #[cfg(feature = "std")]
 pub mod export;
@@ -38,7 +40,7 @@ pub mod regression;
 #[cfg(feature = "std")]
 pub use energy::{EnergyFit, EnergyModel};
 pub use energy::{EnergyMap, Symmetry};
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use error::ModelError;
 #[cfg(feature = "std")]
 pub use model_file::{open_model, seal_model};
@@ -48,3 +50,8 @@ pub use polynomial_model::PolynomialModel;
 #[cfg(feature = "std")]
 pub use regression::Method;
 pub use shape::ShapeError;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

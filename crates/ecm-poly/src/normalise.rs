@@ -20,10 +20,10 @@ pub fn unit_slope<R: Real>(lower: R, upper: R) -> R {
 }
 
 /// Smallest and largest value of each of `inputs` columns of row-major `rows`.
-#[cfg(feature = "std")]
-pub fn ranges(rows: &[f64], inputs: usize) -> (std::vec::Vec<f64>, std::vec::Vec<f64>) {
-    let mut lower = std::vec![f64::INFINITY; inputs];
-    let mut upper = std::vec![f64::NEG_INFINITY; inputs];
+#[cfg(feature = "alloc")]
+pub fn ranges(rows: &[f64], inputs: usize) -> (alloc::vec::Vec<f64>, alloc::vec::Vec<f64>) {
+    let mut lower = alloc::vec![f64::INFINITY; inputs];
+    let mut upper = alloc::vec![f64::NEG_INFINITY; inputs];
     for row in rows.chunks_exact(inputs.max(1)) {
         for (x, (low, high)) in row.iter().zip(lower.iter_mut().zip(&mut upper)) {
             *low = low.min(*x);

@@ -10,20 +10,20 @@ pub mod simd;
 mod bulk;
 #[cfg(feature = "std")]
 pub mod fit;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod groups;
 #[cfg(feature = "std")]
 pub mod model;
 #[cfg(feature = "std")]
 pub mod regressor;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod tables;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod terms;
 
 #[cfg(feature = "std")]
 pub use fit::EnergyFit;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use groups::Group;
 pub use invariants::Symmetry;
 pub use mid_frame::EnergyMap;
@@ -31,5 +31,5 @@ pub use mid_frame::EnergyMap;
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
 pub use simd::SimdPlan;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use tables::{EnergyTables, SimdTables};

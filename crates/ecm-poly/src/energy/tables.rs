@@ -1,7 +1,7 @@
 //! The tables of an [`EnergyPlan`], made from exponents and coefficients.
 
-use std::collections::BTreeSet;
-use std::vec::Vec;
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
 
 use ecm_se3::Real;
 
@@ -183,7 +183,7 @@ fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
 
 /// Orders of differentiation of the 28 rows.
 fn row_orders() -> Vec<Monomial> {
-    let mut rows = std::vec![[0; 6]];
+    let mut rows = alloc::vec![[0; 6]];
     for i in 0..6 {
         let mut row = [0; 6];
         row[i] = 1;
@@ -218,8 +218,21 @@ fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
     let degrees = symmetry.lengths_and_angles();
     let mut factor = 1.0;
     for (&e, (lengths, angles)) in row.iter().zip(degrees) {
-        let unit = scale[0].powi(i32::from(lengths)) * scale[1].powi(i32::from(angles));
-        factor /= unit.powi(i32::from(e));
+        let unit = power(scale[0], lengths) * power(scale[1], angles);
+        factor /= power(unit, e);
     }
     factor
+}
+
+/// xⁿ by squaring; core has no function for it.
+fn power(x: f64, n: u8) -> f64 {
+    let (mut product, mut square, mut left) = (1.0, x, n);
+    while left > 0 {
+        if left % 2 == 1 {
+            product *= square;
+        }
+        square *= square;
+        left /= 2;
+    }
+    product
 }

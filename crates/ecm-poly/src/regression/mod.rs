@@ -12,6 +12,7 @@ use crate::error::ModelError;
 
 /// Method of regression.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Ordinary least squares; the shortest solution where the regressor has no full rank.
     LeastSquares,
