@@ -221,6 +221,9 @@ def rod_poses(
 def polynomial_exponents(n_inputs: int, degree: int) -> _I:
     """(k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4)."""
 
+def merged_triangle(triangles: Sequence[_F]) -> _F:
+    """(c, c) triangle of the rows of several triangles."""
+
 def polynomial_regressor(inputs: _F, degree: int, lower: _F, upper: _F) -> _F:
     """(N, k) regressor of inputs mapped from [lower, upper] to [-1, 1]."""
 
@@ -243,6 +246,14 @@ class PolynomialModel:
     def from_coefficients(
         degree: int, lower: _F, upper: _F, coefficients: _F
     ) -> PolynomialModel: ...
+    @staticmethod
+    def triangle(inputs: _F, outputs: _F, degree: int, lower: _F, upper: _F) -> _F:
+        """(c, c) triangle of [regressor | outputs] of some of the rows of `fit_triangles`."""
+    @staticmethod
+    def fit_triangles(
+        triangles: Sequence[_F], rows: int, degree: int, lower: _F, upper: _F
+    ) -> PolynomialModel:
+        """Least squares of the rows of several triangles, `rows` in all."""
     @staticmethod
     def condition_number_raw(inputs: _F, degree: int) -> float:
         """kappa of the regressor without normalisation."""
@@ -273,6 +284,9 @@ class PolynomialModel:
     @property
     def rank(self) -> int: ...
     @property
+    def unscaled_covariance(self) -> _F:
+        """(k, k) covariance of the coefficients of an output in units of its residual variance."""
+    @property
     def residual_variance(self) -> _F:
         """(m,) residual square per degree of freedom; NaN where it was not fitted."""
 
@@ -293,6 +307,35 @@ class EnergyModel:
         """covariance: (N, 6, 6) of each row's wrench; without it the components are weighted
         by the spread of each. groups: broken symmetries, unlike_ends, handedness, precurvature,
         face_tilt, anisotropy."""
+    @staticmethod
+    def scale_of(poses: _F, length_m: float) -> _F:
+        """(2,) length and angle that a fit to these poses makes dimensionless with."""
+    @staticmethod
+    def triangle(
+        poses: _F,
+        wrenches: _F,
+        covariance: _F,
+        *,
+        length_m: float,
+        degree: int,
+        symmetry: Literal["alike", "revolution", "general"],
+        scale: _F,
+        groups: Sequence[str] = ...,
+    ) -> _F:
+        """(c, c) triangle of the whitened [regressor | wrenches] of some of the rows of
+        `fit_triangles`."""
+    @staticmethod
+    def fit_triangles(
+        triangles: Sequence[_F],
+        rows: int,
+        *,
+        length_m: float,
+        degree: int,
+        symmetry: Literal["alike", "revolution", "general"],
+        scale: _F,
+        groups: Sequence[str] = ...,
+    ) -> EnergyModel:
+        """The fit of several triangles, which stand for `rows` poses."""
     @staticmethod
     def from_coefficients(
         *,

@@ -14,16 +14,12 @@ from ecm.cli.outputs import Outputs
 from ecm.io.description import Meta
 from ecm.io.interrupts import uninterrupted, wait_to_interrupt
 from ecm.io.table import as_table
-from support.interruptions import Life, files, printed, run, when, written
+from interruptions import files, loads_ecm, printed, run, when, written
 from support.neck import Done, csv_text, neck_columns
 
 Command = Callable[..., Done]
 
 FIT = ("fit", "d.csv", "--model", "linear", "--json", "f.json", "--out", "m.json")
-
-
-def loads_ecm(life: Life) -> bool:
-    return life.runs_ecm()
 
 
 MOMENTS = {
@@ -115,7 +111,7 @@ def test_an_interruption_tells_which_files_are_complete(tmp_path: Path) -> None:
     outputs.check(first, second, None)
     assert outputs.sentence() == "nothing was written. Run the same command again."
     first.write_text("new")
-    assert outputs.sentence() == f"{first} complete. Run the same command again for the rest."
+    assert outputs.sentence() == f"complete: {first}. Run the same command again for the rest."
 
 
 # --- pairs of files ------------------------------------------------------------

@@ -50,7 +50,7 @@ def test_the_result_says_which_rows_were_used() -> None:
     table = campaign("hysteresis")
     result = diagnose(model(), table, settings=DiagnosisSettings(most_rows=200))
     document = result.to_dict()
-    used = document["rows"]
+    used = document["rows_used"]
     # Readings from which the zero was taken are no rows.
     total = len(without_zero_readings(table))
     assert (used["used"], used["of_table"]) == (200, total)
@@ -66,5 +66,5 @@ def test_the_result_says_which_rows_were_used() -> None:
 def test_a_small_table_is_used_as_it_is_and_nothing_is_said() -> None:
     table = campaign("hysteresis")
     result = diagnose(model(), table, settings=DiagnosisSettings(most_rows=len(table)))
-    assert result.rows is None
-    assert "rows" not in result.to_dict()
+    assert result.rows_used is None
+    assert "rows_used" not in result.to_dict()

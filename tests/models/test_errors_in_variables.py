@@ -13,7 +13,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import EnergyMap, PolynomialMap, PolynomialModel, StiffnessMap, fit_model
-from ecm.models.errors_in_variables import fit_with_pose_noise
+from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.polynomial_gls import fit_polynomial_gls
 from ecm.regression.noise import Noise, whiteners
 from support.campaigns import workspace_poses
@@ -126,7 +126,7 @@ def test_the_fixed_point_is_the_maximum_of_the_likelihood() -> None:
         )  # fmt: skip
         return EnergyMap(model), np.asarray(model.covariance), model.residual_variance
 
-    found = fit_with_pose_noise(table, truth, COARSE, solve)
+    found = fit_with_pose_noise(table, truth, COARSE, AllRows(solve))
     assert found.converged
     base, sd = found.base, np.sqrt(np.diag(found.covariance))
 

@@ -6,6 +6,9 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,9 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.visit_record import VisitRecord
+from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
 from ecm.rig.hidden.calibrate import Whitener
 from ecm.rig.measurement import row_covariance
 from support.arm_rig import REST, plan, run, settings
@@ -289,6 +294,78 @@ def test_a_full_disk_keeps_all_poses_before_it(cache: Path, tmp_path: Path) -> N
     run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
     assert taken[0] == len(complete) + 1
     assert files(tmp_path / "b") == files(tmp_path / "a")
+
+
+@contextmanager
+def ends_in_the_fourth_stop(
+    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+) -> Iterator[Iterator[Any]]:
+    def stops(task: Any) -> Iterator[Any]:
+        yield from islice(setup.build().results(task), 3)
+        raise Stopped
+
+    yield map(stops, tasks)
+
+
+@contextmanager
+def ends_before_the_first(
+    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+) -> Iterator[Iterator[Any]]:
+    """The first sortie takes longer than all others, as with several processes."""
+
+    def sorties() -> Iterator[Any]:
+        arm = setup.build()
+        for number in range(1, len(tasks)):
+            assert finished is not None
+            finished(number, arm.sortie(tasks[number]))
+        raise Stopped
+        yield
+
+    yield sorties()
+
+
+def records(campaign: RobotCampaign, kept: KeptSorties | None = None) -> list[VisitRecord]:
+    """Visits until the campaign is stopped."""
+    found = []
+    with suppress(Stopped):
+        for visit in campaign.lines((), 1, kept):
+            found.append(visit)
+    return found
+
+
+def test_poses_are_kept_while_their_sortie_is_under_way(cache: Path) -> None:
+    """From pose to pose the whole plan is one sortie: its poses were lost with it."""
+    arguments = plan(some_poses(5, seed=3)), settings(approach="previous"), StandIn()
+    whole = records(RobotCampaign(*arguments, folder=cache))
+    campaign = RobotCampaign(*arguments, folder=cache, run=ends_in_the_fourth_stop)
+    assert len(campaign.sorties[0].stops) > 3
+    kept = records(campaign)
+    assert sum(campaign.planned.visits[v.visit].kind == "pose" for v in kept) == 3
+    assert kept == whole[: len(kept)]
+
+
+def test_sorties_that_end_before_an_earlier_one_are_kept(cache: Path, tmp_path: Path) -> None:
+    arguments = plan(some_poses(4, seed=3)), settings(), StandIn()
+    whole = records(RobotCampaign(*arguments, folder=cache))
+    campaign = RobotCampaign(*arguments, folder=cache, run=ends_before_the_first)
+    store = KeptSorties(tmp_path / "parts", campaign.identity)
+    before = records(campaign, store)
+    driven: list[int] = []
+
+    @contextmanager
+    def counted(
+        setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+    ) -> Iterator[Iterator[Any]]:
+        driven.append(len(tasks))
+        with run_sorties(setup, tasks, processes, finished) as results:
+            yield results
+
+    again = RobotCampaign(*arguments, folder=cache, run=counted)
+    assert len(before) < len(again.planned.visits)
+    assert records(again, store) == whole
+    assert driven == [1]
+    store.remove()
+    assert not list(tmp_path.iterdir())
 
 
 KILLED = """

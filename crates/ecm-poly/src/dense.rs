@@ -19,6 +19,8 @@ pub struct ThinSvd {
     pub singular_values: Vec<f64>,
     /// (columns, r).
     pub(crate) v: Mat<f64>,
+    /// Rows of the matrix, or of that whose triangle was decomposed.
+    rows: usize,
 }
 
 impl ThinSvd {
@@ -29,6 +31,12 @@ impl ThinSvd {
             matrix.len() / columns.max(1),
             columns,
         ))
+    }
+
+    /// Decomposes the triangle of a matrix of `rows` rows.
+    pub(crate) fn of_triangle(triangle: MatRef<'_, f64>, rows: usize) -> Result<Self, ModelError> {
+        let factors = Self::of(triangle)?;
+        Ok(Self { rows, ..factors })
     }
 
     fn of(matrix: MatRef<'_, f64>) -> Result<Self, ModelError> {
@@ -42,6 +50,7 @@ impl ThinSvd {
                 u: qr.compute_thin_Q() * inner.U(),
                 singular_values: inner.S().column_vector().iter().copied().collect(),
                 v: inner.V().to_owned(),
+                rows,
             });
         }
         let svd = matrix.thin_svd().map_err(failed)?;
@@ -49,6 +58,7 @@ impl ThinSvd {
             u: svd.U().to_owned(),
             singular_values: svd.S().column_vector().iter().copied().collect(),
             v: svd.V().to_owned(),
+            rows,
         })
     }
 
@@ -65,7 +75,7 @@ impl ThinSvd {
     /// Singular values above rounding: σ > σ₁ ε max(rows, columns).
     pub fn numerical_rank(&self) -> usize {
         let largest = self.singular_values.first().copied().unwrap_or(0.0);
-        let size = self.u.nrows().max(self.v.nrows()) as f64;
+        let size = self.rows.max(self.v.nrows()) as f64;
         let floor = largest * f64::EPSILON * size;
         self.singular_values.iter().filter(|&&s| s > floor).count()
     }

@@ -11,8 +11,9 @@ use crate::dense::{ThinSvd, condition_number};
 use crate::error::{ModelError, check_count, check_finite};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
+use crate::regression::Method;
 use crate::regression::leave_one_out::LeaveOneOut;
-use crate::regression::{Method, Solution, solve};
+use crate::regression::triangle::Triangle;
 
 /// n inputs to m outputs by polynomials of one degree; n = m = 6 for a pose-to-wrench map.
 #[derive(Clone, Debug)]
@@ -73,7 +74,6 @@ impl PolynomialModel {
         weights: Option<&[f64]>,
     ) -> Result<Self, ModelError> {
         let table = exponents(inputs, degree)?;
-        let k = table.len() / inputs;
         let rows = check_pairs(points, inputs, observations, outputs)?;
         if let Some(weights) = weights {
             check_count("weights", "numbers", weights.len(), rows)?;
@@ -93,44 +93,83 @@ impl PolynomialModel {
                 );
             }
         }
-        if rows < k {
+        let (lower, upper) = ranges(points, inputs);
+        let pairs = Pairs {
+            points,
+            observations,
+            outputs,
+            weights,
+        };
+        let triangle = pairs.triangle(&table, &lower, &upper)?;
+        Self::of_triangle(&triangle, degree, (&lower, &upper), method)
+    }
+
+    /// Triangle of [X | Y] of row-major `points` (N, inputs) and `observations` (N, outputs), with
+    /// inputs mapped from these ranges: a part of the rows of [`PolynomialModel::of_triangle`].
+    pub fn triangle(
+        points: &[f64],
+        observations: &[f64],
+        outputs: usize,
+        degree: usize,
+        (lower, upper): (&[f64], &[f64]),
+    ) -> Result<Triangle, ModelError> {
+        let table = exponents(lower.len(), degree)?;
+        check_count("upper", "numbers", upper.len(), lower.len())?;
+        check_pairs(points, lower.len(), observations, outputs)?;
+        let pairs = Pairs {
+            points,
+            observations,
+            outputs,
+            weights: None,
+        };
+        pairs.triangle(&table, lower, upper)
+    }
+
+    /// The fit of a triangle of [X | Y], inputs mapped from these ranges.
+    ///
+    /// # Errors
+    /// Fewer rows than terms, settings out of range.
+    pub fn of_triangle(
+        triangle: &Triangle,
+        degree: usize,
+        (lower, upper): (&[f64], &[f64]),
+        method: Method,
+    ) -> Result<Self, ModelError> {
+        let table = exponents(lower.len(), degree)?;
+        let k = table.len() / lower.len();
+        let outputs = triangle.columns().saturating_sub(k);
+        check_count(
+            "triangle",
+            "columns",
+            triangle.columns(),
+            k + outputs.max(1),
+        )?;
+        if triangle.rows() < k {
             return Err(ModelError::TooFewRows {
-                equations: rows,
+                equations: triangle.rows(),
                 coefficients: k,
             });
         }
-        let (lower, upper) = ranges(points, inputs);
-        let mut normalised = regressor(points, &table, &lower, &upper)?;
-        let mut targets = observations.to_vec();
-        if let Some(weights) = weights {
-            apply_weights(weights, &mut normalised, k);
-            apply_weights(weights, &mut targets, outputs);
-        }
-        let Solution {
-            coefficients,
-            rank,
-            condition_number,
-            effective_parameters,
-            unscaled_covariance,
-        } = solve(&ThinSvd::new(&normalised, k)?, &targets, outputs, method)?;
-        let freedom = rows as f64 - effective_parameters;
-        let squares = residual_squares(&normalised, &coefficients, &targets, outputs);
+        let (solution, _) = triangle.solve(k, method)?;
+        let freedom = triangle.rows() as f64 - solution.effective_parameters;
+        let squares = triangle.residual_squares(k, &solution.coefficients);
         let fit = FitFacts {
-            condition_number,
-            rank,
-            effective_parameters,
+            condition_number: solution.condition_number,
+            rank: solution.rank,
+            effective_parameters: solution.effective_parameters,
             residual_variance: squares
                 .iter()
                 .map(|s| if freedom > 0.5 { s / freedom } else { f64::NAN })
                 .collect(),
-            unscaled_covariance,
+            unscaled_covariance: solution.unscaled_covariance,
         };
+        let coefficients = solution.coefficients;
         Ok(Self {
-            cubic: fast_cubic(degree, outputs, &lower, &upper, &coefficients),
+            cubic: fast_cubic(degree, outputs, lower, upper, &coefficients),
             degree,
             exponents: table,
-            lower,
-            upper,
+            lower: lower.to_vec(),
+            upper: upper.to_vec(),
             coefficients,
             outputs,
             fit,
@@ -346,29 +385,6 @@ pub fn polynomial_regressor(
     regressor(points, &exponents(lower.len(), degree)?, lower, upper)
 }
 
-/// Σ (y − X β)² of each output.
-fn residual_squares(
-    matrix: &[f64],
-    coefficients: &[f64],
-    targets: &[f64],
-    outputs: usize,
-) -> Vec<f64> {
-    let k = coefficients.len() / outputs;
-    let mut squares = std::vec![0.0; outputs];
-    for (row, y) in matrix.chunks_exact(k).zip(targets.chunks_exact(outputs)) {
-        let mut residual = y.to_vec();
-        for (x, weights) in row.iter().zip(coefficients.chunks_exact(outputs)) {
-            for (e, w) in residual.iter_mut().zip(weights) {
-                *e -= x * w;
-            }
-        }
-        for (square, e) in squares.iter_mut().zip(&residual) {
-            *square += e * e;
-        }
-    }
-    squares
-}
-
 /// Number of rows of finite `points` (N, inputs) and `observations` (N, outputs).
 fn check_pairs(
     points: &[f64],
@@ -416,11 +432,42 @@ fn observed(values: &[f64], columns: usize, weights: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Multiplies rows by the square root of weight over mean weight.
-fn apply_weights(weights: &[f64], matrix: &mut [f64], columns: usize) {
-    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    for (line, w) in matrix.chunks_exact_mut(columns).zip(weights) {
-        let factor = (w / mean).sqrt();
-        line.iter_mut().for_each(|x| *x *= factor);
+/// Rows of a fit: row-major points (N, inputs) and observations (N, outputs), weights (N).
+struct Pairs<'a> {
+    points: &'a [f64],
+    observations: &'a [f64],
+    outputs: usize,
+    weights: Option<&'a [f64]>,
+}
+
+impl Pairs<'_> {
+    /// Triangle of [X | Y], each row times the square root of its weight over the mean weight.
+    fn triangle(
+        &self,
+        exponents: &[u8],
+        lower: &[f64],
+        upper: &[f64],
+    ) -> Result<Triangle, ModelError> {
+        let (inputs, outputs) = (lower.len(), self.outputs);
+        let k = exponents.len() / inputs;
+        let rows = self.points.len() / inputs;
+        let mean = self
+            .weights
+            .map_or(1.0, |w| w.iter().sum::<f64>() / rows as f64);
+        let map = Polynomial::new(exponents, lower, upper, &[])?;
+        Triangle::of_rows(rows, 1, k + outputs, |range| {
+            let mut scratch = std::vec![0.0; map.scratch_len()];
+            let mut block = std::vec![0.0; range.len() * (k + outputs)];
+            for (i, line) in range.zip(block.chunks_exact_mut(k + outputs)) {
+                let (x, y) = line.split_at_mut(k);
+                map.regressor_row(&self.points[i * inputs..][..inputs], x, &mut scratch)?;
+                y.copy_from_slice(&self.observations[i * outputs..][..outputs]);
+                if let Some(weights) = self.weights {
+                    let factor = (weights[i] / mean).sqrt();
+                    line.iter_mut().for_each(|value| *value *= factor);
+                }
+            }
+            Ok(block)
+        })
     }
 }

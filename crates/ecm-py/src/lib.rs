@@ -27,8 +27,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::poly::{
-        EnergyModel, PolynomialModel, export_model, open_model, polynomial_exponents,
-        polynomial_regressor, seal_model,
+        EnergyModel, PolynomialModel, export_model, merged_triangle, open_model,
+        polynomial_exponents, polynomial_regressor, seal_model,
     };
 
     #[pymodule_export]

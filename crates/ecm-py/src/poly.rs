@@ -7,6 +7,7 @@ use ecm_poly::energy::groups::{Group, group_terms};
 use ecm_poly::energy::regressor::regressor;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::export::Precision;
+use ecm_poly::regression::triangle::Triangle;
 use ecm_poly::{EnergyFit, Method, Symmetry};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -92,6 +93,26 @@ fn check_columns(name: &str, found: usize, expected: usize) -> PyResult<()> {
     Err(ModelError::new_err(format!(
         "{name} has {found} columns, expected {expected}"
     )))
+}
+
+/// The triangle of the rows of several triangles (c, c), `rows` in all.
+fn merged(triangles: &[PyReadonlyArray2<'_, f64>], rows: usize) -> PyResult<Triangle> {
+    let columns = triangles.first().map_or(0, |part| part.shape()[1]);
+    for part in triangles {
+        check_columns("a triangle", part.shape()[1], columns)?;
+    }
+    let parts = triangles.iter().map(|part| numbers(part).0);
+    Ok(Triangle::of_parts(parts, columns, rows))
+}
+
+/// (c, c) triangle of the rows of several triangles.
+#[pyfunction]
+pub fn merged_triangle<'py>(
+    py: Python<'py>,
+    triangles: Vec<PyReadonlyArray2<'py, f64>>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let whole = merged(&triangles, 0)?;
+    shaped(py, whole.to_row_major(), whole.columns(), whole.columns())
 }
 
 /// Singular values (r,) and errors (r, m).
@@ -192,6 +213,48 @@ impl PolynomialModel {
             PyArray1::from_vec(py, curves.singular_values),
             shaped(py, curves.rmse, ranks, outputs)?,
         ))
+    }
+
+    /// (c, c) triangle of [regressor | outputs] of some of the rows of `fit_triangles`.
+    #[staticmethod]
+    fn triangle<'py>(
+        py: Python<'py>,
+        inputs: PyReadonlyArray2<'py, f64>,
+        outputs: PyReadonlyArray2<'py, f64>,
+        degree: usize,
+        lower: PyReadonlyArray1<'py, f64>,
+        upper: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let ((points, _, columns), (values, _, outputs)) = (numbers(&inputs), numbers(&outputs));
+        let ranges = (vector(&lower), vector(&upper));
+        check_columns("inputs", columns, ranges.0.len())?;
+        let part = py
+            .detach(|| {
+                let ranges = (ranges.0.as_slice(), ranges.1.as_slice());
+                ecm_poly::PolynomialModel::triangle(&points, &values, outputs, degree, ranges)
+            })
+            .map_err(error)?;
+        shaped(py, part.to_row_major(), part.columns(), part.columns())
+    }
+
+    /// Least squares of the rows of several triangles, `rows` in all.
+    #[staticmethod]
+    fn fit_triangles(
+        py: Python<'_>,
+        triangles: Vec<PyReadonlyArray2<'_, f64>>,
+        rows: usize,
+        degree: usize,
+        lower: PyReadonlyArray1<'_, f64>,
+        upper: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        let whole = merged(&triangles, rows)?;
+        let (lower, upper) = (vector(&lower), vector(&upper));
+        let method = Method::LeastSquares;
+        py.detach(|| {
+            ecm_poly::PolynomialModel::of_triangle(&whole, degree, (&lower, &upper), method)
+        })
+        .map(Self)
+        .map_err(error)
     }
 
     /// Condition number of the regressor without normalisation.
@@ -298,6 +361,13 @@ impl PolynomialModel {
     fn rank(&self) -> usize {
         self.0.facts().rank
     }
+    /// (k, k) covariance of the coefficients of an output in units of its residual variance.
+    #[getter]
+    fn unscaled_covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let flat = self.0.facts().unscaled_covariance.clone();
+        let k = flat.len().isqrt();
+        shaped(py, flat, k, k)
+    }
     /// (m,) residual square per degree of freedom; NaN where it was not fitted.
     #[getter]
     fn residual_variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -355,6 +425,86 @@ impl EnergyModel {
                 covariance: covariance.as_deref(),
             };
             fit.run(&poses, &wrenches)
+        })
+        .map(Self)
+        .map_err(error)
+    }
+
+    /// (2,) length and angle that a fit to these poses makes dimensionless with.
+    #[staticmethod]
+    fn scale_of<'py>(
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        length_m: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let poses = poses_of(&poses)?;
+        let scale = ecm_poly::energy::fit::scale_of(&poses, length_m);
+        Ok(PyArray1::from_slice(py, &scale))
+    }
+
+    /// (c, c) triangle of the whitened [regressor | wrenches] of some of the rows of `fit_triangles`.
+    #[staticmethod]
+    #[pyo3(signature = (poses, wrenches, covariance, *, length_m, degree, symmetry, scale, groups = Vec::new()))]
+    #[allow(clippy::too_many_arguments)]
+    fn triangle<'py>(
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        wrenches: PyReadonlyArray2<'py, f64>,
+        covariance: PyReadonlyArray3<'py, f64>,
+        length_m: f64,
+        degree: usize,
+        symmetry: &str,
+        scale: PyReadonlyArray1<'py, f64>,
+        groups: Vec<String>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let symmetry = symmetry_of(symmetry)?;
+        let groups = Group::from_names(&groups, symmetry).map_err(error)?;
+        let poses = poses_of(&poses)?;
+        let wrenches = rows::<6>("wrenches", &wrenches)?;
+        let covariance = matrices::<6, 6>("covariance", &covariance)?;
+        let scale = scale_of(&scale)?;
+        let part = py
+            .detach(|| {
+                let fit = EnergyFit {
+                    length_m,
+                    degree,
+                    symmetry,
+                    groups: &groups,
+                    covariance: Some(&covariance),
+                };
+                fit.triangle(&poses, &wrenches, scale)
+            })
+            .map_err(error)?;
+        shaped(py, part.to_row_major(), part.columns(), part.columns())
+    }
+
+    /// The fit of several triangles, which stand for `rows` poses.
+    #[staticmethod]
+    #[pyo3(signature = (triangles, rows, *, length_m, degree, symmetry, scale, groups = Vec::new()))]
+    #[allow(clippy::too_many_arguments)]
+    fn fit_triangles(
+        py: Python<'_>,
+        triangles: Vec<PyReadonlyArray2<'_, f64>>,
+        rows: usize,
+        length_m: f64,
+        degree: usize,
+        symmetry: &str,
+        scale: PyReadonlyArray1<'_, f64>,
+        groups: Vec<String>,
+    ) -> PyResult<Self> {
+        let symmetry = symmetry_of(symmetry)?;
+        let groups = Group::from_names(&groups, symmetry).map_err(error)?;
+        let scale = scale_of(&scale)?;
+        let whole = merged(&triangles, 6 * rows)?;
+        py.detach(|| {
+            let fit = EnergyFit {
+                length_m,
+                degree,
+                symmetry,
+                groups: &groups,
+                covariance: None,
+            };
+            fit.of_triangle(whole, scale, true)
         })
         .map(Self)
         .map_err(error)

@@ -1,4 +1,4 @@
-"""The command `ecm`: one file per command; each parses its options and calls the package."""
+"""The command `ecm`: for each command a file of options, and one that calls the package."""
 
 from __future__ import annotations
 

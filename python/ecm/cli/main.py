@@ -10,7 +10,7 @@ import errno
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from typer import Abort, Exit
@@ -45,11 +45,16 @@ def main() -> None:
     sys.exit(code)
 
 
-def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
+def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code, see `ecm.cli.run`."""
+    return reported(lambda: _invoke(arguments))
+
+
+def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911
+    """Return the exit code of work; an exception is printed as a message and has a code, too."""
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:
-        code = _invoke(arguments)
+        code = work()
         # The parser turns Ctrl-C into a code.
         return _interrupted() if code == interrupt.INTERRUPTED else code
     except (KeyboardInterrupt, EOFError):

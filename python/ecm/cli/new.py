@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from ecm.cli.command import Session, command
+from ecm.cli.options.new import Options, What
+from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.interrupts import uninterrupted
@@ -18,27 +14,8 @@ from ecm.io.templates import NEXT_STEP, template
 _FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
 
 
-class What(str, Enum):
-    """Files that can be written."""
-
-    config = "config"
-    rig = "rig"
-    data = "data"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    what: Annotated[What, typer.Argument(metavar="config|rig|data", help="Which file.")]
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Instead of the usual name.")
-    ] = None
-
-
-@command(Options)
 def new(options: Options, session: Session) -> None:
-    """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml."""
+    """Run `ecm new`."""
     usual = _FILES[options.what.value]
     path = options.out or Path(usual)
     files = {path: template(usual)}

@@ -31,7 +31,7 @@ class Outputs:
         written = [str(p) for p, before in self._before.items() if _identity(p) != before]
         if not written:
             return NOTHING_WRITTEN
-        return f"{', '.join(written)} complete. Run the same command again for the rest."
+        return f"complete: {', '.join(written)}. Run the same command again for the rest."
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

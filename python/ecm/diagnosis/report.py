@@ -83,7 +83,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         ),
         next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
         outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
-        rows=rows_used(problem),
+        rows_used=_rows_used(problem),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         refinements=refinements(problem, accepted),
@@ -114,7 +114,7 @@ def upper_bound(test: FTest, size: int) -> float:
     return float(np.sqrt(bound / size))
 
 
-def rows_used(problem: Problem) -> RowsUsed | None:
+def _rows_used(problem: Problem) -> RowsUsed | None:
     """Return how many rows of a large table were used, and why they are enough."""
     if problem.table.whole is None:
         return None

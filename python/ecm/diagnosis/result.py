@@ -143,7 +143,7 @@ class Diagnosis:
     next_experiment: tuple[Proposal, ...]
     outliers: tuple[int, ...]
     """Rows of the table whose robust weight is below one half."""
-    rows: RowsUsed | None = field(metadata={"optional": True})
+    rows_used: RowsUsed | None = field(metadata={"optional": True})
     """Which rows of a large table were used; None where all were."""
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""

@@ -195,6 +195,11 @@ class Table:
         places = None if self.places is None else self.places[index]
         return replace(self, columns=columns, places=places)
 
+    @property
+    def row_numbers(self) -> I:
+        """(N,) numbers of the rows from 0; those of a thinned table are the places in its whole."""
+        return np.arange(len(self), dtype=np.int64) if self.places is None else self.places
+
     def thinned(self, rows: ArrayLike) -> Table:
         """Return the rows of growing row numbers, which keep the history of all rows.
 

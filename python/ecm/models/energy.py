@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,13 +10,14 @@ import numpy as np
 
 from ecm._native import EnergyModel as EnergyEvaluator
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.degrees import ENERGY_DEGREES
 from ecm.io.settings import setting
 from ecm.io.table import Table
-from ecm.models.errors_in_variables import fit_with_pose_noise
+from ecm.models.errors_in_variables import Solved, fit_with_pose_noise, fits_without_folds
 from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
+from ecm.regression.blocks import few_rows
 from ecm.regression.noise import declared_noise
 
 GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
@@ -93,31 +95,59 @@ class EnergyModel(ModelSpecification):
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Errors in variables by the declared noise; with `weights` spread least squares."""
-        length = length_of(table, self.name)
-
-        def fit(poses: F, wrenches: F, covariance: F | None) -> EnergyEvaluator:
-            return EnergyEvaluator.fit(
-                np.ascontiguousarray(poses),
-                np.ascontiguousarray(wrenches),
-                length_m=length,
-                degree=self.degree,
-                symmetry=self.symmetry,
-                groups=self.groups,
-                covariance=None if covariance is None else np.ascontiguousarray(covariance),
-            )
-
-        def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
-            model = fit(poses, wrenches, covariance)
-            return EnergyMap(model), np.asarray(model.covariance), model.residual_variance
-
+        family = _TermsOfEnergy(self, length_of(table, self.name))
         noise = declared_noise(table)
-        first = fit(table.poses, table.wrenches, None)
         if weights == "spread":
+            first = family.by_spread(table)
             return FittedMap(EnergyMap(first), noise, np.asarray(first.covariance))
-        result = fit_with_pose_noise(table, EnergyMap(first), noise, solve)
+        few = few_rows(table)
+        start: StiffnessMap = EnergyMap(family.by_spread(few))
+        if len(few) < len(table):
+            start = fit_with_pose_noise(few, start, noise, family).base
+        result = fit_with_pose_noise(table, start, noise, family, near=len(few) < len(table))
         return FittedMap(result.base, noise, result.covariance, result.residual_variance)
+
+    def maps_without(
+        self, table: Table, fold: I, fitted: StiffnessMap | None
+    ) -> list[StiffnessMap]:
+        """One step from the fit to all rows."""
+        family = _TermsOfEnergy(self, length_of(table, self.name))
+        start = self.fit_map(table, "auto").base if fitted is None else fitted
+        return fits_without_folds(table, start, declared_noise(table), family, fold)
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> EnergyMap:
         """Return the map of an opened model file."""
         return EnergyMap.from_document(document)
+
+
+@dataclass(frozen=True)
+class _TermsOfEnergy:
+    """Least squares of the terms of an energy (`LinearFit`)."""
+
+    energy: EnergyModel
+    length_m: float
+
+    @property
+    def _terms(self) -> dict[str, Any]:
+        """Arguments that choose the terms of the native energy."""
+        own = self.energy
+        terms = {"degree": own.degree, "symmetry": own.symmetry, "groups": own.groups}
+        return terms | {"length_m": self.length_m}
+
+    def by_spread(self, table: Table) -> EnergyEvaluator:
+        """The fit that weighs each component by its own spread."""
+        return EnergyEvaluator.fit(table.poses, table.wrenches, **self._terms)
+
+    def frame(self, poses: F) -> F:
+        """(2,) scale of length and angle."""
+        return EnergyEvaluator.scale_of(poses, self.length_m)
+
+    def reduce(self, frame: F, poses: F, wrenches: F, covariance: F) -> F:
+        """(c, c) triangle of the whitened rows."""
+        return EnergyEvaluator.triangle(poses, wrenches, covariance, scale=frame, **self._terms)
+
+    def solve(self, frame: F, parts: Sequence[F], rows: int) -> Solved:
+        """The fit of the blocks' triangles."""
+        model = EnergyEvaluator.fit_triangles(parts, rows, scale=frame, **self._terms)
+        return EnergyMap(model), np.asarray(model.covariance), model.residual_variance

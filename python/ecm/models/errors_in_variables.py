@@ -18,21 +18,57 @@ spread of the poses, however many rows there are (attenuation).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from ecm._native import left_jacobians
 from ecm.effects import Rows
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
+from ecm.regression.blocks import in_blocks, triangles_of_folds
 from ecm.regression.noise import Noise, whiteners
 
-Solve = Callable[[F, F, F], tuple[StiffnessMap, F, float]]
-"""poses, wrenches, covariance (N, m, m) to map, covariance (k, k), whitened residual variance."""
+Solved = tuple[StiffnessMap, F, float]
+"""Map, covariance (k, k), whitened residual variance."""
+Solve = Callable[[F, F, F], Solved]
+"""Generalised least squares of all rows: poses, wrenches, covariance (N, m, m)."""
+
+
+class LinearFit(Protocol):
+    """Generalised least squares of a map's family, which reads the rows block by block."""
+
+    def frame(self, poses: F) -> Any:
+        """What all blocks share, such as the scale of the coordinates."""
+
+    def reduce(self, frame: Any, poses: F, wrenches: F, covariance: F) -> Any:
+        """What the fit needs of a block of rows; called from several threads."""
+
+    def solve(self, frame: Any, parts: Sequence[Any], rows: int) -> Solved:
+        """The fit of the blocks, which hold so many rows."""
+
+
+@dataclass(frozen=True)
+class AllRows:
+    """A fit that takes all rows at once."""
+
+    whole: Solve
+
+    def frame(self, poses: F) -> None:
+        """Nothing is shared."""
+
+    def reduce(self, frame: None, poses: F, wrenches: F, covariance: F) -> tuple[F, F, F]:
+        """The rows themselves."""
+        return poses, wrenches, covariance
+
+    def solve(self, frame: None, parts: Sequence[tuple[F, F, F]], rows: int) -> Solved:
+        """The fit of all rows."""
+        return self.whole(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
 
 _MAX_ITERATIONS = 20
 _TOLERANCE = 0.01
@@ -56,7 +92,7 @@ class NoisyPoseFit:
 
 
 def fit_with_pose_noise(
-    table: Table, start: StiffnessMap, noise: Noise, solve: Solve
+    table: Table, start: StiffnessMap, noise: Noise, family: LinearFit, *, near: bool = False
 ) -> NoisyPoseFit:
     """Maximum likelihood fit of the coefficients and the true poses.
 
@@ -68,36 +104,130 @@ def fit_with_pose_noise(
         Map of the family, where the iteration starts.
     noise
         Noise of pose and wrench.
-    solve
+    family
         Generalised least squares of the map's family.
+    near
+        Whether the start is near the result, as that of other rows of the same campaign.
     """
-    base = start
-    measured = table.matrix(base.inputs)
-    wrenches = np.ascontiguousarray(table.matrix(base.outputs))
-    poses, shift = measured.copy(), np.zeros_like(measured)
+    base, rows = start, _NoisyRows.of(table, start)
     before, covariance, variance = base.coefficients, np.zeros((0, 0)), np.nan
     change = np.inf
+    if near:
+        rows = rows.moved(base, noise)
     for _ in range(_MAX_ITERATIONS):
-        here = table.with_columns(dict(zip(base.inputs, poses.T, strict=True)))
-        rows = Rows(here, base)
-        k_s = rows.screw_stiffness if base.inputs == POSE else rows.stiffness
-        moved = wrenches - np.einsum("nij,nj->ni", k_s, shift)
-        base, covariance, variance = solve(poses, moved, noise.covariance(rows))
+        frame = family.frame(rows.poses)
+
+        def reduced(block: slice) -> Any:
+            return rows.of_rows(block).reduced(base, noise, family, frame)  # noqa: B023
+
+        parts = in_blocks(len(table), reduced)
+        base, covariance, variance = family.solve(frame, parts, len(table))
         sd = np.sqrt(np.diag(covariance))
         changes = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
         before, last = base.coefficients, change
         change = float(changes.max())
         if change < _TOLERANCE or (change > last and change < 0.1):
             break
-        shift = _pose_shift(Rows(here, base), wrenches, shift, noise)
-        poses = _shifted(measured, shift, base.inputs)
-    return NoisyPoseFit(base, covariance, variance, poses, change < 0.1)
+        rows = rows.moved(base, noise)
+    return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
+
+
+def fits_without_folds(
+    table: Table, fitted: StiffnessMap, noise: Noise, family: LinearFit, fold: I
+) -> list[StiffnessMap]:
+    """Map without each fold, one step from a fit to all rows: true poses and weights are its own.
+
+    Parameters
+    ----------
+    table
+        N measured rows.
+    fitted
+        Map that was fitted to all rows.
+    noise
+        Noise of pose and wrench.
+    family
+        Generalised least squares whose parts are triangles (c, c).
+    fold
+        (N,) number of each row's fold, from 0.
+    """
+    rows = _NoisyRows.of(table, fitted).moved(fitted, noise).moved(fitted, noise)
+    frame = family.frame(rows.poses)
+
+    def triangle(own: I) -> F:
+        return np.asarray(rows.of_rows(own).reduced(fitted, noise, family, frame))
+
+    parts = triangles_of_folds(fold, triangle)
+    counts = np.bincount(fold)
+    return [
+        family.solve(frame, parts[:i] + parts[i + 1 :], len(fold) - int(counts[i]))[0]
+        for i in range(len(parts))
+    ]
+
+
+@dataclass(frozen=True)
+class _NoisyRows:
+    """Rows with their most likely true poses."""
+
+    table: Table
+    """Source of the description."""
+    inputs: tuple[str, ...]
+    measured: F
+    """(N, n) measured poses."""
+    wrenches: F
+    """(N, m)."""
+    poses: F
+    """(N, n) most likely true poses."""
+    shift: F
+    """(N, n) measured minus most likely pose, rotations as increments in base axes."""
+
+    @staticmethod
+    def of(table: Table, base: StiffnessMap) -> _NoisyRows:
+        """Each pose where it was measured."""
+        measured = table.matrix(base.inputs)
+        wrenches = np.ascontiguousarray(table.matrix(base.outputs))
+        return _NoisyRows(table, base.inputs, measured, wrenches, measured, np.zeros_like(measured))
+
+    def of_rows(self, rows: slice | I) -> _NoisyRows:
+        """Some of the rows."""
+        return _NoisyRows(
+            self.table,
+            self.inputs,
+            *(array[rows] for array in (self.measured, self.wrenches, self.poses, self.shift)),
+        )
+
+    def under(self, base: StiffnessMap) -> Rows:
+        """Rows of the true poses under a map."""
+        columns = dict(zip(self.inputs, self.poses.T, strict=True))
+        return Rows(Table(columns, self.table.meta, self.table.source), base)
+
+    def reduced(self, base: StiffnessMap, noise: Noise, family: LinearFit, frame: Any) -> Any:
+        """Part of the linear fit."""
+        rows = self.under(base)
+        moved = self.wrenches - np.einsum("nij,nj->ni", _screw_stiffness(rows), self.shift)
+        return family.reduce(frame, self.poses, moved, noise.covariance(rows))
+
+    def moved(self, base: StiffnessMap, noise: Noise) -> _NoisyRows:
+        """The rows with each pose where it most likely was under a map."""
+
+        def of_block(block: slice) -> tuple[F, F]:
+            own = self.of_rows(block)
+            shift = _pose_shift(own.under(base), own.wrenches, own.shift, noise)
+            return shift, _shifted(own.measured, shift, own.inputs)
+
+        found = in_blocks(len(self.measured), of_block)
+        shift, poses = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        return _NoisyRows(self.table, self.inputs, self.measured, self.wrenches, poses, shift)
+
+
+def _screw_stiffness(rows: Rows) -> F:
+    """(N, m, n) wrench by increments of the pose, rotations in base axes."""
+    return rows.screw_stiffness if rows.base.inputs == POSE else rows.stiffness
 
 
 def _pose_shift(rows: Rows, wrenches: F, shift: F, noise: Noise) -> F:
     """(N, n) measured minus most likely pose, rotations as increments in base axes."""
     inputs = rows.base.inputs
-    k_s = rows.screw_stiffness if inputs == POSE else rows.stiffness
+    k_s = _screw_stiffness(rows)
     sd = np.array([noise.position_sd_m if c in POSE[:3] else noise.rotation_sd_rad for c in inputs])
     whitener = whiteners(noise.covariance(rows))
     e = wrenches - rows.wrench - np.einsum("nij,nj->ni", k_s, shift)

@@ -11,6 +11,7 @@ from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
 from ecm.models.cross_validation import cross_validate
+from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
@@ -62,7 +63,7 @@ def fit_summary(
             )
     with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
     single = with_threshold or isinstance(model, PhysicsModel)
-    held_out = None if single else _held_out(table, model, seed)
+    held_out = None if single else _held_out(table, model, seed, fitted.base)
     parameters = _parameters(fitted)
     for part in (held_out, parameters):
         if part is not None:
@@ -95,7 +96,9 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
     }
 
 
-def _held_out(table: Table, model: ModelSpecification, seed: int) -> dict[str, Any] | None:
+def _held_out(
+    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap
+) -> dict[str, Any] | None:
     """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
 
     Groups are few, so a part is one half and the value is the median over many divisions.
@@ -103,12 +106,12 @@ def _held_out(table: Table, model: ModelSpecification, seed: int) -> dict[str, A
     """
     try:
         if not table.meta.group:
-            folds = _shares(table, model, _FOLDS, True, [seed])
+            folds = _shares(table, model, base, _FOLDS, True, [seed])
             sentence = f"held out, share of the spread: {_listed(folds)}"
             return {"folds": folds, "sentences": [sentence]}
         seeds = [seed + i for i in range(_HALVINGS)]
-        own = _shares(table, model, 2, True, seeds)
-        random = _shares(table, model, 2, False, seeds)
+        own = _shares(table, model, base, 2, True, seeds)
+        random = _shares(table, model, base, 2, False, seeds)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
@@ -125,11 +128,17 @@ def _held_out(table: Table, model: ModelSpecification, seed: int) -> dict[str, A
 
 
 def _shares(
-    table: Table, model: ModelSpecification, folds: int, grouped: bool, seeds: Sequence[int]
+    table: Table,
+    model: ModelSpecification,
+    base: StiffnessMap,
+    folds: int,
+    grouped: bool,
+    seeds: Sequence[int],
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
     results = [
-        cross_validate(table, model, folds=folds, grouped=grouped, seed=seed) for seed in seeds
+        cross_validate(table, model, folds=folds, grouped=grouped, seed=seed, fitted=base)
+        for seed in seeds
     ]
     return {
         column: float(np.median([result.rmse[column] for result in results])) / spread

@@ -9,11 +9,11 @@ import numpy as np
 
 from ecm._native import PolynomialModel as PolynomialEvaluator
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.degrees import POLYNOMIAL_DEGREES
 from ecm.io.settings import setting
 from ecm.io.table import Table
-from ecm.models.errors_in_variables import fit_with_pose_noise
+from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.pcr import Threshold, singular_threshold
@@ -24,6 +24,7 @@ from ecm.models.specification import (
     Weights,
     pose_and_wrench_columns,
 )
+from ecm.regression.blocks import triangles_of_folds
 from ecm.regression.noise import declared_noise
 
 _ALIASES = {"linear": 1, "quadratic": 2, "cubic": 3}
@@ -106,18 +107,35 @@ class PolynomialModel(ModelSpecification):
             def solve(poses: F, wrenches: F, covariance: F) -> tuple[StiffnessMap, F, float]:
                 return fit_polynomial_gls(base, poses, wrenches, covariance)
 
-            result = fit_with_pose_noise(table, base, noise, solve)
+            result = fit_with_pose_noise(table, base, noise, AllRows(solve))
             return FittedMap(result.base, noise, result.covariance, result.residual_variance)
         noise = declared_or_fitted(base, table)
         n, k = len(poses), len(model.coefficients)
         if self.pcr is not None or n <= k:
             return FittedMap(base, noise)
-        regressor = base.regressor(poses)
-        inverse = np.linalg.pinv(regressor.T @ regressor, hermitian=True)
-        variance = ((wrenches - base.predict(poses)) ** 2).sum(axis=0) / (n - k)
-        return FittedMap(
-            base, noise, np.asarray(np.kron(np.diag(variance), inverse), dtype=np.float64)
-        )
+        covariance = np.kron(np.diag(model.residual_variance), model.unscaled_covariance)
+        return FittedMap(base, noise, np.asarray(covariance, dtype=np.float64))
+
+    def maps_without(
+        self, table: Table, fold: I, fitted: StiffnessMap | None
+    ) -> list[StiffnessMap] | None:
+        """Least squares of the other folds' rows; None with a threshold, which needs all rows."""
+        if self.pcr is not None:
+            return None
+        inputs, outputs = pose_and_wrench_columns(table)
+        poses, wrenches = table.matrix(inputs), table.matrix(outputs)
+        frame = (self.degree, poses.min(axis=0), poses.max(axis=0))
+
+        def triangle(rows: I) -> F:
+            return PolynomialEvaluator.triangle(poses[rows], wrenches[rows], *frame)
+
+        parts = triangles_of_folds(fold, triangle)
+        maps: list[StiffnessMap] = []
+        for i, out in enumerate(np.bincount(fold).tolist()):
+            others = parts[:i] + parts[i + 1 :]
+            model = PolynomialEvaluator.fit_triangles(others, len(fold) - out, *frame)
+            maps.append(PolynomialMap(model, inputs, outputs))
+        return maps
 
     @staticmethod
     def map_from_document(document: dict[str, Any]) -> PolynomialMap:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from ecm.errors import InputError
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.settings import Checked
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
@@ -73,6 +73,22 @@ class ModelSpecification(Checked, ABC):
     @abstractmethod
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Fit the map to a table that holds measured rows only."""
+
+    def maps_without(
+        self, table: Table, fold: I, fitted: StiffnessMap | None
+    ) -> list[StiffnessMap] | None:
+        """Maps fitted without each fold of many rows, at the cost of one fit; None by default.
+
+        Parameters
+        ----------
+        table
+            N measured rows.
+        fold
+            (N,) number of each row's fold, from 0.
+        fitted
+            Map that was fitted to all rows, if there is one.
+        """
+        return None
 
     @staticmethod
     @abstractmethod

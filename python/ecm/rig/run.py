@@ -145,7 +145,7 @@ def run_campaign(
     if rig.rig.mode == "robot":
         # scipy is slow to load, and only the arm needs it
         from ecm.rig.arm.campaign import RobotCampaign  # noqa: PLC0415 - the arm takes 1.5 s to load
-        from ecm.rig.arm.run import require_arm, run_robot, write_record  # noqa: PLC0415 - the arm takes 1.5 s to load
+        from ecm.rig.arm.run import kept_sorties, require_arm, run_robot, write_record  # noqa: PLC0415 - the arm takes 1.5 s to load
 
         require_arm(folder)
         arm = RobotCampaign(
@@ -158,6 +158,7 @@ def run_campaign(
         if out is not None and kept is not None:
             table = _written(arm, table, out)
             write_record(arm, out)
+            kept_sorties(arm, out).remove()
             kept.remove()
         return table
     campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)

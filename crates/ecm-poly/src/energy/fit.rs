@@ -4,13 +4,14 @@ use std::vec::Vec;
 
 use ecm_se3::{Mat6, Pose, Vec6};
 
-use crate::dense::ThinSvd;
 use crate::energy::groups::{Group, group_terms};
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::energy::regressor::{check_length, regressor};
 use crate::energy::terms::terms;
 use crate::error::{ModelError, check_count, check_finite};
+use crate::regression::Method;
+use crate::regression::triangle::Triangle;
 
 /// Settings of the fit of an energy.
 #[derive(Clone, Copy, Debug)]
@@ -71,39 +72,87 @@ impl EnergyFit<'_> {
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
         check_finite("poses", poses.as_flattened(), 6)?;
         check_finite("wrenches", wrenches.as_flattened(), 6)?;
-        let rows = terms(self.symmetry, self.degree)?;
+        let scale = scale_of(poses, self.length_m);
+        let triangle = self.triangle(poses, wrenches, scale)?;
+        self.of_triangle(triangle, scale, self.covariance.is_some())
+    }
+
+    /// Triangle of the weighted rows [Φ | h], six a pose: all rows of a fit, or a part of those
+    /// whose covariance is stated.
+    ///
+    /// # Errors
+    /// As for [`EnergyFit::run`].
+    pub fn triangle(
+        &self,
+        poses: &[Vec6<f64>],
+        wrenches: &[Vec6<f64>],
+        scale: [f64; 2],
+    ) -> Result<Triangle, ModelError> {
+        check_count("wrenches", "rows", wrenches.len(), poses.len())?;
+        check_finite("wrenches", wrenches.as_flattened(), 6)?;
+        if let Some(covariance) = self.covariance {
+            check_count("covariance", "rows", covariance.len(), poses.len())?;
+        }
+        let table = terms(self.symmetry, self.degree)?;
         let broken = group_terms(self.groups, self.degree);
-        let k = rows.len() + broken.len();
-        if 6 * poses.len() < k {
+        let k = table.len() + broken.len();
+        let spreads = spreads(wrenches);
+        Triangle::of_rows(poses.len(), 6, k + 1, |range| {
+            let tables = (table.as_slice(), broken.as_slice());
+            let own = &poses[range.clone()];
+            let phi = regressor(own, self.length_m, self.symmetry, tables, scale)?;
+            let sides = wrenches[range.clone()].as_flattened();
+            let mut block = Vec::with_capacity(sides.len() * (k + 1));
+            for (row, side) in phi.chunks_exact(k).zip(sides) {
+                block.extend_from_slice(row);
+                block.push(*side);
+            }
+            match self.covariance {
+                Some(covariance) => {
+                    whiten(&covariance[range.clone()], &mut block, k + 1, range.start)?
+                }
+                None => weigh(&spreads, &mut block, k + 1),
+            }
+            Ok(block)
+        })
+    }
+
+    /// The fit of a triangle of [`EnergyFit::triangle`]; `stated`: its rows were weighted by a stated
+    /// covariance, so that the residual does not scale that of the coefficients.
+    ///
+    /// # Errors
+    /// A degree out of range, fewer equations than coefficients.
+    pub fn of_triangle(
+        &self,
+        triangle: Triangle,
+        scale: [f64; 2],
+        stated: bool,
+    ) -> Result<EnergyModel, ModelError> {
+        let k =
+            terms(self.symmetry, self.degree)?.len() + group_terms(self.groups, self.degree).len();
+        check_count("triangle", "columns", triangle.columns(), k + 1)?;
+        let equations = triangle.rows();
+        if equations < k {
             return Err(ModelError::TooFewRows {
-                equations: 6 * poses.len(),
+                equations,
                 coefficients: k,
             });
         }
-        let scale = scale_of(poses, self.length_m);
-        let mut matrix = regressor(poses, self.length_m, self.symmetry, (&rows, &broken), scale)?;
-        let mut targets: Vec<f64> = wrenches.as_flattened().to_vec();
-        match self.covariance {
-            Some(covariance) => {
-                check_count("covariance", "rows", covariance.len(), poses.len())?;
-                whiten(covariance, &mut matrix, &mut targets, k)?;
-            }
-            None => weigh_by_spread(&mut matrix, &mut targets, k),
-        }
-        let lengths = scale_columns(&mut matrix, k);
-        let factors = ThinSvd::new(&matrix, k)?;
-        let rank = factors.numerical_rank();
-        let inverse =
-            |power: i32| move |i: usize, s: f64| if i < rank { s.powi(-power) } else { 0.0 };
-        let mut coefficients = factors.solve(&targets, 1, inverse(1));
-        let residual = residual_square(&matrix, &coefficients, &targets);
-        let freedom = targets.len() - rank;
-        let variance = match self.covariance {
-            Some(_) => 1.0,
-            None if freedom > 0 => residual / freedom as f64,
-            None => 0.0,
+        let mut triangle = triangle;
+        let lengths: Vec<f64> = (triangle.lengths(k).iter())
+            .map(|&length| if length > 0.0 { length } else { 1.0 })
+            .collect();
+        triangle.divide_columns(&lengths);
+        let (solution, factors) = triangle.solve(k, Method::LeastSquares)?;
+        let (mut coefficients, rank) = (solution.coefficients, solution.rank);
+        let residual = triangle.residual_squares(k, &coefficients)[0];
+        let freedom = equations - rank;
+        let variance = match freedom {
+            _ if stated => 1.0,
+            0 => 0.0,
+            _ => residual / freedom as f64,
         };
-        let mut covariance = factors.gram(inverse(2));
+        let mut covariance = solution.unscaled_covariance;
         for i in 0..k {
             coefficients[i] /= lengths[i];
             for j in 0..k {
@@ -133,7 +182,7 @@ impl EnergyFit<'_> {
 }
 
 /// The largest |c| and |θ| of the poses; a tenth of the length and 1 rad where they are 0.
-fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
+pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
     let mut largest = [0.0_f64; 2];
     for pose in poses {
         let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(pose), length_m);
@@ -153,30 +202,27 @@ fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
     [usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)]
 }
 
-/// Multiplies the six rows of each pose by L⁻¹, Σ = L Lᵀ.
+/// Multiplies the six rows of each pose by L⁻¹, Σ = L Lᵀ; `first` is the number of the first pose.
 fn whiten(
     covariance: &[Mat6<f64>],
-    matrix: &mut [f64],
-    targets: &mut [f64],
-    k: usize,
+    block: &mut [f64],
+    columns: usize,
+    first: usize,
 ) -> Result<(), ModelError> {
-    let blocks = matrix.chunks_exact_mut(6 * k);
-    let sides = targets.chunks_exact_mut(6);
-    for (row, (sigma, (block, side))) in covariance.iter().zip(blocks.zip(sides)).enumerate() {
+    let poses = block.chunks_exact_mut(6 * columns);
+    for (row, (sigma, rows)) in (first..).zip(covariance.iter().zip(poses)) {
         let factor = cholesky(sigma).ok_or(ModelError::Covariance { row })?;
         for i in 0..6 {
             for j in 0..i {
                 let l = factor[i][j];
-                let (above, below) = block.split_at_mut(i * k);
-                for t in 0..k {
-                    below[t] -= l * above[j * k + t];
+                let (above, below) = rows.split_at_mut(i * columns);
+                for t in 0..columns {
+                    below[t] -= l * above[j * columns + t];
                 }
-                side[i] -= l * side[j];
             }
-            for t in 0..k {
-                block[i * k + t] /= factor[i][i];
+            for t in 0..columns {
+                rows[i * columns + t] /= factor[i][i];
             }
-            side[i] /= factor[i][i];
         }
     }
     Ok(())
@@ -208,48 +254,20 @@ fn cholesky(sigma: &Mat6<f64>) -> Option<Mat6<f64>> {
     Some(l)
 }
 
-/// Divides each wrench component by its standard deviation over the rows.
-fn weigh_by_spread(matrix: &mut [f64], targets: &mut [f64], k: usize) {
-    let n = (targets.len() / 6) as f64;
-    for component in 0..6 {
-        let values = || targets.iter().skip(component).step_by(6);
+/// Standard deviation of each wrench component over the rows; 1 where it never varies.
+fn spreads(wrenches: &[Vec6<f64>]) -> [f64; 6] {
+    let n = wrenches.len() as f64;
+    std::array::from_fn(|component| {
+        let values = || wrenches.iter().map(|h| h[component]);
         let mean = values().sum::<f64>() / n;
         let square = values().map(|h| (h - mean).powi(2)).sum::<f64>() / n;
-        let spread = if square > 0.0 { square.sqrt() } else { 1.0 };
-        for row in matrix.chunks_exact_mut(k).skip(component).step_by(6) {
-            row.iter_mut().for_each(|x| *x /= spread);
-        }
-        let side = targets.iter_mut().skip(component).step_by(6);
-        side.for_each(|h| *h /= spread);
-    }
+        if square > 0.0 { square.sqrt() } else { 1.0 }
+    })
 }
 
-/// Scales columns to unit length in place; returns the lengths, 1 for a column of zeros.
-fn scale_columns(matrix: &mut [f64], k: usize) -> Vec<f64> {
-    let mut lengths = std::vec![0.0; k];
-    for row in matrix.chunks_exact(k) {
-        for (length, x) in lengths.iter_mut().zip(row) {
-            *length += x * x;
-        }
+/// Divides the six rows of each pose by the spread of their component.
+fn weigh(spreads: &[f64; 6], block: &mut [f64], columns: usize) {
+    for (row, spread) in block.chunks_exact_mut(columns).zip(spreads.iter().cycle()) {
+        row.iter_mut().for_each(|x| *x /= spread);
     }
-    for length in &mut lengths {
-        *length = if *length > 0.0 { length.sqrt() } else { 1.0 };
-    }
-    for row in matrix.chunks_exact_mut(k) {
-        for (x, length) in row.iter_mut().zip(&lengths) {
-            *x /= length;
-        }
-    }
-    lengths
-}
-
-fn residual_square(matrix: &[f64], coefficients: &[f64], targets: &[f64]) -> f64 {
-    matrix
-        .chunks_exact(coefficients.len())
-        .zip(targets)
-        .map(|(row, y)| {
-            let fitted: f64 = row.iter().zip(coefficients).map(|(a, b)| a * b).sum();
-            (y - fitted).powi(2)
-        })
-        .sum()
 }

@@ -4,6 +4,7 @@ pub mod least_squares;
 pub mod leave_one_out;
 pub mod pcr;
 pub mod ridge;
+pub mod triangle;
 
 use std::vec::Vec;
 

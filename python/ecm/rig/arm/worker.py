@@ -13,7 +13,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from typing import IO, Any, cast
 from ecm.errors import ComputationError
 from ecm.rig.arm.non_elastic import HiddenPhysics
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
-from ecm.rig.arm.sorties import SortieResult, Stop
+from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.arm.surrogate import Surrogate
 from ecm.rig.settings import RigSettings
 
@@ -50,8 +50,12 @@ class ArmSetup:
         )
 
 
+Results = Iterable[StopResult | SortieResult]
+"""The stops of a sortie, each when it is done, and then the whole."""
+Finished = Callable[[int, SortieResult], None] | None
+"""Called with the number of a sortie and its result, on any thread, before its turn comes."""
 RunSorties = Callable[
-    [ArmSetup, Sequence[Sequence[Stop]], int], AbstractContextManager[Iterator[SortieResult]]
+    [ArmSetup, Sequence[Sequence[Stop]], int, Finished], AbstractContextManager[Iterator[Results]]
 ]
 """Type of `run_sorties`; a benchmark passes one that reuses the results of another campaign."""
 
@@ -71,10 +75,14 @@ class _Worker:
         pickle.dump(value, self._in)
         self._in.flush()
 
-    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
+    def results(self, stops: Sequence[Stop]) -> Iterator[StopResult | SortieResult]:
         try:
             self.send(tuple(stops))
-            return cast("SortieResult", pickle.load(self._out))
+            while True:
+                result = pickle.load(self._out)
+                yield result
+                if isinstance(result, SortieResult):
+                    return
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
                 "a process that simulates the arm ended before its answer; all finished poses are "
@@ -91,20 +99,29 @@ class _Worker:
 
 @contextmanager
 def run_sorties(
-    setup: ArmSetup, tasks: Sequence[Sequence[Stop]], processes: int
-) -> Iterator[Iterator[SortieResult]]:
+    setup: ArmSetup,
+    tasks: Sequence[Sequence[Stop]],
+    processes: int,
+    finished: Finished = None,
+) -> Iterator[Iterator[Results]]:
     """Yield an iterator over the results of sorties, in order; they are simulated in parallel."""
     if processes <= 1 or len(tasks) < 2:
         arm = setup.build() if tasks else None
-        yield (arm.sortie(task) for task in tasks if arm is not None)
+        yield (arm.results(task) for task in tasks if arm is not None)
         return
+    found: list[queue.SimpleQueue[Any]] = [queue.SimpleQueue() for _ in tasks]
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
     count = min(processes, len(tasks))
 
-    def run(task: Sequence[Stop]) -> SortieResult:
+    def run(number: int) -> None:
         worker = free.get()
         try:
-            return worker.sortie(task)
+            for result in worker.results(tasks[number]):
+                if isinstance(result, SortieResult) and finished is not None:
+                    finished(number, result)
+                found[number].put(result)
+        except Exception as error:
+            found[number].put(error)
         finally:
             free.put(worker)
 
@@ -116,7 +133,19 @@ def run_sorties(
             worker.send(setup)
             free.put(worker)
         stack.callback(pool.shutdown, wait=False, cancel_futures=True)
-        yield pool.map(run, tasks)
+        for number in range(len(tasks)):
+            pool.submit(run, number)
+        yield (_received(results) for results in found)
+
+
+def _received(results: queue.SimpleQueue[Any]) -> Iterator[StopResult | SortieResult]:
+    while True:
+        result = results.get()
+        if isinstance(result, Exception):
+            raise result
+        yield result
+        if isinstance(result, SortieResult):
+            return
 
 
 def serve() -> None:
@@ -125,12 +154,12 @@ def serve() -> None:
     threading.Thread(target=_receive, args=(received,), daemon=True).start()
     arm = cast("ArmSetup", received.get()).build()
     while True:
-        result = arm.sortie(received.get())
-        try:
-            pickle.dump(result, sys.stdout.buffer)
-            sys.stdout.buffer.flush()
-        except OSError:  # the campaign has ended
-            os._exit(0)
+        for result in arm.results(received.get()):
+            try:
+                pickle.dump(result, sys.stdout.buffer)
+                sys.stdout.buffer.flush()
+            except OSError:  # the campaign has ended
+                os._exit(0)
 
 
 def _receive(received: queue.SimpleQueue[Any]) -> None:

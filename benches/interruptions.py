@@ -35,7 +35,7 @@ class Life:
         return time.monotonic() - self.begin_s
 
     def runs_ecm(self) -> bool:
-        """Whether Python has come so far that it loads modules of ecm."""
+        """Whether the compiled part of ecm is loaded."""
         try:
             maps = Path(f"/proc/{self.process.pid}/maps").read_bytes()
         except OSError:
@@ -80,6 +80,11 @@ class End:
         return found
 
 
+def loads_ecm(life: Life) -> bool:
+    """The process has come so far that it loads modules of ecm, or answers signals by it."""
+    return life.catches(signal.SIGTERM) or life.runs_ecm()
+
+
 def after(seconds: float) -> Moment:
     """So many seconds after the start of the process."""
     return lambda life: life.age_s() >= seconds
@@ -116,6 +121,9 @@ def run(
     environment: Mapping[str, str] | None = None,
 ) -> End:
     """Run `ecm ARGUMENTS` in a folder, and send it a signal when its moment has come."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # As a shell's background job has it; the command would inherit that and ignore Ctrl-C.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.NamedTemporaryFile() as sink:
         process = subprocess.Popen(
             [sys.executable, "-m", "ecm.cli", *arguments],
@@ -126,7 +134,7 @@ def run(
         sent = early = False
         while process.poll() is None and life.age_s() < _LONGEST_S:
             if moment is not None and not sent and moment(life):
-                early = not life.catches(signal.SIGTERM) and not life.runs_ecm()
+                early = not loads_ecm(life)
                 sent = process.poll() is None
                 # As a terminal does: to the whole process group.
                 os.killpg(process.pid, number)

@@ -1,0 +1,67 @@
+"""Tables of many rows: worked on in blocks, so that memory and time grow with the rows alone.
+
+The blocks do not depend on the number of threads, and neither do the bits of a result.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+
+from ecm._native import merged_triangle
+from ecm.io.arrays import F, I
+from ecm.io.table import Table
+
+T = TypeVar("T")
+
+MANY_ROWS = 10_000
+"""From this many rows on a fit starts from a part of them, and folds share one linearisation."""
+_FEW_ROWS = 5_000
+_BLOCK = 4096
+
+
+def in_blocks(rows: int, work: Callable[[slice], T]) -> list[T]:
+    """Results of `work` for each block of rows, in order; several blocks are shared by threads."""
+    blocks = [slice(start, min(start + _BLOCK, rows)) for start in range(0, rows, _BLOCK)]
+    if len(blocks) < 2:
+        return [work(block) for block in blocks]
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    with ThreadPoolExecutor(cores) as pool:
+        return list(pool.map(work, blocks))
+
+
+def triangles_of_folds(fold: I, triangle: Callable[[I], F]) -> list[F]:
+    """(c, c) triangle of each fold's rows.
+
+    Parameters
+    ----------
+    fold
+        (N,) number of each row's fold, from 0.
+    triangle
+        Triangle of rows of one block, given by their index.
+    """
+    count = int(fold.max()) + 1
+
+    def of_block(block: slice) -> list[tuple[int, F]]:
+        own = fold[block]
+        return [
+            (part, triangle(block.start + np.flatnonzero(own == part)))
+            for part in np.unique(own).tolist()
+        ]
+
+    parts: list[list[F]] = [[] for _ in range(count)]
+    for found in in_blocks(len(fold), of_block):
+        for part, own in found:
+            parts[part].append(own)
+    return [merged_triangle(own) for own in parts]
+
+
+def few_rows(table: Table) -> Table:
+    """A table of many rows thinned to some thousand, evenly over its rows; else the table."""
+    if len(table) < MANY_ROWS:
+        return table
+    return table.select(np.arange(0, len(table), len(table) // _FEW_ROWS))

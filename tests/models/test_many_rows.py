@@ -1,0 +1,87 @@
+"""Fits of many rows: one pass for all folds, and memory that does not grow with the terms."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table
+from ecm.models import cross_validate, fit_model, parse_model
+from ecm.models import cross_validation as cross_validation_module
+from ecm.regression import blocks
+from support.stand_in import L, wrench
+
+REACH = np.array([0.004, 0.008, 0.008, 0.2, 0.25, 0.25])
+
+
+def slow_ramp(rows: int) -> Table:
+    """Smooth paths on a body that no model here holds, with the noise of a rig."""
+    random = np.random.default_rng(3)
+    turns = rows / 50.0 * np.array([1.0, 1.31, 0.83, 0.57, 1.13, 1.73])
+    path = REACH * np.sin(2.0 * np.pi * np.outer(np.linspace(0.1, 1.0, rows), turns))
+    poses = path + np.array([L, 0.0, 0.0, 0.0, 0.0, 0.0])
+    noise = np.repeat([20e-6, 2e-4, 0.1, 0.005], 3) * random.normal(size=(rows, 12))
+    read = np.hstack([poses, wrench(poses)]) + noise
+    instrument = Instrument(
+        pose_position_sd_m=20e-6, pose_rotation_sd_rad=2e-4, force_sd_N=0.1, torque_sd_Nm=0.005
+    )
+    meta = Meta(mechanism={"length_m": L}, instrument=instrument)
+    return Table(dict(zip((*POSE, *WRENCH), read.T, strict=True)), meta, "ramp")
+
+
+def test_the_memory_of_a_fit_does_not_grow_with_its_terms() -> None:
+    """100 000 rows of a cubic's 84 terms are 67 MB; four copies of them were held."""
+    program = """
+import resource
+import numpy as np
+from ecm._native import PolynomialModel
+x = np.random.default_rng(0).uniform(-1.0, 1.0, (100_000, 6))
+PolynomialModel.fit(x[:200], x[:200], 3)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+PolynomialModel.fit(x, x, 3)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0)
+"""
+    ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    assert float(ran.stdout) < 50.0
+
+
+@pytest.mark.parametrize("model", ["quadratic", "energy4"])
+def test_many_rows_are_not_fitted_anew_for_each_fold(
+    model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = slow_ramp(600)
+    anew = cross_validate(table, model)
+    fitted = fit_model(table, model).base
+    monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 500)
+    monkeypatch.setattr(cross_validation_module, "fit_model", None)
+    once = cross_validate(table, model, fitted=fitted)
+    # The same sums for least squares; one step of a converging iteration for an energy.
+    accuracy = 1e-9 if model == "quadratic" else 2e-3
+    assert once.rmse == pytest.approx(anew.rmse, rel=accuracy)
+    assert once.folds == anew.folds == 10
+
+
+def test_a_fit_that_starts_from_some_of_the_rows_ends_at_the_same_coefficients(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = slow_ramp(1500)
+    from_all = fit_model(table, "energy4")
+    monkeypatch.setattr(blocks, "MANY_ROWS", 1000)
+    monkeypatch.setattr(blocks, "_FEW_ROWS", 300)
+    from_some = fit_model(table, "energy4")
+    assert from_all.covariance is not None
+    sd = np.sqrt(np.diag(from_all.covariance))
+    change = (from_some.base.coefficients - from_all.base.coefficients) / sd
+    assert 0.0 < np.abs(change).max() < 0.02
+
+
+def test_a_threshold_fits_every_fold(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = slow_ramp(300)
+    anew = cross_validate(table, parse_model("quadratic", pcr="0.1"))
+    monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 100)
+    assert cross_validate(table, parse_model("quadratic", pcr="0.1")).rmse == anew.rmse
