@@ -108,6 +108,7 @@ pub enum ModelError {
 }
 
 /// `Ok` where `found` is `expected`.
+#[cfg(feature = "std")]
 pub(crate) fn check_count(
     name: &'static str,
     unit: &'static str,
