@@ -165,6 +165,14 @@ pub enum DesignError {
         /// The allowed range.
         expected: &'static str,
     },
+    /// A name that is no criterion of a model's designs.
+    #[error("criterion = {name:?}, expected one of {known}")]
+    Criterion {
+        /// The name found.
+        name: String,
+        /// The known names.
+        known: String,
+    },
     /// The worker threads could not be started.
     #[error("could not start {threads} worker threads: {reason}; ask for fewer")]
     Threads {

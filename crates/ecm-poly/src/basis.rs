@@ -48,14 +48,14 @@ pub fn advance(exponents: &mut [u8]) {
 /// assert_eq!(rows, [0, 0, 1, 0, 0, 1, 2, 0, 1, 1, 0, 2]);
 /// # Ok(()) }
 /// ```
-#[cfg(feature = "alloc")]
-pub fn exponents(inputs: usize, degree: usize) -> Result<alloc::vec::Vec<u8>, crate::ModelError> {
+#[cfg(feature = "std")]
+pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crate::ModelError> {
     use crate::error::ModelError;
 
     if inputs == 0 || degree > 20 {
         return Err(ModelError::Setting {
             name: "degree",
-            found: alloc::format!("{degree} of {inputs} inputs"),
+            found: std::format!("{degree} of {inputs} inputs"),
             expected: "at least one input and a degree of at most 20",
         });
     }
@@ -63,11 +63,11 @@ pub fn exponents(inputs: usize, degree: usize) -> Result<alloc::vec::Vec<u8>, cr
         .filter(|&k| k <= 1_000_000)
         .ok_or_else(|| ModelError::Setting {
             name: "degree",
-            found: alloc::format!("degree {degree} of {inputs} inputs"),
+            found: std::format!("degree {degree} of {inputs} inputs"),
             expected: "at most a million terms: take a lower degree",
         })?;
-    let mut current = alloc::vec![0; inputs];
-    let mut table = alloc::vec::Vec::with_capacity(k * inputs);
+    let mut current = std::vec![0; inputs];
+    let mut table = std::vec::Vec::with_capacity(k * inputs);
     for _ in 0..k {
         table.extend_from_slice(&current);
         advance(&mut current);

@@ -1,12 +1,10 @@
 //! Pose-to-wrench models: polynomials with principal component regression, and symmetric
 //! energies in mid-frame coordinates, both with analytic stiffness.
 //!
-//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature
-//! `alloc` adds terms and tables of energies, `std` fitting, model files and export.
+//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation; fitting and
+//! model files need the feature `std`.
 #![no_std]
 
-#[cfg(feature = "alloc")]
-extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
@@ -24,7 +22,7 @@ pub mod uncertainty;
 mod cubic_bulk;
 #[cfg(feature = "std")]
 pub mod dense;
-#[cfg(feature = "alloc")]
+#[cfg(feature = "std")]
 pub mod error;
 #[cfg(feature = "std")]
 pub mod export;
@@ -33,15 +31,18 @@ pub mod metrics;
 #[cfg(feature = "std")]
 pub mod model_file;
 #[cfg(feature = "std")]
+mod parallel;
+#[cfg(feature = "std")]
 pub mod polynomial_model;
 #[cfg(feature = "std")]
 pub mod regression;
 
+pub use ecm_se3::{Pose, PoseError, Wrench};
+pub use energy::Symmetry;
 #[cfg(feature = "std")]
 pub use energy::{EnergyFit, EnergyModel};
-pub use energy::{EnergyMap, Symmetry};
-#[cfg(feature = "alloc")]
-pub use error::ModelError;
+#[cfg(feature = "std")]
+pub use error::{ModelError, checked_poses};
 #[cfg(feature = "std")]
 pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;

@@ -13,9 +13,9 @@
 //! | `face_tilt` | 1 | even and odd | any direction |
 //! | `anisotropy` | 2 | even | any direction |
 
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
 
 use crate::basis::advance;
 use crate::energy::invariants::Symmetry;
@@ -62,6 +62,9 @@ impl Group {
     }
 
     /// The groups of a list of names, in a fixed order and each once.
+    ///
+    /// # Errors
+    /// An unknown name, or a group whose terms the symmetry has already.
     pub fn from_names<S: AsRef<str>>(
         names: &[S],
         symmetry: Symmetry,
@@ -70,25 +73,33 @@ impl Group {
         for name in names {
             let name = name.as_ref();
             let found = Self::ALL.into_iter().find(|g| g.name() == name);
-            let group = found.ok_or_else(|| ModelError::Setting {
+            groups.push(found.ok_or_else(|| ModelError::Setting {
                 name: "group",
                 found: format!("{name:?}"),
                 expected: "unlike_ends, handedness, precurvature, face_tilt or anisotropy",
-            })?;
-            let inside = match symmetry {
-                Symmetry::Alike => false,
-                Symmetry::Revolution => group == Group::UnlikeEnds,
-                Symmetry::General => true,
-            };
-            if inside {
-                return Err(ModelError::Setting {
-                    name: "group",
-                    found: format!("{name:?} with symmetry {}", symmetry.name()),
-                    expected: "a group whose terms the symmetry does not have already: leave it out",
-                });
-            }
-            groups.push(group);
+            })?);
         }
+        Self::in_order(&groups, symmetry)
+    }
+
+    /// Groups in a fixed order and each once.
+    ///
+    /// # Errors
+    /// A group whose terms the symmetry has already.
+    pub(crate) fn in_order(groups: &[Self], symmetry: Symmetry) -> Result<Vec<Self>, ModelError> {
+        let inside = |group: &Self| match symmetry {
+            Symmetry::Alike => false,
+            Symmetry::Revolution => *group == Group::UnlikeEnds,
+            Symmetry::General => true,
+        };
+        if let Some(group) = groups.iter().find(|group| inside(group)) {
+            return Err(ModelError::Setting {
+                name: "group",
+                found: format!("{:?} with symmetry {}", group.name(), symmetry.name()),
+                expected: "a group whose terms the symmetry does not have already: leave it out",
+            });
+        }
+        let mut groups = groups.to_vec();
         groups.sort_unstable();
         groups.dedup();
         Ok(groups)
@@ -202,14 +213,14 @@ fn expanded(powers: [u8; 6], imaginary: bool) -> Vec<([u8; 6], f64)> {
     };
     // c_x, θ_x, C, C̄, D = −θ_z + i θ_y, D̄.
     let factors: [Complex; 6] = [
-        alloc::vec![(unit(0), [1.0, 0.0])],
-        alloc::vec![(unit(3), [1.0, 0.0])],
-        alloc::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, 1.0])],
-        alloc::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, -1.0])],
-        alloc::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, 1.0])],
-        alloc::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, -1.0])],
+        std::vec![(unit(0), [1.0, 0.0])],
+        std::vec![(unit(3), [1.0, 0.0])],
+        std::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, 1.0])],
+        std::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, -1.0])],
+        std::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, 1.0])],
+        std::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, -1.0])],
     ];
-    let mut sum: Complex = alloc::vec![([0; 6], [1.0, 0.0])];
+    let mut sum: Complex = std::vec![([0; 6], [1.0, 0.0])];
     for (factor, &power) in factors.iter().zip(&powers) {
         for _ in 0..power {
             sum = times(&sum, factor);
@@ -221,21 +232,21 @@ fn expanded(powers: [u8; 6], imaginary: bool) -> Vec<([u8; 6], f64)> {
 }
 
 /// A body of revolution's monomial as a sum of monomials in (c, θ).
-pub fn in_coordinates(exponents: &[u8; 6]) -> Vec<([u8; 6], f64)> {
+pub(crate) fn in_coordinates(exponents: &[u8; 6]) -> Vec<([u8; 6], f64)> {
     let monomial = |pairs: &[usize], sign: f64| {
         let mut e = [0; 6];
         pairs.iter().for_each(|&i| e[i] += 1);
         (e, [sign, 0.0])
     };
     let variables: [Complex; 6] = [
-        alloc::vec![monomial(&[0], 1.0)],
-        alloc::vec![monomial(&[1, 1], 1.0), monomial(&[2, 2], 1.0)],
-        alloc::vec![monomial(&[4, 4], 1.0), monomial(&[5, 5], 1.0)],
-        alloc::vec![monomial(&[3], 1.0)],
-        alloc::vec![monomial(&[1, 4], 1.0), monomial(&[2, 5], 1.0)],
-        alloc::vec![monomial(&[1, 5], 1.0), monomial(&[2, 4], -1.0)],
+        std::vec![monomial(&[0], 1.0)],
+        std::vec![monomial(&[1, 1], 1.0), monomial(&[2, 2], 1.0)],
+        std::vec![monomial(&[4, 4], 1.0), monomial(&[5, 5], 1.0)],
+        std::vec![monomial(&[3], 1.0)],
+        std::vec![monomial(&[1, 4], 1.0), monomial(&[2, 5], 1.0)],
+        std::vec![monomial(&[1, 5], 1.0), monomial(&[2, 4], -1.0)],
     ];
-    let mut sum: Complex = alloc::vec![([0; 6], [1.0, 0.0])];
+    let mut sum: Complex = std::vec![([0; 6], [1.0, 0.0])];
     for (variable, &power) in variables.iter().zip(exponents) {
         for _ in 0..power {
             sum = times(&sum, variable);
