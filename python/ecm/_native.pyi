@@ -22,6 +22,7 @@ __all__ = [
     "PolynomialModel",
     "WarmStart",
     "__version__",
+    "check_rotations",
     "convert_stiffness",
     "criteria",
     "d_optimal",
@@ -53,10 +54,13 @@ class DesignError(EcmError): ...
 # --- se3 ---------------------------------------------------------------
 # Rows that are not finite, or so large that an angle has no digits left, give NaN.
 def rotation_matrices(rotation_vectors: _F) -> _F:
-    """exp of (N, 3) rotation vectors: (N, 3, 3)."""
+    """exp of (N, 3) rotation vectors: (N, 3, 3); ModelError for one longer than pi."""
 
 def rotation_vectors(rotation_matrices: _F) -> _F:
-    """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi."""
+    """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi; ModelError for a reflection."""
+
+def check_rotations(rotation_vectors: _F) -> None:
+    """ModelError, naming the row, where one of (N, 3) rotation vectors is longer than pi."""
 
 def left_jacobians(rotation_vectors: _F) -> _F:
     """J(theta) with dphi = J dtheta: (N, 3, 3)."""

@@ -2,9 +2,9 @@
 
 use ecm_poly::ModelError;
 use ecm_poly::basis;
-use ecm_poly::error::{check_count, check_sizes};
 use ecm_poly::energy::regressor::regressor;
-use ecm_poly::energy::{Symmetry, terms};
+use ecm_poly::energy::{EnergyTerms, Symmetry};
+use ecm_poly::error::{check_count, check_sizes};
 use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
@@ -77,7 +77,10 @@ impl Model {
         if (points.len() / columns).saturating_mul(terms) > MOST_NUMBERS {
             return Err(ModelError::Setting {
                 name: "degree",
-                found: format!("{degree}: {terms} terms of {} poses", points.len() / columns),
+                found: format!(
+                    "{degree}: {terms} terms of {} poses",
+                    points.len() / columns
+                ),
                 expected: "a regressor of at most 5e8 numbers; take a lower degree or fewer poses",
             });
         }
@@ -114,10 +117,10 @@ impl Model {
         symmetry: Symmetry,
         length_m: f64,
     ) -> Result<Regressor, ModelError> {
-        let exponents = terms::terms(symmetry, degree)?;
+        let energy_terms = EnergyTerms::new(symmetry, degree, &[])?;
         let scale = [length_m, 1.0];
-        let mut rows = regressor(poses, length_m, symmetry, (&exponents, &[]), scale)?;
-        let terms = exponents.len();
+        let mut rows = regressor(poses, length_m, &energy_terms, scale)?;
+        let terms = energy_terms.count();
         for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
             for v in row {
                 *v /= COMPONENT_SD[r % 6];
@@ -208,7 +211,9 @@ pub fn normalise(points: &[f64], lower: &[f64], upper: &[f64]) -> Result<Vec<f64
     check_points(points, lower, upper)?;
     let ranges = lower.iter().zip(upper).cycle();
     let mapped = points.iter().zip(ranges);
-    Ok(mapped.map(|(v, (low, high))| to_unit(*v, *low, *high)).collect())
+    Ok(mapped
+        .map(|(v, (low, high))| to_unit(*v, *low, *high))
+        .collect())
 }
 
 /// Most numbers of a regressor: 4 GB.

@@ -188,7 +188,9 @@ proptest! {
 fn endless(report: &(dyn Fn(usize, usize, f64) + Sync), flag: &AtomicBool) -> Vec<Design> {
     let x = |i: usize, by: f64| (i as f64 * by).fract() - 0.5;
     let points: Vec<f64> = (0..60).flat_map(|i| [x(i, 0.618), x(i, 0.414)]).collect();
-    let rows = Model::polynomial(&points, 2, &[-0.5; 2], &[0.5; 2]).unwrap().rows;
+    let rows = Model::polynomial(&points, 2, &[-0.5; 2], &[0.5; 2])
+        .unwrap()
+        .rows;
     let control = Control::new().with_cancel(flag).with_progress(report);
     let settings = DSettings {
         n: 9,
@@ -208,7 +210,16 @@ fn endless(report: &(dyn Fn(usize, usize, f64) + Sync), flag: &AtomicBool) -> Ve
         run(d_optimal(&rows, 1, 6, &settings, &control)),
         run(a_optimal(&rows, 1, 6, &settings, &control)),
         run(g_optimal(&rows, 1, 6, &settings, &control)),
-        run(d_optimal(&rows, 2, 6, &DSettings { n: 5, ..settings.clone() }, &control)),
+        run(d_optimal(
+            &rows,
+            2,
+            6,
+            &DSettings {
+                n: 5,
+                ..settings.clone()
+            },
+            &control,
+        )),
         run(maximin(&points, 2, &spread, &control)),
     ]
 }

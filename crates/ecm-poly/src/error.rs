@@ -1,6 +1,9 @@
 //! Errors of model data and model files.
 
 use std::string::String;
+use std::vec::Vec;
+
+use ecm_se3::{Pose, PoseError, Vec6};
 
 use crate::shape::ShapeError;
 
@@ -35,6 +38,16 @@ pub enum ModelError {
         column: usize,
         /// NaN or an infinity.
         value: f64,
+    },
+    /// A rotation by more than half a turn.
+    #[error("{name}: row {row}: {source}")]
+    Rotation {
+        /// The array.
+        name: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// What is wrong with it.
+        source: PoseError,
     },
     /// A number whose products overflow.
     #[error(
@@ -118,6 +131,23 @@ pub enum ModelError {
         /// Checksum of the content.
         expected: String,
     },
+}
+
+/// The poses of rows (x, y, z, θx, θy, θz), m and rad; the error names the first row that is none.
+pub fn checked_poses(name: &'static str, rows: &[Vec6<f64>]) -> Result<Vec<Pose<f64>>, ModelError> {
+    let mut poses = Vec::with_capacity(rows.len());
+    for (row, p) in rows.iter().enumerate() {
+        poses.push(Pose::from_array(p).map_err(|source| match source {
+            PoseError::NotFinite { component, value } => ModelError::NotFinite {
+                name,
+                row,
+                column: component,
+                value,
+            },
+            PoseError::BeyondPi { .. } => ModelError::Rotation { name, row, source },
+        })?);
+    }
+    Ok(poses)
 }
 
 /// `Ok` where `found` is `expected`.

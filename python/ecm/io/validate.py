@@ -36,7 +36,7 @@ def validated_columns(
     raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
 ) -> tuple[Columns, tuple[str, ...]]:
     """Return standard columns and warnings; InputError for wrong input."""
-    if not raw.numbers and not raw.ragged:
+    if len(raw.numbers) == 0 and not raw.ragged:
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []
     mapping = _mapping(raw, meta, source)
@@ -226,16 +226,34 @@ def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> None:
 
 def _repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
     """Return (row, the earlier row that it equals in every column) among good rows."""
+    alike = np.flatnonzero(good & _seen_twice(columns, len(good)))
     lists = [
-        column.tolist() if name in TEXT else np.nan_to_num(column, nan=-1.0).tolist()
+        column[alike].tolist() if name in TEXT else np.nan_to_num(column[alike], nan=-1.0).tolist()
         for name, column in columns.items()
     ]
     first_rows: dict[tuple[Any, ...], int] = {}
     repeated: list[tuple[int, int]] = []
-    for row, values in enumerate(zip(*lists, strict=True)):
-        if good[row] and first_rows.setdefault(values, row) != row:
+    for row, values in zip(alike.tolist(), zip(*lists, strict=True), strict=True):
+        if first_rows.setdefault(values, row) != row:
             repeated.append((row, first_rows[values]))
     return repeated
+
+
+def _seen_twice(columns: Columns, size: int) -> B:
+    """(N,) whether another row has the same sum over all columns, as every equal row has."""
+    key = np.zeros(size, dtype=np.uint64)
+    for name, column in columns.items():
+        if name in TEXT:
+            _, codes = np.unique(column.astype(str), return_inverse=True)
+            bits = codes.ravel().astype(np.uint64)
+        else:
+            # One pattern of bits for both zeros, and one for NaN.
+            bits = (np.nan_to_num(column, nan=-1.0) + 0.0).view(np.uint64)
+        # Knuth's odd multiplier, TAOCP 6.4; the shift carries high bits into low ones.
+        key = (key ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(29)
+    _, codes, counts = np.unique(key, return_inverse=True, return_counts=True)
+    return np.asarray(counts[codes.ravel()] > 1)
 
 
 def _covariate_warnings(columns: Columns, source: str) -> list[str]:

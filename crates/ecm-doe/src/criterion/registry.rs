@@ -97,7 +97,9 @@ impl Criterion {
     /// # Ok(()) }
     /// ```
     pub fn of_model(name: &str) -> Result<&'static Self, DesignError> {
-        let known = CRITERIA.iter().find(|c| c.name == name && c.search.is_some());
+        let known = CRITERIA
+            .iter()
+            .find(|c| c.name == name && c.search.is_some());
         known.ok_or_else(|| unknown(name))
     }
 

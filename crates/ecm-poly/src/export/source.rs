@@ -21,16 +21,7 @@ const FILES: &[(&str, &str)] = &[
         "energy/invariants.rs",
         include_str!("../energy/invariants.rs"),
     ),
-    ("energy/simd.rs", include_str!("../energy/simd.rs")),
-    (
-        "energy/mid_frame.rs",
-        include_str!("../energy/mid_frame.rs"),
-    ),
     ("energy/plan.rs", include_str!("../energy/plan.rs")),
-    (
-        "energy/potential.rs",
-        include_str!("../energy/potential.rs"),
-    ),
 ];
 
 /// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
