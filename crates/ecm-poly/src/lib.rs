@@ -55,3 +55,8 @@ pub use pose_model::{PoseModel, PosePolynomial};
 #[cfg(feature = "std")]
 pub use regression::Method;
 pub use shape::ShapeError;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
