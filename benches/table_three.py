@@ -33,7 +33,7 @@ from ecm.io.cache import cache_directory, write_atomically
 from ecm.io.table import Table, read_table
 from ecm.rig import RigSettings, fem_source, run_campaign
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.worker import ArmSetup, run_sorties
+from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
 from ecm.workflow.config import read_rig
 from ecm.workflow.paper import TABLE_III
 
@@ -73,10 +73,12 @@ class Driven:
         key = name, seed
 
         @contextmanager
-        def run(setup: ArmSetup, tasks: Sequence[Any], processes: int) -> Iterator[Iterator[Any]]:
+        def run(
+            setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+        ) -> Iterator[Iterator[Any]]:
             if key not in self._kept:
-                with run_sorties(setup, tasks, processes) as results:
-                    self._kept[key] = list(results)
+                with run_sorties(setup, tasks, processes, finished) as results:
+                    self._kept[key] = [list(sortie) for sortie in results]
             yield iter(self._kept[key])
 
         kept = cache_directory()

@@ -9,27 +9,37 @@ from pathlib import Path
 import pytest
 
 from ecm.cli import run
+from ecm.io.mechanism import Mechanism
+from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
+from support.jobs import QUICK, identify
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
+from support.products import cache_of_this_code, made_once
 
 TESTS = ROOT / "tests"
 LONGEST_FIRST = (
-    "package/test_wheel.py",
     "workflow/test_identify.py",
-    "designs/test_design.py",
-    "package/test_tutorial.py",
-    "package/test_readme.py",
     "blind_benchmark/test_blind.py",
+    "package/test_tutorial.py",
     "diagnosis/test_diagnose.py",
+    "package/test_readme.py",
+    "package/test_wheel.py",
     "fem/test_dask.py",
     "effects/test_body_variation.py",
+    "blind_benchmark/test_blind_broken.py",
+    "workflow/test_identify_with_arm.py",
     "models/test_physics_rod.py",
 )
-"""Files that begin first when the tests run on several workers, so that none ends alone."""
+"""Files that begin first when the tests run on several workers, so that none ends alone.
+
+The first makes the job that the pages use; the second needs nothing of it.
+"""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Share the cores among the workers: each solves on its part of them, and so do commands."""
+    """One cache folder for all workers; share the cores among them, and so do commands."""
+    if not hasattr(config, "workerinput"):
+        os.environ["ECM_CACHE"] = str(cache_of_this_code())
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if workers > 1:
         os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // workers)))
@@ -48,6 +58,30 @@ def _sequential_blas() -> Iterator[None]:
     """Threads of BLAS spin on small matrices: the tests take a tenth of the time without them."""
     with one_blas_thread():
         yield
+
+
+@pytest.fixture(scope="session")
+def products(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of what is made once a session, the same for all workers."""
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder = folder / "products"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def neck_physics(products: Path) -> PhysicsMap:
+    """The physics model of the neck: its FEM is in the cache folder from then on."""
+    with made_once(products, "neck-physics", lambda _: physics_map(Mechanism())):
+        return physics_map(Mechanism())
+
+
+@pytest.fixture(scope="session")
+def quick_job(products: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
+    """Results of `ecm identify examples/quick.toml` on two threads."""
+    with made_once(products, "quick", lambda out: identify(QUICK, out, "--threads", "2")) as job:
+        yield job
 
 
 @pytest.fixture

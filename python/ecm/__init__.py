@@ -13,9 +13,11 @@ tauz) in N and N m, both in base axes at the top frame's origin.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # the module typing takes long to load
 if TYPE_CHECKING:
+    from typing import Any
+
     from ecm._native import __version__
     from ecm.comparison.comparison import Comparison, compare
     from ecm.designs.optimal import Design, optimal_design

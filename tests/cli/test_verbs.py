@@ -14,7 +14,9 @@ import pytest
 
 import ecm
 from ecm.cli import app
-from ecm.cli.command import Data, Session, command
+from ecm.cli.command import Data, command
+from ecm.cli.main import reported
+from ecm.cli.session import Session, run_command
 from ecm.effects import get_effect
 from support.neck import LENGTH_M, Done, csv_text, neck_columns
 
@@ -106,23 +108,25 @@ def test_the_aliases_are_the_functions_themselves() -> None:
     assert ecm.campaign is ecm.run_campaign
 
 
-def test_a_new_command_is_one_file_and_one_line_of_the_registry(
+def test_a_new_command_is_two_files_and_one_line_of_the_registry(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
 ) -> None:
     @dataclass(frozen=True, kw_only=True)
     class Options:
+        """Count the rows of a table."""
+
         data: Data
 
-    @command(Options, tables=True)
     def rows(options: Options, session: Session) -> None:
-        """Count the rows of a table."""
         count = len(session.read(options.data))
         session.write_json({"rows": count})
         session.print(f"{count} rows")
 
-    file = ModuleType("ecm.cli.rows")
-    vars(file)["rows"] = rows
-    monkeypatch.setitem(sys.modules, "ecm.cli.rows", file)
+    files = {"ecm.cli.rows": rows, "ecm.cli.options.rows": command("rows", Options, tables=True)}
+    for name, content in files.items():
+        file = ModuleType(name)
+        vars(file)["rows"] = content
+        monkeypatch.setitem(sys.modules, name, file)
     monkeypatch.setitem(app.COMMANDS, "rows", "How many rows a table has.")
     assert "rows      How many rows a table has." in ecm_command("--help").out
     page = ecm_command("rows", "--help").out
@@ -135,13 +139,17 @@ def test_a_new_command_is_one_file_and_one_line_of_the_registry(
 
 
 def test_a_message_of_an_interruption_does_not_outlive_its_command(
-    data: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def interrupted(*_: object, **__: object) -> None:
+    def interrupted(_options: object, _session: Session) -> None:
         raise KeyboardInterrupt
 
-    Session().on_interrupt("Readings so far are kept.")
-    monkeypatch.setattr("ecm.cli.check.check_table", interrupted)
-    done = ecm_command("check", data)
-    assert done.code == 130
-    assert "Nothing was written." in done.err
+    def work() -> int:
+        run_command(interrupted, None, {})
+        return 0
+
+    Session().on_interrupt("readings so far are kept.")
+    assert reported(work) == 130
+    assert (
+        capsys.readouterr().err == "Interrupted; nothing was written. Run the same command again.\n"
+    )

@@ -36,6 +36,7 @@ from ecm.errors import EcmError, InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import Table, read_table
+from ecm.models import PhysicsMap
 from ecm.workflow.config import read_rig
 from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
 
@@ -179,9 +180,12 @@ def test_physics_needs_its_base() -> None:
 
 
 def test_a_design_for_the_physics_base_from_end_to_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ecm_command: Command,
+    neck_physics: PhysicsMap,
 ) -> None:
-    """The neck's own FEM (kept in the cache folder, built where it is not there)."""
+    """The neck's own FEM, made once for all tests."""
     monkeypatch.chdir(tmp_path)
     table = candidates(80, wrenches=False)
     Path("c.csv").write_text(csv_text(dict(table.columns)), encoding="utf-8")

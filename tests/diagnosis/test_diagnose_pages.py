@@ -16,7 +16,7 @@ import pytest
 
 from ecm.cli import run
 from ecm.io.table import Table
-from support.browser import open_page
+from support.browser import figures_of, open_page
 from support.campaigns import campaign, model
 
 HOSTILE = '</script><b>"x*y'
@@ -128,8 +128,7 @@ def test_unknown_tells_variables_nearest_effect_and_a_skeleton_that_runs(
     assert unknown["skeleton"] in found.out
     assert unknown["skeleton"].strip() in section
     # The residual is drawn against the variables that matter, though it follows none alone.
-    figures = json.loads(found.page.read_text(encoding="utf-8").split("const figures = ")[1]
-                         .partition(";\nfigures.forEach")[0])  # fmt: skip
+    figures = figures_of(found.page)
     titles = {note["text"] for f in figures[:2] for note in f["layout"]["annotations"]}
     against = {f"against {html.escape(name, quote=False)}" for name in ("y_m", HOSTILE)}
     assert against <= titles
@@ -141,6 +140,7 @@ def test_unknown_tells_variables_nearest_effect_and_a_skeleton_that_runs(
 
 OPEN = """<script>
 const say = (name, value) => { document.documentElement.dataset[name] = value; };
+drawn.then(() => {
 const press = node => node.dispatchEvent(new MouseEvent("click", {bubbles: true}));
 press(document.querySelector(".updatemenu-header"));
 const buttons = [...document.querySelectorAll(".updatemenu-dropdown-button")];
@@ -150,6 +150,7 @@ setTimeout(() => {
   const titles = [...document.querySelectorAll(".annotation-text")].map(t => t.textContent);
   say("title", titles.find(t => t.startsWith("against")));
 }, 500);
+});
 </script></body>"""
 """After the page's own script: open the menu of variables and choose the hostile one."""
 

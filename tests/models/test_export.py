@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import re
+import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,13 +22,15 @@ from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
 from support.campaigns import campaign
-from support.neck import Done
-from support.programs import need_program
+from support.neck import ROOT, Done
+from support.programs import need_program, need_rust_target
 
 F = NDArray[np.float64]
 Command = Callable[..., Done]
 CORTEX = Path(__file__).parent / "cortex_m"
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
+COUNTED = ["-DMODEL=neck", '-DHEADER="neck.h"', '-DGOLDEN="neck_golden.h"']
+THUMB = "thumbv7em-none-eabihf"
 BOARDS = {
     "cortex-m4": ("mps2-an386", ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"]),
     "cortex-m7": ("mps2-an500", ["-mcpu=cortex-m7", "-mfpu=fpv5-d16"]),
@@ -90,42 +96,141 @@ def test_the_rust_loop_holds_the_platform(fitted: dict[str, Model], tmp_path: Pa
     assert "4000 ms" in ran.stdout
 
 
+def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
+    """A firmware of these sources, the start-up code and `neck.h`."""
+    program = folder / "firmware.elf"
+    built = done(
+        need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb",
+        "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
+        "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
+        CORTEX / "startup.c", *sources, "-o", program,
+    )  # fmt: skip
+    assert (built.returncode, built.stderr) == (0, "")
+    return program
+
+
+def run_on_board(program: Path, core: str) -> str:
+    ran = done(
+        need_program("qemu-system-arm"), "-M", BOARDS[core][0], "-nographic", "-monitor", "none",
+        "-serial", "none", "-icount", "shift=0",
+        "-semihosting-config", "enable=on,target=native", "-kernel", program,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout + ran.stderr
+
+
+def stated_stack(file: Path) -> int:
+    """Bytes that the code promises not to exceed."""
+    found = re.search(r"at most (\d+) bytes", file.read_text(encoding="utf-8"))
+    assert found is not None
+    return int(found.group(1))
+
+
 @pytest.mark.parametrize("core", list(BOARDS))
 @pytest.mark.parametrize("name", ["cubic", "energy4", "energy6"])
 def test_cortex_m_gives_the_golden_vectors(
     fitted: dict[str, Model], name: str, core: str, tmp_path: Path
 ) -> None:
-    gcc, qemu = need_program("arm-none-eabi-gcc"), need_program("qemu-system-arm")
-    board, flags = BOARDS[core]
     for precision in ("single", "double"):
-        folder = tmp_path / precision
-        written(fitted[name], folder, "c", precision)
-
-        def run(source: Path, *more: str, folder: Path = folder) -> str:
-            program = folder / f"{source.stem}.elf"
-            built = done(
-                gcc, "-std=c99", "-O2", *WARNINGS, "-mthumb", "-mfloat-abi=hard", *flags, *more,
-                f"-I{folder}", "-nostartfiles", "-T", CORTEX / "mps2.ld", CORTEX / "startup.c",
-                folder / "neck.c", source, "-o", program,
-            )  # fmt: skip
-            assert (built.returncode, built.stderr) == (0, "")
-            ran = done(
-                qemu, "-M", board, "-nographic", "-monitor", "none", "-serial", "none",
-                "-icount", "shift=0", "-semihosting-config", "enable=on,target=native",
-                "-kernel", program,
-            )  # fmt: skip
-            assert ran.returncode == 0, ran.stderr
-            return ran.stdout + ran.stderr
-
-        run(folder / "neck_check.c")
-        run(folder / "neck_control.c")
-        definitions = ["-DMODEL=neck", '-DHEADER="neck.h"', '-DGOLDEN="neck_golden.h"']
-        value, both = map(int, run(CORTEX / "count.c", *definitions).split())
-        print(f"{name} {precision} {core}: {value} instructions h, {both} h and K")
+        folder = written(fitted[name], tmp_path / precision, "c", precision)
+        for source in ("neck_check.c", "neck_control.c"):
+            run_on_board(linked(folder, core, folder / "neck.c", folder / source), core)
+        for level in ("-O0", "-O3", "-O2"):
+            program = linked(folder, core, folder / "neck.c", CORTEX / "count.c", level=level)
+            least, value, stack, low, both, deep = map(int, run_on_board(program, core).split())
+            stated = stated_stack(folder / "neck.h")
+            assert 0.3 * stated < max(stack, deep) <= stated, level
+        print(f"{name} {precision} {core}: {value} instructions h, {both} h and K, stack {deep} B")
         # With a unit for the type in hardware; by software double costs some twenty times that.
         if precision == "single" or core == "cortex-m7":
             assert 500 < value < 15_000
             assert value < both < 45_000
+            # The time does not depend on the pose; ten calls are counted in steps of 40.
+            assert value - least <= 8
+            assert both - low <= 8
+
+
+def rust_library(folder: Path, level: str, precision: str) -> Path:
+    """The exported crate in `folder`/neck and the example of ecm-poly, to link with C."""
+    need_rust_target(THUMB)
+    source = (CORTEX / "firmware.rs").read_text(encoding="utf-8")
+    example = ROOT / "crates" / "ecm-poly" / "examples" / "controller.rs"
+    source = source.replace("EXAMPLE", str(example))
+    source = source.replace("REAL", "f32" if precision == "single" else "f64")
+    (folder / "lib.rs").write_text(source, encoding="utf-8")
+    manifest = (CORTEX / "firmware.toml").read_text(encoding="utf-8")
+    manifest = manifest.replace("CRATES", str(ROOT / "crates"))
+    (folder / "Cargo.toml").write_text(manifest, encoding="utf-8")
+    shutil.copy(ROOT / "Cargo.lock", folder / "Cargo.lock")
+    built = done(
+        need_program("cargo"), "build", "--release", "--offline", "--target", THUMB,
+        cwd=folder,
+        env={
+            **os.environ, "CARGO_TARGET_DIR": str(folder / "target"),
+            "CARGO_PROFILE_RELEASE_OPT_LEVEL": level, "RUSTFLAGS": "-D warnings",
+        },
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    return folder / "target" / THUMB / "release" / "libfirmware.a"
+
+
+@pytest.mark.parametrize(
+    ("name", "precision"),
+    [("cubic", "single"), ("cubic", "double"), ("energy6", "single"), ("energy6", "double")],
+)
+def test_rust_on_a_cortex_m_gives_the_golden_vectors_of_the_c(
+    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
+) -> None:
+    core = "cortex-m4"
+    folder = written(fitted[name], tmp_path, "c", precision)
+    written(fitted[name], tmp_path / "neck", "rust", precision)
+    library = rust_library(folder, "3", precision)
+    run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
+    run_on_board(linked(folder, core, CORTEX / "example.c", library), core)
+    counted = run_on_board(linked(folder, core, CORTEX / "count.c", library), core)
+    least, value, stack, low, both, deep = map(int, counted.split())
+    print(f"{name} {precision} Rust: {value} instructions h, {both} h and K, stack {deep} B")
+    if precision == "single":
+        assert value - least <= 8
+        assert both - low <= 8
+    assert max(stack, deep) <= stated_stack(folder / "neck" / "src" / "lib.rs")
+
+
+@pytest.mark.parametrize("level", ["0", "1", "3", "s"])
+def test_rust_in_single_precision_has_no_double_arithmetic(
+    fitted: dict[str, Model], level: str, tmp_path: Path
+) -> None:
+    nm = need_program("arm-none-eabi-nm")
+    double = re.compile(r"__aeabi_(d|\w+2d)|__\w+df|__extendsf")
+    found = {}
+    for precision in ("single", "double") if level == "3" else ("single",):
+        folder = written(fitted["energy4"], tmp_path / precision, "c", precision)
+        written(fitted["energy4"], folder / "neck", "rust", precision)
+        library = rust_library(folder, level, precision)
+        program = linked(folder, "cortex-m4", folder / "neck_check.c", library)
+        found[precision] = double.findall(done(nm, program).stdout)
+    assert found.pop("single") == []
+    assert all(found.values())
+
+
+def test_inside_is_the_range_of_the_training_data(fitted: dict[str, Model], tmp_path: Path) -> None:
+    gcc = need_program("gcc")
+    for name in ("cubic", "energy6"):
+        folder = written(fitted[name], tmp_path / name, "c")
+        library = folder / "neck.so"
+        done(gcc, "-O2", "-shared", "-fPIC", folder / "neck.c", "-o", library)
+        inside = ctypes.CDLL(str(library)).neck_inside
+        table = campaign(seed=3).measured()
+        poses = table.matrix(fitted[name].inputs)
+
+        def all_inside(poses: F, function: Any = inside) -> list[int]:
+            rows = [(ctypes.c_double * 6)(*row) for row in poses]
+            return [int(function(row)) for row in rows]
+
+        assert set(all_inside(poses)) == {1}
+        farthest = poses[np.argmax(np.abs(poses[:, 4]))]
+        beyond = np.where(np.arange(6) == 4, 2.0, 1.0) * farthest
+        assert all_inside(np.array([beyond, np.full(6, np.nan)])) == [0, 0]
 
 
 def test_no_heap_and_no_libm(fitted: dict[str, Model], tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The physics base: a family of energies in E, nu, L and D, its error, its refit, its cache.
 
-The family of the neck itself is built by FEM once and kept in the user's cache folder, as a user's
-is; the cache and the algebra are tried on bodies in closed form.
+The family of the neck itself is built by FEM once for all tests; the cache and the algebra are
+tried on bodies in closed form.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ SMALL = BuildSettings(poses=30, test_poses=6)
 
 
 @pytest.fixture(scope="module")
-def neck() -> PhysicsMap:
-    """By FEM, or from the cache folder."""
-    return physics_map(NECK)
+def neck(neck_physics: PhysicsMap) -> PhysicsMap:
+    """By FEM, made once for all files."""
+    return neck_physics
 
 
 class ClosedForm:

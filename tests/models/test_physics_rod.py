@@ -31,9 +31,9 @@ ROD = Mechanism.from_dict({"builtin": "rod", "length_m": 0.1, "radius_m": 0.033,
 
 
 @pytest.fixture(scope="module")
-def rod(tmp_path_factory: pytest.TempPathFactory) -> PhysicsMap:
-    settings = BuildSettings(poses=40, test_poses=10)
-    return physics_map(ROD, cache=tmp_path_factory.mktemp("cache"), settings=settings)
+def rod() -> PhysicsMap:
+    """Built here; from the tests' cache folder where the code is the same."""
+    return physics_map(ROD, settings=BuildSettings(poses=40, test_poses=10))
 
 
 def poses_of(wrenches: F, mechanism: Mechanism = ROD) -> F:

@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from ecm.models import PhysicsMap
+from support.jobs import copy_cases
 from support.neck import ROOT
 from support.pages import blocks, follow, run
 
@@ -36,9 +38,12 @@ def measured(folder: Path, seed: int | None = None) -> str:
 
 
 @pytest.fixture(scope="module")
-def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder after section 1."""
+def planned(
+    tmp_path_factory: pytest.TempPathFactory, quick_job: Path, neck_physics: PhysicsMap
+) -> Path:
+    """The folder after section 1; its `ecm simulate` goes on from the cases of the quick job."""
     folder = tmp_path_factory.mktemp("tutorial")
+    copy_cases(quick_job, folder / "candidates.parts")
     follow(blocks(PAGE)[:2], PAGE.name, folder)
     return folder
 
@@ -61,7 +66,10 @@ def test_so_it_does_for_secrets_that_nobody_chose(planned: Path, tmp_path: Path)
     assert right >= 2
 
 
-def test_an_effect_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_job: Path, neck_physics: PhysicsMap
+) -> None:
+    copy_cases(quick_job, tmp_path / "candidates.parts")
     follow(blocks(OWN), OWN.name, tmp_path)
     ask = ["ecm", "predict", "better.json", "measured.csv", "--out", "predicted.csv"]
     with pytest.raises(AssertionError, match="unknown effect 'hose'"):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,9 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
+from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.visit_record import VisitRecord
+from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
 from ecm.rig.hidden.calibrate import Whitener
 from ecm.rig.measurement import row_covariance
 from support.arm_rig import REST, plan, run, settings
@@ -292,6 +296,78 @@ def test_a_full_disk_keeps_all_poses_before_it(cache: Path, tmp_path: Path) -> N
     assert files(tmp_path / "b") == files(tmp_path / "a")
 
 
+@contextmanager
+def ends_in_the_fourth_stop(
+    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+) -> Iterator[Iterator[Any]]:
+    def stops(task: Any) -> Iterator[Any]:
+        yield from islice(setup.build().results(task), 3)
+        raise Stopped
+
+    yield map(stops, tasks)
+
+
+@contextmanager
+def ends_before_the_first(
+    setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+) -> Iterator[Iterator[Any]]:
+    """The first sortie takes longer than all others, as with several processes."""
+
+    def sorties() -> Iterator[Any]:
+        arm = setup.build()
+        for number in range(1, len(tasks)):
+            assert finished is not None
+            finished(number, arm.sortie(tasks[number]))
+        raise Stopped
+        yield
+
+    yield sorties()
+
+
+def records(campaign: RobotCampaign, kept: KeptSorties | None = None) -> list[VisitRecord]:
+    """Visits until the campaign is stopped."""
+    found = []
+    with suppress(Stopped):
+        for visit in campaign.lines((), 1, kept):
+            found.append(visit)
+    return found
+
+
+def test_poses_are_kept_while_their_sortie_is_under_way(cache: Path) -> None:
+    """From pose to pose the whole plan is one sortie: its poses were lost with it."""
+    arguments = plan(some_poses(5, seed=3)), settings(approach="previous"), StandIn()
+    whole = records(RobotCampaign(*arguments, folder=cache))
+    campaign = RobotCampaign(*arguments, folder=cache, run=ends_in_the_fourth_stop)
+    assert len(campaign.sorties[0].stops) > 3
+    kept = records(campaign)
+    assert sum(campaign.planned.visits[v.visit].kind == "pose" for v in kept) == 3
+    assert kept == whole[: len(kept)]
+
+
+def test_sorties_that_end_before_an_earlier_one_are_kept(cache: Path, tmp_path: Path) -> None:
+    arguments = plan(some_poses(4, seed=3)), settings(), StandIn()
+    whole = records(RobotCampaign(*arguments, folder=cache))
+    campaign = RobotCampaign(*arguments, folder=cache, run=ends_before_the_first)
+    store = KeptSorties(tmp_path / "parts", campaign.identity)
+    before = records(campaign, store)
+    driven: list[int] = []
+
+    @contextmanager
+    def counted(
+        setup: ArmSetup, tasks: Sequence[Any], processes: int, finished: Finished = None
+    ) -> Iterator[Iterator[Any]]:
+        driven.append(len(tasks))
+        with run_sorties(setup, tasks, processes, finished) as results:
+            yield results
+
+    again = RobotCampaign(*arguments, folder=cache, run=counted)
+    assert len(before) < len(again.planned.visits)
+    assert records(again, store) == whole
+    assert driven == [1]
+    store.remove()
+    assert not list(tmp_path.iterdir())
+
+
 KILLED = """
 import sys
 from pathlib import Path
@@ -307,7 +383,7 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
     run(cache, poses, tmp_path / "a" / "data.csv")
     out = tmp_path / "b" / "data.csv"
     text = KILLED.format(tests=str(ROOT / "tests"), cache=str(cache), out=str(out))
-    process = subprocess.Popen([sys.executable, "-c", text], env=os.environ | {"PYTHONPATH": ""})
+    process = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE)
     journal = out.with_name("data.journal.csv")
     until = time.monotonic() + 120.0
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 4):
@@ -315,7 +391,9 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
         assert process.poll() is None
         time.sleep(0.01)
     process.kill()
-    process.wait()
+    # The workers hold the pipe open until they have ended: at once, and without a word.
+    _, errors = process.communicate(timeout=30)
+    assert errors == b""
     lines = journal.read_text().split("\n")[2:-1]
     done = [VisitRecord.parse(line, "journal") for line in lines]
     assert [line.visit for line in done] == list(range(len(done)))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from support.programs import need_program
 
@@ -49,3 +53,12 @@ def open_page(path: Path, *, screenshot: Path | None = None, height: int = 9000)
         timeout=120,
     )
     return Seen(shown.stdout.decode("utf-8", errors="replace"))
+
+
+def figures_of(path: Path) -> list[dict[str, Any]]:
+    """The figures that a report page holds, in plotly's dict form."""
+    page = path.read_text(encoding="utf-8")
+    found = re.search(r'id="packed-figures">([A-Za-z0-9+/=]*)<', page)
+    assert found is not None
+    figures: list[dict[str, Any]] = json.loads(gzip.decompress(base64.b64decode(found.group(1))))
+    return figures

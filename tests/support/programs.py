@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -17,7 +19,19 @@ def need_program(*names: str) -> str:
         found = shutil.which(name)
         if found is not None:
             return found
-    message = f"{names[0]} is not installed (see apt.txt)"
+    _missing(f"{names[0]} is not installed (see apt.txt)")
+    return ""
+
+
+def need_rust_target(triple: str) -> None:
+    """Skip where the Rust compiler has no library for this target."""
+    asked = [need_program("rustc"), "--print", "target-libdir", "--target", triple]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    if done.returncode != 0 or not Path(done.stdout.strip()).is_dir():
+        _missing(f"Rust has no target {triple} (rustup target add {triple})")
+
+
+def _missing(message: str) -> None:
     if os.environ.get("ECM_REQUIRE_PROGRAMS") == "1":
         pytest.fail(message)
     pytest.skip(message)

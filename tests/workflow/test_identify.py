@@ -24,38 +24,18 @@ from ecm.workflow.config import Config
 from ecm.workflow.console import Console, Silent
 from ecm.workflow.job import Job
 from support.browser import open_page
-from support.neck import ROOT, Done
+from support.jobs import QUICK, copy_cases, identify, identify_command
+from support.neck import Done
 
-CONFIG = ROOT / "examples" / "quick.toml"
-
-
-def command(out: Path, *options: str) -> list[str]:
-    ecm = Path(sys.executable).parent / "ecm"
-    return [str(ecm), "identify", str(CONFIG), "--out", str(out), *options]
+HALF = 140
 
 
-def identify(out: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        command(out, *options), capture_output=True, text=True, timeout=900, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One whole run on two threads."""
-    out = tmp_path_factory.mktemp("identify") / "two"
-    identify(out, "--threads", "2")
-    return out
-
-
-def test_the_results_are_there_and_hang_together(finished: Path) -> None:
-    summary = json.loads((finished / "summary.json").read_text())
+def test_the_results_are_there_and_hang_together(quick_job: Path) -> None:
+    summary = json.loads((quick_job / "summary.json").read_text())
     counts = summary["simulate"]["counts"]
     assert counts["kept"] == 240
     assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
-    with (finished / "simulated.csv").open() as file:
+    with (quick_job / "simulated.csv").open() as file:
         assert sum(1 for _ in csv.reader(file)) == 241
     degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
     for component in (1, 2):
@@ -65,35 +45,41 @@ def test_the_results_are_there_and_hang_together(finished: Path) -> None:
     for design in summary["select"]["designs"].values():
         assert design["n"] == 100
         assert 0.5 < design["efficiency"] <= 1.0
-    assert (finished / "model.json").exists()
+    assert (quick_job / "model.json").exists()
 
 
-def test_the_hidden_effect_is_found_and_the_error_falls(finished: Path) -> None:
-    loop = json.loads((finished / "summary.json").read_text())["loop"]
+def test_the_hidden_effect_is_found_and_the_error_falls(quick_job: Path) -> None:
+    loop = json.loads((quick_job / "summary.json").read_text())["loop"]
     assert any("base_compliance" in names for names in loop["diagnosis"]["answer"])
     held_out = [step["held_out"] for step in loop["history"]]
     assert held_out[-1] < 0.8 * held_out[0]
 
 
 def test_a_killed_run_goes_on_and_ends_the_same_on_one_thread(
-    finished: Path, tmp_path: Path
+    quick_job: Path, tmp_path: Path
 ) -> None:
+    """It begins with half of the cases of the other job, and solves the rest."""
     out = tmp_path / "killed"
+    copy_cases(quick_job, out / "stages", HALF)
     one = ("--threads", "1", "--quiet")
-    for how, kept in ((signal.SIGINT, 1), (signal.SIGKILL, 3)):
-        run = subprocess.Popen(
-            command(out, *one), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        wait_for(lambda kept=kept: len(chunks(out)) >= kept)  # type: ignore[misc]
-        os.kill(run.pid, how)
-        _, errors = run.communicate(timeout=60)
+    for how, kept in ((signal.SIGINT, HALF + 1), (signal.SIGKILL, HALF + 3)):
+        with subprocess.Popen(
+            identify_command(QUICK, out, *one),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        ) as run:  # fmt: skip
+            try:
+                wait_for(lambda kept=kept: len(chunks(out)) >= kept)  # type: ignore[misc]
+                os.kill(run.pid, how)
+                _, errors = run.communicate(timeout=60)
+            finally:
+                run.kill()
         if how == signal.SIGINT:
             assert run.returncode == 130, errors
             assert "Traceback" not in errors
     before = {path: path.stat().st_mtime_ns for path in chunks(out)}
-    identify(out, *one)
+    identify(QUICK, out, *one)
     for name in ("summary.json", "model.json", "simulated.csv", "measured-d.csv"):
-        assert (out / name).read_bytes() == (finished / name).read_bytes(), name
+        assert (out / name).read_bytes() == (quick_job / name).read_bytes(), name
     assert before == {path: path.stat().st_mtime_ns for path in before}, "chunks were solved again"
 
 
@@ -208,18 +194,18 @@ def test_a_stream_that_cannot_be_kept_is_refused_before_any_work(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     (tmp_path / "rig.toml").write_text(f'[rig]\nmode = "{mode}"\nstream_Hz = 50.0\n')
     out = tmp_path / "out"
-    done = ecm_command("identify", CONFIG, "--rig", tmp_path / "rig.toml", "--out", out)
+    done = ecm_command("identify", QUICK, "--rig", tmp_path / "rig.toml", "--out", out)
     assert done.code == 2
     assert words in done.err
     assert not (out / "stages").exists()
 
 
 @pytest.mark.browser
-def test_the_report_opens_in_a_browser(finished: Path) -> None:
-    seen = open_page(finished / "report.html")
+def test_the_report_opens_in_a_browser(quick_job: Path) -> None:
+    seen = open_page(quick_job / "report.html")
     assert seen.attribute("error") is None
     assert seen.attribute("blocked") is None
     figures = int(seen.attribute("figures") or 0)
     assert figures >= 12
     assert seen.html.count('class="main-svg"') >= figures
-    assert (finished / "report.html").stat().st_size < 10e6
+    assert (quick_job / "report.html").stat().st_size < 10e6

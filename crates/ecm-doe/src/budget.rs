@@ -107,6 +107,9 @@ impl<'a> Control<'a> {
     }
 }
 
+/// Most worker threads.
+const MOST_THREADS: usize = 1024;
+
 /// Runs `work` on `threads` worker threads (0: the current pool).
 pub(crate) fn on_threads<R: Send>(
     threads: usize,
@@ -114,6 +117,13 @@ pub(crate) fn on_threads<R: Send>(
 ) -> Result<R, crate::DesignError> {
     if threads == 0 {
         return Ok(work());
+    }
+    if threads > MOST_THREADS {
+        return Err(crate::DesignError::Setting {
+            name: "threads",
+            value: threads.to_string(),
+            expected: "at most 1024, 0 for all",
+        });
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -32,6 +32,48 @@ pub enum DesignError {
         /// The value found.
         value: f64,
     },
+    /// A number whose squares overflow, or a column whose squares vanish.
+    #[error(
+        "{what}: row {row}, column {column} is {value:e}, expected {expected}; give this column in another unit or leave out this row"
+    )]
+    Size {
+        /// Which array.
+        what: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// Column, counted from 0.
+        column: usize,
+        /// The value found.
+        value: f64,
+        /// The allowed sizes.
+        expected: &'static str,
+    },
+    /// Rows that give no finite information in the units of the candidates.
+    #[error(
+        "{what}: the information of its rows is {found}, measured by that of the candidates, expected a finite number above 0; give its rows in the units of the candidates"
+    )]
+    Information {
+        /// Which array.
+        what: &'static str,
+        /// 0 or infinite.
+        found: f64,
+    },
+    /// A search that would not fit into memory.
+    #[error(
+        "{starts} starts of n = {n} poses and {width} numbers a pose make {numbers} numbers, expected at most {most}; lower n or starts, or give fewer candidates"
+    )]
+    TooBig {
+        /// Independent starts.
+        starts: usize,
+        /// Design size.
+        n: usize,
+        /// Numbers kept for each pose of the design.
+        width: usize,
+        /// Numbers in all.
+        numbers: usize,
+        /// Most numbers.
+        most: usize,
+    },
     /// More design points than candidates.
     #[error(
         "n = {n}, but only {candidates} candidates can be chosen (each at most once); lower n, give more candidates or allow replicates"
@@ -121,6 +163,14 @@ pub enum DesignError {
         value: String,
         /// The allowed range.
         expected: &'static str,
+    },
+    /// A name that is no criterion of a model's designs.
+    #[error("criterion = {name:?}, expected one of {known}")]
+    Criterion {
+        /// The name found.
+        name: String,
+        /// The known names.
+        known: String,
     },
     /// The worker threads could not be started.
     #[error("could not start {threads} worker threads: {reason}; ask for fewer")]

@@ -78,30 +78,33 @@ impl Problem {
         terms: usize,
         prior: Option<&[f64]>,
     ) -> Result<Self, DesignError> {
-        if terms == 0 || block == 0 || rows.is_empty() {
+        let stride = block.saturating_mul(terms);
+        if stride == 0 || rows.is_empty() {
             return Err(DesignError::Empty);
         }
-        let stride = block * terms;
         if !rows.len().is_multiple_of(stride) {
-            let expected = rows.len().div_ceil(stride) * stride;
+            let expected = rows.len().div_ceil(stride).saturating_mul(stride);
             return Err(DesignError::Shape {
                 what: "the regressor",
                 found: rows.len(),
                 expected,
             });
         }
-        check_finite("the regressor", rows, terms)?;
+        check_sizes("the regressor", rows, terms, LEAST_SIZE)?;
         let poses = rows.len() / stride;
         let k = terms;
-        let mut moment = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
-        if moment.len() != k * k {
-            return Err(DesignError::Shape {
-                what: "the prior",
-                found: moment.len(),
-                expected: k * k,
-            });
+        match prior {
+            Some(prior) => check_prior(prior, k)?,
+            // Before the k x k matrices: so few rows cannot determine k coefficients.
+            None if poses * block < k => {
+                return Err(DesignError::RankDeficient {
+                    candidates: poses,
+                    column: poses * block,
+                });
+            }
+            None => {}
         }
-        check_finite("the prior", &moment, k)?;
+        let mut moment = prior.map_or_else(|| vec![0.0; k * k], <[f64]>::to_vec);
         add_transposed_product(&mut moment, (k, poses * block, k), rows, rows);
         // Twice: the first factor leaves an error of kappa^2 eps, the second removes it.
         let (first, shift_1) = whitening(&moment, poses, k)?;
@@ -115,6 +118,7 @@ impl Problem {
         }
         let (second, shift_2) = whitening(&moment, poses, k)?;
         fixed = congruence(&fixed, &second, k);
+        check_information("the prior", &fixed)?;
         let mut back = vec![0.0; k * k];
         crate::linalg::product(&mut back, (k, k, k), &second, &first, 1.0, false);
         let mut white = vec![0.0; rows.len()];
@@ -156,12 +160,16 @@ impl Problem {
     }
 
     /// Adds raw regressor rows measured before (any number x k) to the fixed information.
-    pub(crate) fn fix_rows(&mut self, rows: &[f64]) {
+    ///
+    /// # Errors
+    /// Rows so much larger than those of the candidates that their information overflows.
+    pub(crate) fn fix_rows(&mut self, rows: &[f64]) -> Result<(), DesignError> {
         let k = self.terms;
         let count = rows.len() / k;
         let mut white = vec![0.0; rows.len()];
         product_transposed(&mut white, (count, k, k), rows, &self.back);
         add_transposed_product(&mut self.fixed, (k, count, k), &white, &white);
+        check_information("the measured rows", &self.fixed)
     }
 
     /// F + the information of `design`, whitened.
@@ -249,5 +257,93 @@ pub(crate) fn check_finite(
             column: at % columns,
             value: values[at],
         }),
+    }
+}
+
+/// Largest size of a number whose products and squares stay finite.
+const MOST_SIZE: f64 = 1e100;
+/// Least size of the largest number of a column whose squares do not vanish.
+const LEAST_SIZE: f64 = 1e-100;
+
+/// [`check_finite`], and refuses numbers whose squares overflow and columns without a number of
+/// size `least` that are not all 0.
+pub(crate) fn check_sizes(
+    what: &'static str,
+    values: &[f64],
+    columns: usize,
+    least: f64,
+) -> Result<(), DesignError> {
+    check_finite(what, values, columns)?;
+    let mut largest = vec![(0.0_f64, 0); columns];
+    for (row, line) in values.chunks_exact(columns).enumerate() {
+        for (most, value) in largest.iter_mut().zip(line) {
+            if value.abs() > most.0 {
+                *most = (value.abs(), row);
+            }
+        }
+    }
+    let sizes = least..=MOST_SIZE;
+    match largest
+        .iter()
+        .position(|(size, _)| *size > 0.0 && !sizes.contains(size))
+    {
+        None => Ok(()),
+        Some(column) => Err(DesignError::Size {
+            what,
+            row: largest[column].1,
+            column,
+            value: values[largest[column].1 * columns + column],
+            expected: if largest[column].0 > MOST_SIZE {
+                "sizes of at most 1e100"
+            } else {
+                "a size of at least 1e-100 somewhere in the column, or 0 throughout"
+            },
+        }),
+    }
+}
+
+/// Refuses information that overflows.
+fn check_information(what: &'static str, information: &[f64]) -> Result<(), DesignError> {
+    if information.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let found = f64::INFINITY;
+    Err(DesignError::Information { what, found })
+}
+
+/// Refuses prior information that is not finite, symmetric and free of negative directions.
+fn check_prior(prior: &[f64], k: usize) -> Result<(), DesignError> {
+    if k.checked_mul(k) != Some(prior.len()) {
+        return Err(DesignError::Shape {
+            what: "the prior",
+            found: prior.len(),
+            expected: k.saturating_mul(k),
+        });
+    }
+    check_finite("the prior", prior, k)?;
+    let root = |i: usize| prior[i * k + i].max(0.0).sqrt();
+    let mut unit = vec![0.0; k * k];
+    for i in 0..k {
+        for j in 0..k {
+            let size = root(i) * root(j);
+            let (value, mirrored) = (prior[i * k + j], prior[j * k + i]);
+            if prior[i * k + i] < 0.0 || !((value - mirrored).abs() <= 1e-9 * size) {
+                return Err(refused_prior(i, j, value));
+            }
+            unit[i * k + j] = if size > 0.0 { value / size } else { 0.0 };
+            if size == 0.0 && value != 0.0 {
+                return Err(refused_prior(i, j, value));
+            }
+        }
+        unit[i * k + i] += 1e-9;
+    }
+    cholesky(&mut unit, k, 0.0).map_err(|i| refused_prior(i, i, prior[i * k + i]))
+}
+
+fn refused_prior(i: usize, j: usize, value: f64) -> DesignError {
+    DesignError::Setting {
+        name: "prior",
+        value: format!("{value} in row {i}, column {j}"),
+        expected: "a symmetric matrix without negative eigenvalues, such as a diagonal of numbers of 0 or above",
     }
 }

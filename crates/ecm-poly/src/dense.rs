@@ -8,7 +8,7 @@ use std::vec::Vec;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 
-use crate::error::ModelError;
+use crate::error::{ModelError, check_count, check_finite};
 
 /// X = U diag(σ) Vᵀ, singular values falling.
 #[derive(Clone, Debug)]
@@ -26,11 +26,7 @@ pub struct ThinSvd {
 impl ThinSvd {
     /// Decomposes a row-major matrix with `columns` columns.
     pub fn new(matrix: &[f64], columns: usize) -> Result<Self, ModelError> {
-        Self::of(MatRef::from_row_major_slice(
-            matrix,
-            matrix.len() / columns.max(1),
-            columns,
-        ))
+        Self::of(as_matrix(matrix, columns)?)
     }
 
     /// Decomposes the triangle of a matrix of `rows` rows.
@@ -131,14 +127,34 @@ impl ThinSvd {
 
 /// Singular values alone, falling.
 pub fn singular_values(matrix: &[f64], columns: usize) -> Result<Vec<f64>, ModelError> {
-    let rows = matrix.len() / columns.max(1);
-    MatRef::from_row_major_slice(matrix, rows, columns)
+    let matrix = as_matrix(matrix, columns)?;
+    matrix
         .singular_values()
-        .map_err(|_| ModelError::Decomposition { rows, columns })
+        .map_err(|_| ModelError::Decomposition {
+            rows: matrix.nrows(),
+            columns,
+        })
+}
+
+/// A row-major matrix; refuses another shape, no numbers, and numbers that are not finite.
+fn as_matrix(numbers: &[f64], columns: usize) -> Result<MatRef<'_, f64>, ModelError> {
+    let rows = numbers.len().checked_div(columns).unwrap_or(0);
+    check_count(
+        "matrix",
+        "numbers",
+        numbers.len(),
+        rows.max(1) * columns.max(1),
+    )?;
+    check_finite("matrix", numbers, columns)?;
+    Ok(MatRef::from_row_major_slice(numbers, rows, columns))
 }
 
 /// σ₁/σ_min of a row-major matrix; infinite where a singular value is zero.
 pub fn condition_number(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {
+    // Powers of large inputs overflow: as far from a usable matrix as a singular one.
+    if matrix.iter().any(|x| !x.is_finite()) {
+        return Ok(f64::INFINITY);
+    }
     let values = singular_values(matrix, columns)?;
     Ok(match (values.first(), values.last()) {
         (Some(&first), Some(&last)) if last > 0.0 => first / last,

@@ -86,7 +86,7 @@ impl<'a, R: Real> Polynomial<'a, R> {
                 if e == 0 {
                     continue;
                 }
-                let slope = self.monomial(row, scratch, Some(i)) * R::from_f64(f64::from(e));
+                let slope = self.monomial(row, scratch, Some(i)) * R::from_u16(u16::from(e));
                 for (line, &weight) in jacobian.chunks_exact_mut(self.inputs).zip(weights) {
                     line[i] += slope * weight;
                 }

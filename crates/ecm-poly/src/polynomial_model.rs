@@ -8,7 +8,7 @@ use crate::basis::exponents;
 use crate::cubic::Cubic;
 use crate::cubic_bulk;
 use crate::dense::{ThinSvd, condition_number};
-use crate::error::{ModelError, check_count, check_finite};
+use crate::error::{ModelError, check_count, check_finite, check_sizes};
 use crate::normalise::ranges;
 use crate::polynomial::Polynomial;
 use crate::regression::Method;
@@ -183,7 +183,7 @@ impl PolynomialModel {
         degree: usize,
     ) -> Result<f64, ModelError> {
         let table = exponents(inputs, degree)?;
-        check_finite("inputs", points, inputs)?;
+        check_sizes("inputs", points, inputs)?;
         let (lower, upper) = (std::vec![-1.0; inputs], std::vec![1.0; inputs]);
         condition_number(
             &regressor(points, &table, &lower, &upper)?,
@@ -218,8 +218,8 @@ impl PolynomialModel {
         check_count("upper", "numbers", upper.len(), inputs)?;
         let exponents = exponents(inputs, degree)?;
         let k = exponents.len() / inputs;
-        check_finite("lower", lower, inputs)?;
-        check_finite("upper", upper, inputs)?;
+        check_sizes("lower", lower, inputs)?;
+        check_sizes("upper", upper, inputs)?;
         let outputs = coefficients.len() / k;
         if outputs == 0 || coefficients.len() != k * outputs {
             return Err(ModelError::Setting {
@@ -269,7 +269,9 @@ impl PolynomialModel {
         let map = self.map()?;
         let rows = self.rows_of(points)?;
         if let Some(cubic) = &self.cubic {
-            return Ok(cubic_bulk::values(cubic, points));
+            let values = cubic_bulk::values(cubic, points);
+            check_finite("the prediction", &values, self.outputs)?;
+            return Ok(values);
         }
         let mut scratch = std::vec![0.0; map.scratch_len()];
         let mut values = std::vec![0.0; rows * self.outputs];
@@ -277,6 +279,7 @@ impl PolynomialModel {
         for (point, value) in points.chunks_exact(self.inputs()).zip(lines) {
             map.value(point, value, &mut scratch)?;
         }
+        check_finite("the prediction", &values, self.outputs)?;
         Ok(values)
     }
 
@@ -285,7 +288,9 @@ impl PolynomialModel {
         let map = self.map()?;
         let rows = self.rows_of(points)?;
         if let Some(cubic) = &self.cubic {
-            return Ok(cubic_bulk::jacobians(cubic, points));
+            let jacobians = cubic_bulk::jacobians(cubic, points);
+            check_finite("the stiffness", &jacobians, 36)?;
+            return Ok(jacobians);
         }
         let size = self.outputs * self.inputs();
         let mut scratch = std::vec![0.0; map.scratch_len()];
@@ -295,10 +300,11 @@ impl PolynomialModel {
         for (point, block) in points.chunks_exact(self.inputs()).zip(blocks) {
             map.value_and_jacobian(point, &mut value, block, &mut scratch)?;
         }
+        check_finite("the stiffness", &jacobians, size)?;
         Ok(jacobians)
     }
 
-    fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {
+    pub(crate) fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {
         let rows = points.len() / self.inputs();
         check_count("inputs", "numbers", points.len(), rows * self.inputs())?;
         check_finite("inputs", points, self.inputs())?;
@@ -381,8 +387,16 @@ pub fn polynomial_regressor(
     upper: &[f64],
 ) -> Result<Vec<f64>, ModelError> {
     check_count("upper", "numbers", upper.len(), lower.len())?;
-    check_finite("inputs", points, lower.len())?;
-    regressor(points, &exponents(lower.len(), degree)?, lower, upper)
+    let inputs = lower.len();
+    let table = exponents(inputs, degree)?;
+    let rows = points.len() / inputs;
+    check_count("inputs", "numbers", points.len(), rows * inputs)?;
+    for (name, values) in [("inputs", points), ("lower", lower), ("upper", upper)] {
+        check_sizes(name, values, inputs)?;
+    }
+    let matrix = regressor(points, &table, lower, upper)?;
+    check_finite("the regressor", &matrix, table.len() / inputs)?;
+    Ok(matrix)
 }
 
 /// Number of rows of finite `points` (N, inputs) and `observations` (N, outputs).
@@ -400,15 +414,24 @@ fn check_pairs(
             expected: "at least one column to fit",
         });
     }
+    if rows == 0 {
+        return Err(ModelError::TooFewRows {
+            equations: 0,
+            coefficients: 1,
+        });
+    }
     check_count("inputs", "numbers", points.len(), rows * inputs)?;
-    check_count("outputs", "numbers", observations.len(), rows * outputs)?;
-    check_finite("inputs", points, inputs)?;
-    check_finite("outputs", observations, outputs)?;
+    let expected = rows.saturating_mul(outputs);
+    check_count("outputs", "numbers", observations.len(), expected)?;
+    check_sizes("inputs", points, inputs)?;
+    check_sizes("outputs", observations, outputs)?;
     Ok(rows)
 }
 
 fn check_weights(weights: &[f64]) -> Result<(), ModelError> {
-    let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));
+    // The mean of the weights, and each in units of it, must not overflow or vanish.
+    let usable = |w: f64| w == 0.0 || (1e-100..=1e100).contains(&w);
+    let bad = weights.iter().position(|w| !usable(*w));
     if bad.is_none() && weights.iter().any(|w| *w > 0.0) {
         return Ok(());
     }
@@ -419,7 +442,7 @@ fn check_weights(weights: &[f64]) -> Result<(), ModelError> {
     Err(ModelError::Setting {
         name: "weights",
         found,
-        expected: "finite numbers, 0 or above, not all 0",
+        expected: "0 or numbers from 1e-100 to 1e100, not all 0",
     })
 }
 

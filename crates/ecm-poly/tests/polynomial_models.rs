@@ -373,3 +373,27 @@ fn ninety_five_percent_of_new_measurements_fall_into_the_interval() {
     let sum: f64 = model.leverage(&train).unwrap().iter().sum();
     assert!((sum - 28.0).abs() < 1e-9, "{sum}");
 }
+
+#[test]
+fn a_column_that_is_constant_up_to_rounding_has_no_effect() {
+    let next = f64::from_bits(0.1034_f64.to_bits() + 1);
+    let rows: Vec<[f64; 2]> = (0..30)
+        .map(|i| [f64::from(i), if i % 2 == 0 { 0.1034 } else { next }])
+        .collect();
+    let values: Vec<f64> = (0..30)
+        .map(|i| 3.0 + f64::from(i) + 0.1 * f64::from(i % 2))
+        .collect();
+    let model = PolynomialModel::fit(
+        rows.as_flattened(),
+        2,
+        &values,
+        1,
+        3,
+        Method::LeastSquares,
+        None,
+    )
+    .unwrap();
+    let beside = model.predict(&[15.0, 0.1034 + 1e-9]).unwrap()[0];
+    assert!((beside - 18.0).abs() < 0.1, "{beside}");
+    assert_eq!(model.jacobian(&[15.0, 0.1034]).unwrap()[1], 0.0);
+}

@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::doe::{DesignResult, d_optimal, maximin};
+    use crate::doe::{DesignResult, criteria, d_optimal, maximin};
 
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
@@ -27,13 +27,14 @@ mod _native {
 
     #[pymodule_export]
     use crate::poly::{
-        EnergyModel, PolynomialModel, export_model, open_model, polynomial_exponents,
-        merged_triangle, polynomial_regressor, seal_model,
+        EnergyModel, PolynomialModel, export_model, merged_triangle, open_model,
+        polynomial_exponents, polynomial_regressor, seal_model,
     };
 
     #[pymodule_export]
     use crate::se3::{
-        convert_stiffness, left_jacobians, mid_frame, rotation_matrices, rotation_vectors,
+        check_rotations, convert_stiffness, left_jacobians, mid_frame, rotation_matrices,
+        rotation_vectors,
     };
 
     #[pymodule_export]

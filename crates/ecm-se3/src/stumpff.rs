@@ -6,21 +6,8 @@
 
 use crate::real::Real;
 
-/// 1/n! for n = 0 … 34.
-const INVERSE_FACTORIALS: [f64; 35] = inverse_factorials();
-
-const fn inverse_factorials() -> [f64; 35] {
-    let mut table = [1.0; 35];
-    // The factorial is exact up to 22!; beyond it the relative error stays below 1e-15.
-    let mut factorial = 1.0;
-    let mut n = 1;
-    while n < 35 {
-        factorial *= n as f64;
-        table[n] = 1.0 / factorial;
-        n += 1;
-    }
-    table
-}
+/// Largest s = |θ|².
+const LARGEST: u16 = 16;
 
 /// c₀ … c₇ at one s = |θ|².
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,16 +20,18 @@ impl<R: Real> Stumpff<R> {
     /// c_k at `s` = |θ|² (rad²).
     ///
     /// c₆ and c₇ by their series, the others by c_k = 1/k! − s c_{k+2}, which loses no digit
-    /// that counts up to |θ| = π; the precision falls off beyond |θ| = 4.
+    /// that counts up to |θ| = π. Beyond |θ| = 4, where the series are too short, all are NaN: no
+    /// wrong rotation passes for a right one.
     #[inline]
     pub fn new(s: R) -> Self {
+        let s = if s <= R::from_u16(LARGEST) { s } else { R::NAN };
         let mut c = [R::ZERO; 8];
         c[6] = series(6, s);
         c[7] = series(7, s);
         let mut k = 6;
         while k > 0 {
             k -= 1;
-            c[k] = R::from_f64(INVERSE_FACTORIALS[k]) - s * c[k + 2];
+            c[k] = R::INVERSE_FACTORIALS[k] - s * c[k + 2];
         }
         Self { c }
     }
@@ -50,13 +39,13 @@ impl<R: Real> Stumpff<R> {
     /// dc_k/ds = (k c_{k+2} − c_{k+1}) / 2, for k ≤ 5.
     #[inline(always)]
     pub fn first(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.c[k + 2] - self.c[k + 1])
+        R::HALF * (R::from_u16(k as u16) * self.c[k + 2] - self.c[k + 1])
     }
 
     /// d²c_k/ds², for k ≤ 3.
     #[inline(always)]
     pub fn second(&self, k: usize) -> R {
-        R::HALF * (R::from_f64(k as f64) * self.first(k + 2) - self.first(k + 1))
+        R::HALF * (R::from_u16(k as u16) * self.first(k + 2) - self.first(k + 1))
     }
 }
 
@@ -66,7 +55,7 @@ fn series<R: Real>(k: usize, s: R) -> R {
     let mut j = R::SERIES_TERMS;
     while j > 0 {
         j -= 1;
-        value = R::from_f64(INVERSE_FACTORIALS[2 * j + k]) - s * value;
+        value = R::INVERSE_FACTORIALS[2 * j + k] - s * value;
     }
     value
 }
@@ -104,6 +93,15 @@ mod tests {
                 assert!((double.c[k] - f64::from(single.c[k])).abs() < 1e-6);
             }
         }
+    }
+
+    #[test]
+    fn beyond_the_series_there_is_no_number() {
+        for s in [16.1, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(Stumpff::new(s).c.iter().all(|c| c.is_nan()), "{s}");
+            assert!(Stumpff::new(s as f32).c.iter().all(|c| c.is_nan()), "{s}");
+        }
+        assert!(Stumpff::new(16.0).c.iter().all(|c| c.is_finite()));
     }
 
     #[test]

@@ -1,5 +1,5 @@
 """`python -m ecm.cli`: the same as the command `ecm`."""
 
-from ecm.cli.main import main
+from ecm.cli import main
 
 main()

@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from ecm._native import __version__
+from ecm.cli.application import new_application
 
 COMMANDS = {
     "identify": "Simulate, select, measure, identify: mesh to report.",
@@ -28,7 +29,7 @@ COMMANDS = {
     "export": "A model as C or Rust for a controller.",
     "new": "A config, rig or data file to begin from.",
 }
-"""Every command with its line of `ecm --help`: the function NAME of the file `NAME.py`."""
+"""Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
 
 
 class _Commands(TyperGroup):
@@ -42,6 +43,12 @@ class _Commands(TyperGroup):
             self.commands[cmd_name] = load_command(cmd_name)
         return self.commands.get(cmd_name)
 
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False  # typer loads a library to convert what is no bool
+        return option
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
@@ -54,23 +61,12 @@ class _Commands(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Return the parser of one command, or of a group of commands (a typer application)."""
-    function = getattr(import_module(f"ecm.cli.{name}"), name)
+    function = getattr(import_module(f"ecm.cli.options.{name}"), name)
     if not isinstance(function, typer.Typer):
         single = new_application()
         single.command(name)(function)
         function = single
     return get_command(function)
-
-
-def new_application(**options: Any) -> typer.Typer:
-    """Return a typer application with plain help and errors."""
-    return typer.Typer(
-        rich_markup_mode=None,
-        pretty_exceptions_enable=False,
-        add_completion=False,
-        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 80},
-        **options,
-    )
 
 
 _HELP = "Stiffness of continuum mechanisms: from a mesh to a model and its effects."

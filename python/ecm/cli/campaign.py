@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from ecm.cli.command import Out, Session, command
-from ecm.cli.outputs import check_output
+from ecm.cli.options.campaign import Options
+from ecm.cli.session import Session
 from ecm.io.table import Table
 from ecm.rig import CampaignOptions, RigSettings, campaign_minutes, run_campaign, run_campaigns
 from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
@@ -19,48 +15,10 @@ from ecm.rig.journal import keep_data
 from ecm.workflow.config import read_rig
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan, as `ecm design` writes it.")]
-    rig: Annotated[
-        Path, typer.Option("--rig", metavar="RIG.toml", help="Rig file; see `ecm new rig`.")
-    ]
-    out: Out
-    hide: Annotated[
-        str | None,
-        typer.Option(
-            "--hide",
-            metavar="EFFECT=S",
-            help="Effect to hide, of strength S; or random, none, FIRST.csv (the same as there).",
-        ),
-    ] = None
-    rigs: Annotated[
-        int,
-        typer.Option("--rigs", min=0, metavar="N", help="Measure on N rigs, each of its own seed."),
-    ] = 0
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for the rigs."),
-    ] = None
-    film: Annotated[
-        Path | None, typer.Option("--film", metavar="FILE.gif", help="Film of the arm.")
-    ] = None
-    phases: Annotated[
-        Path | None,
-        typer.Option("--phases", metavar="FILE.png", help="Figure of the arm's phases."),
-    ] = None
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a table that is there already.")
-    ] = False
-
-
-@command(Options, seed=True, threads=True)
 def campaign(options: Options, session: Session) -> None:
-    """Drive the simulated rig through a plan and write what it measures."""
+    """Run `ecm campaign`."""
     many = bool(options.rigs) or options.scheduler is not None
-    check_output(options.out, options.film, options.phases)
+    session.check_output(options.out, options.film, options.phases)
     if not many:
         keep_data(options.out, overwrite=options.overwrite)  # before the plan is read
     rig = read_rig(options.rig)
@@ -86,7 +44,7 @@ def campaign(options: Options, session: Session) -> None:
         session.write_json(document)
         session.print(f"{paths[0]} … {paths[-1].name}: {len(paths)} rigs")
         return
-    session.on_interrupt("Readings so far are kept: the same command goes on there.")
+    session.on_interrupt("finished readings are kept. The same command goes on there.")
     data = run_campaign(
         plan,
         rig,
@@ -95,6 +53,8 @@ def campaign(options: Options, session: Session) -> None:
         options=CampaignOptions(threads=session.threads),
         **common,
     )
+    rest = "Run the same command with --overwrite for the rest."
+    session.on_interrupt(f"complete: {options.out}. {rest}")
     for warning in data.warnings:
         session.warn(warning)
     session.write_json(

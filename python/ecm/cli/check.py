@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from ecm.cli.command import Data, Session, command
+from ecm.cli.options.check import Options
+from ecm.cli.session import Session
 from ecm.cli.text import columns
 from ecm.diagnosis.check import Check
 from ecm.diagnosis.check import check as check_table
 from ecm.effects import load_installed
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    data: Data
-
-
-@command(Options, tables=True)
 def check(options: Options, session: Session) -> None:
-    """Check columns and units; say what was never excited and which effects can be tested."""
+    """Run `ecm check`."""
     table = session.read(options.data)
     load_installed()
     result = check_table(table)

@@ -1,15 +1,16 @@
-"""What all commands share: their common options, reading tables, writing JSON.
+"""The parser of a command: its options and the common ones; loads no engine.
 
-A command is a function of its own options, a dataclass whose fields are typer options, and of a
-session, which holds the common ones:
+The options of a command are a dataclass in `options/NAME.py`, whose fields are typer options and
+whose docstring is the help. The work is a function of them and of a session in `NAME.py`, which is
+loaded when the options are parsed:
 
     @dataclass(frozen=True, kw_only=True)
     class Options:
+        '''Check the columns of a table.'''
+
         data: Data
 
-    @command(Options, tables=True)
-    def check(options: Options, session: Session) -> None:
-        '''Check the columns of a table.'''
+    check = command("check", Options, tables=True)
 """
 
 from __future__ import annotations
@@ -18,18 +19,11 @@ import inspect
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import MISSING, fields
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
-
-from ecm.cli.console import Console
-from ecm.cli.outputs import check_output
-from ecm.io.cache import write_json
-from ecm.io.table import Need, Table, read_table
-from ecm.report.page import require_report
-
-T = TypeVar("T")
 
 Data = Annotated[
     list[Path],
@@ -85,51 +79,23 @@ _COMMON: dict[str, tuple[Any, Any]] = {
 """The common options with their defaults, in the order of the help."""
 
 
-class Session(Console):
-    """A command at work: its common options, and what it prints, reads and writes."""
-
-    def __init__(
-        self,
-        *,
-        meta: Path | None = None,
-        skip_bad_rows: bool = False,
-        json: Path | None = None,
-        report: Path | None = None,
-        seed: int = 0,
-        threads: int = 0,
-        quiet: bool = False,
-    ) -> None:
-        super().__init__(quiet=quiet)
-        self.meta, self.skip_bad_rows = meta, skip_bad_rows
-        self.json, self.report = json, report
-        self.seed, self.threads = seed, threads
-
-    def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
-        """Read the measurement table of the command and print its warnings."""
-        table = read_table(list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need)
-        for warning in table.warnings:
-            self.warn(warning)
-        return table
-
-    def write_json(self, document: Any) -> None:
-        """Write the file of --json, where it is asked for."""
-        if self.json is not None:
-            write_json(self.json, document)
-
-
 def command(
-    options: type[T],
+    name: str,
+    options: type,
     *,
     tables: bool = False,
     report: bool = False,
     seed: bool = False,
     threads: bool = False,
     hide: Sequence[str] = (),
-) -> Callable[[Callable[[T, Session], None]], Callable[..., None]]:
-    """Make a command of a function (options, session).
+) -> Callable[..., None]:
+    """Return a command as typer wants it: a function of all options.
 
     Parameters
     ----------
+    name
+        `NAME`: the function NAME of the file `NAME.py` does the work. `NAME FUNCTION`: another
+        function of that file.
     options
         Dataclass of the command's own arguments and options.
     tables
@@ -145,26 +111,25 @@ def command(
     absent |= {"meta", "skip_bad_rows"} if not tables else set()
     common = {name: option for name, option in _COMMON.items() if name not in absent}
     hidden = {*hide, *(() if seed else ("seed",)), *(() if threads else ("threads",))}
-    parameters = _own_parameters(options) + [
-        _parameter(name, _hidden(annotation) if name in hidden else annotation, default)
-        for name, (annotation, default) in common.items()
-    ]
+    module, _, function = name.partition(" ")
 
-    def decorate(function: Callable[[T, Session], None]) -> Callable[..., None]:
-        def run(**values: Any) -> None:
-            session = Session(**{name: values.pop(name) for name in common})
-            with session:
-                check_output(session.json, session.report)
-                if session.report is not None:
-                    require_report()
-                function(options(**values), session)
+    def run(**values: Any) -> None:
+        from ecm.cli.session import run_command  # noqa: PLC0415 - help loads no engine
 
-        run.__name__, run.__doc__ = function.__name__, function.__doc__
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {}  # the signature holds them, evaluated
-        return run
+        shared = {name: values.pop(name) for name in common}
+        work = getattr(import_module(f"ecm.cli.{module}"), function or module)
+        run_command(work, options(**values), shared)
 
-    return decorate
+    run.__name__, run.__doc__ = function or module, options.__doc__
+    run.__annotations__ = {}  # the signature holds them, evaluated
+    run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        _own_parameters(options)
+        + [
+            _parameter(name, _hidden(annotation) if name in hidden else annotation, default)
+            for name, (annotation, default) in common.items()
+        ]
+    )
+    return run
 
 
 def _own_parameters(options: type) -> list[inspect.Parameter]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from ecm.cli.command import Data, ModelFile, Session, command
 from ecm.cli.models import open_model, prepare_physics
+from ecm.cli.options.compare import Options
+from ecm.cli.session import Session
 from ecm.cli.text import columns
 from ecm.comparison import Comparison
 from ecm.comparison import compare as compare_model
@@ -16,17 +16,8 @@ from ecm.effects import load_installed
 from ecm.io.columns import unit_of
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    model: ModelFile
-    data: Data
-
-
-@command(Options, tables=True, report=True, seed=True)
 def compare(options: Options, session: Session) -> None:
-    """Compare a model with a table: RMSE, bias, noise floor and excess error per component."""
+    """Run `ecm compare`."""
     load_installed()
     table = session.read(options.data, need="fit")
     model = open_model(options.model, session, table)
@@ -46,6 +37,8 @@ def compare(options: Options, session: Session) -> None:
         levels = result.references.levels().items()
         shown = ", ".join(f"{name} {value:.2f}" for name, value in levels)
         session.print(f"Held-out error over noise: {shown}. {result.references.sentence()}")
+    if result.rows_used is not None:
+        session.print(result.rows_used.sentence())
     for warning in result.warnings:
         session.warn(warning)
     for sentence in excitation_sentences(constant):

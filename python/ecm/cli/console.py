@@ -7,7 +7,9 @@ import time
 from collections.abc import Callable
 from importlib import import_module
 from types import TracebackType
-from typing import Any, ClassVar
+from typing import Any
+
+from ecm.cli import interrupt
 
 _LINE_EVERY_S = 10.0
 
@@ -17,9 +19,6 @@ class Console:
 
     On a terminal a bar is drawn; elsewhere a line every ten seconds says how far the work is.
     """
-
-    interrupt_message: ClassVar[str] = "Nothing was written."
-    """What an interrupted command leaves behind, and how to go on."""
 
     def __init__(self, *, quiet: bool = False) -> None:
         self.quiet = quiet
@@ -43,8 +42,8 @@ class Console:
         return self._bar(title) if sys.stderr.isatty() else _lines(title)
 
     def on_interrupt(self, message: str) -> None:
-        """Set what is printed if the command is interrupted."""
-        Console.interrupt_message = message
+        """Set what an interruption leaves behind and how to go on: the end of its sentence."""
+        interrupt.describe(lambda: message)
 
     def close(self) -> None:
         """Stop the bar that is drawn."""
@@ -53,7 +52,7 @@ class Console:
             self._progress = None
 
     def __enter__(self) -> Console:
-        self.on_interrupt("Nothing was written.")
+        interrupt.describe(None)
         return self
 
     def __exit__(

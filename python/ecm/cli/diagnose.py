@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from ecm.cli.command import Data, ModelFile, Session, command
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.cli.models import open_model, prepare_physics
-from ecm.cli.outputs import check_output_plan
+from ecm.cli.options.diagnose import Options
+from ecm.cli.outputs import check_plan
+from ecm.cli.session import Session
 from ecm.comparison import compare
 from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
@@ -23,28 +22,17 @@ from ecm.io.table import Table
 from ecm.models import Model
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    model: ModelFile
-    data: Data
-    next_plan: Annotated[
-        Path | None,
-        typer.Option("--next", metavar="PLAN", help="Write the next experiment for campaign."),
-    ] = None
-
-
-@command(Options, tables=True, report=True, seed=True)
 def diagnose(options: Options, session: Session) -> None:
-    """Rank the effects that the model may lack, and say which one is missing."""
-    check_output_plan(options.next_plan)
+    """Run `ecm diagnose`."""
+    session.check_output(options.next_plan)
     table = session.read(options.data, need="fit")
     load_installed()
     model = open_model(options.model, session, table)
     if model.base.kind != "physics":
         prepare_physics(table, session)
     table = table.with_length(model.known_length_m)
+    if options.next_plan is not None:
+        check_plan(options.next_plan, table)
     result = diagnose_model(model, table, seed=session.seed)
     document = result.to_dict()
     document["warnings"] = [*document["warnings"], *table.warnings]
@@ -68,7 +56,7 @@ def _write_report(
     complete = (model.inputs, model.outputs) == (table.pose_columns, table.wrench_columns)
     if result.effects and complete:
         after = replace(model, effects=(*model.effects, *result.effects))
-        predicted = (after.predict(table) - model.predict(table))[compared.row]
+        predicted = (after.predict(table) - model.predict(table))[compared.where().row - 1]
     write_diagnosis(path, document, compared, predicted)
 
 

@@ -14,6 +14,8 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
     """The paragraphs of a diagnosis report, the most important first."""
     yield document["sentence"]
     yield _basis(document)
+    if "rows_used" in document:
+        yield document["rows_used"]["sentence"]
     yield from _sizes(document)
     if document["verdict"] == "none":
         yield from _limits(document["detection_limits"])

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from ecm.cli.command import Session, command
+from ecm.cli.options.effects import Options
+from ecm.cli.session import Session
 from ecm.cli.text import columns
 from ecm.effects import Effect, all_effects, get_effect, load_installed
 from ecm.effects.experiments import get_experiment
@@ -25,16 +23,8 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    id: Annotated[str | None, typer.Argument(metavar="[ID]", help="One effect in full.")] = None
-
-
-@command(Options)
 def effects(options: Options, session: Session) -> None:
-    """List the physical effects that diagnose can name, or show one in full."""
+    """Run `ecm effects`."""
     load_installed()
     listed = list(all_effects()) if options.id is None else [get_effect(options.id)]
     session.write_json({"schema": 1, "effects": [_document(effect) for effect in listed]})

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, cast
+from typing import cast
 
-import typer
-
-from ecm.cli.command import Data, Out, Session, command
 from ecm.cli.models import build_physics, is_mechanism, read_mechanism
-from ecm.cli.outputs import check_output
+from ecm.cli.options.fit import Options
+from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.table import Table
 from ecm.models import (
@@ -25,41 +22,11 @@ from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
-_MODELS = (
-    "choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, energyD-general, "
-    "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with [mechanism]."
-)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    data: Data
-    out: Out
-    model: Annotated[str, typer.Option("--model", metavar="NAME", help=_MODELS)] = "cubic"
-    pcr: Annotated[
-        str | None,
-        typer.Option("--pcr", metavar="B", help="B, B/sqrtN, rank:R or press (poly)."),
-    ] = None
-    zero_at_home: Annotated[
-        bool, typer.Option("--zero-at-home", help="No wrench at the undeformed pose.")
-    ] = False
-    stable: Annotated[
-        bool, typer.Option("--stable", help="A stable rest at the undeformed pose.")
-    ] = False
-    curve: Annotated[
-        bool, typer.Option("--curve", help="Also print how many poses are enough.")
-    ] = False
-    weights: Annotated[
-        str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
-    ] = "auto"
-
-
-@command(Options, tables=True, seed=True)
 def fit(options: Options, session: Session) -> None:
-    """Fit a model to a table and write its file."""
-    check_output(options.out)
+    """Run `ecm fit`."""
+    session.check_output(options.out)
     table = session.read(options.data, need="fit")
     name, choice = options.model, None
     if name == "choose":

@@ -8,64 +8,55 @@ from __future__ import annotations
 
 import errno
 import os
-import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import FrameType
 
 from typer import Abort, Exit
 from typer.main import get_command
 
+from ecm.cli import interrupt
 from ecm.cli.app import app
-from ecm.cli.console import Console
 from ecm.errors import EcmError, exit_code
 from ecm.regression.blas import one_blas_thread_later
 
-_INTERRUPTED = 130
 _BROKEN_PIPE = -1
 
 
 def main() -> None:
-    """Entry point of the command `ecm`."""
-    signal.signal(signal.SIGTERM, _terminate)
+    """Run the command line of this process and end it."""
     if not os.environ.get("ECM_DEBUG"):
         warnings.simplefilter("ignore")
-    code = run()
-    # The buffers of a pipe whose reader has gone may still hold text.
-    with suppress(OSError, ValueError):
-        sys.stdout.flush()
-    if code == _BROKEN_PIPE:
-        with suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 1
+    try:
+        interrupt.begin()
+        code = run()
+        # The buffers of a pipe whose reader has gone may still hold text.
+        with suppress(OSError, ValueError):
+            sys.stdout.flush()
+        if code == _BROKEN_PIPE:
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 1
+        interrupt.finish(code)
+    except KeyboardInterrupt:  # between two of these lines
+        code = _interrupted()
+        interrupt.finish(code)
     sys.exit(code)
 
 
-def run(arguments: Sequence[str] | None = None) -> int:  # noqa: PLR0911
-    """Run one command line and return its exit code.
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code, see `ecm.cli.run`."""
+    return reported(lambda: _invoke(arguments))
 
-    Parameters
-    ----------
-    arguments
-        Arguments without the program's name; by default those of the process.
 
-    Returns
-    -------
-    int
-        0 done, 1 the computation failed, 2 bad input, 130 interrupted.
-
-    Examples
-    --------
-    >>> from ecm.cli import run
-    >>> run(["effects", "payload", "--quiet"])
-    0
-    """
+def reported(work: Callable[[], int]) -> int:  # noqa: PLR0911
+    """Return the exit code of work; an exception is printed as a message and has a code, too."""
     debug = bool(os.environ.get("ECM_DEBUG"))
     try:
-        code = _invoke(arguments)
-        return _interrupted() if code == _INTERRUPTED else code  # the parser swallows Ctrl-C
+        code = work()
+        # The parser turns Ctrl-C into a code.
+        return _interrupted() if code == interrupt.INTERRUPTED else code
     except (KeyboardInterrupt, EOFError):
         return _interrupted()
     except BrokenPipeError:
@@ -135,12 +126,9 @@ def _system_error(error: OSError) -> int:
 
 
 def _interrupted() -> int:
-    _print(f"\ninterrupted. {Console.interrupt_message}")
-    return _INTERRUPTED
-
-
-def _terminate(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    start = "\n" if sys.stderr.isatty() else ""  # after the ^C
+    _print(f"{start}{interrupt.line()}")
+    return interrupt.INTERRUPTED
 
 
 def _print(text: str) -> None:

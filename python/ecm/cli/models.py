@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ecm.cli.command import Session
+from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism

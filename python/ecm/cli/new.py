@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from ecm.cli.command import Session, command
-from ecm.cli.outputs import check_output
+from ecm.cli.options.new import Options, What
+from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
+from ecm.io.interrupts import uninterrupted
 from ecm.io.templates import NEXT_STEP, template
 
 _FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
 
 
-class What(str, Enum):
-    """Files that can be written."""
-
-    config = "config"
-    rig = "rig"
-    data = "data"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    what: Annotated[What, typer.Argument(metavar="config|rig|data", help="Which file.")]
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Instead of the usual name.")
-    ] = None
-
-
-@command(Options)
 def new(options: Options, session: Session) -> None:
-    """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml."""
+    """Run `ecm new`."""
     usual = _FILES[options.what.value]
     path = options.out or Path(usual)
     files = {path: template(usual)}
@@ -46,15 +23,19 @@ def new(options: Options, session: Session) -> None:
         if path.suffix == ".toml":
             raise InputError(f"{path}: expected the name of the table, e.g. {path.stem}.csv")
         files[path.with_suffix(".toml")] = template("data.toml")
-    check_output(*files)
+    session.check_output(*files)
+    there = [target for target in files if target.exists()]
+    # A kill between the two files of a pair leaves one as it was written: the other is added.
+    half = len(there) < len(files) and all(t.read_bytes() == files[t].encode() for t in there)
+    if there and not half:
+        raise InputError(
+            f"{there[0]} is already there and is not overwritten. Choose another name with "
+            "--out FILE."
+        )
+    with uninterrupted():
+        for target, text in files.items():
+            write_atomically(target, text)
     for target in files:
-        if target.exists():
-            raise InputError(
-                f"{target} is already there and is not overwritten. Choose another name with "
-                "--out FILE."
-            )
-    for target, text in files.items():
-        write_atomically(target, text)
         session.print(f"wrote {target}")
     session.write_json({"schema": 1, "files": [str(target) for target in files]})
     session.print(NEXT_STEP[options.what.value].format(path=path))

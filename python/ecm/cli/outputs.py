@@ -1,29 +1,56 @@
-"""Checks of the files that a command will write: refused before the work, not after it."""
+"""The files that a command will write: refused before the work, not after it."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import InputError
+from ecm.io.table import Table
 
 
-def check_output(*paths: Path | None) -> None:
-    """Raise InputError where a file could not be written; None is left out."""
-    for path in paths:
-        if path is None:
-            continue
-        if path.is_dir():
-            raise InputError(f"{path}: found a directory, expected the name of a file to write")
-        _check_writable(path, path.parent)
+class Outputs:
+    """The files of a command: whether they can be written, and which of them are."""
+
+    def __init__(self) -> None:
+        self._before: dict[Path, tuple[int, int] | None] = {}
+
+    def check(self, *paths: Path | None) -> None:
+        """Raise InputError where a file could not be written; None is left out."""
+        for path in paths:
+            if path is None:
+                continue
+            if path.is_dir():
+                raise InputError(f"{path}: found a directory, expected the name of a file to write")
+            _check_writable(path, path.parent)
+            self._before[path] = _identity(path)
+
+    def sentence(self) -> str:
+        """Return what an interrupted command leaves behind, and how to go on."""
+        written = [str(p) for p, before in self._before.items() if _identity(p) != before]
+        if not written:
+            return NOTHING_WRITTEN
+        return f"complete: {', '.join(written)}. Run the same command again for the rest."
 
 
-def check_output_plan(path: Path | None) -> None:
-    """Check a plan as well: it may replace an older plan, but no other file or description."""
-    check_output(path)
-    if path is None:
-        return
-    description = path.with_suffix(".toml")
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What changes when a file is written again; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def check_plan(path: Path, table: Table) -> None:
+    """Raise InputError where a plan for a table would replace another file than an older plan.
+
+    A kill between the two files of a plan leaves the first one, its description: where that is the
+    very one that would be written, nothing is lost.
+    """
+    description = table.meta.of_plan().beside(path).to_toml()
+    beside = path.with_suffix(".toml")
     if path.is_file():
         with path.open(encoding="utf-8", errors="replace") as file:
             header = file.readline().strip()
@@ -31,9 +58,9 @@ def check_output_plan(path: Path | None) -> None:
             raise InputError(
                 f"{path}: this file is no plan, and is not overwritten. Choose another name."
             )
-    elif description.exists():
+    elif beside.exists() and beside.read_bytes() != description.encode():
         raise InputError(
-            f"{path}: beside it is {description}, which the plan's description would overwrite. "
+            f"{path}: beside it is {beside}, which the plan's description would overwrite. "
             "Choose another name."
         )
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
+from dataclasses import replace
 
-import typer
-
-from ecm.cli.command import Out, Session, command
-from ecm.cli.outputs import check_output, check_output_directory
+from ecm.cli.options.simulate import Options
+from ecm.cli.outputs import check_output_directory
+from ecm.cli.session import Session
 from ecm.fem.simulate import simulate as simulate_pairs
 from ecm.fem.simulate import write_vtu
 from ecm.workflow.config import read_config
@@ -19,37 +16,15 @@ _VTU = 10
 """Poses that --vtu draws."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command."""
-
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="TOML file; see `ecm new config`.")
-    ]
-    out: Out
-    full_box: Annotated[
-        bool, typer.Option("--full-box", help="Keep every stable pose of the wrench box.")
-    ] = False
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for the cases."),
-    ] = None
-    vtu: Annotated[
-        Path | None,
-        typer.Option("--vtu", metavar="DIR", help="Folder for ParaView files of the first poses."),
-    ] = None
-
-
-@command(Options, seed=True, threads=True)
 def simulate(options: Options, session: Session) -> None:
-    """Simulate wrenches of the box by FEM and keep the poses of the admissible workspace."""
+    """Run `ecm simulate`."""
     out = options.out
-    check_output(out)
+    session.check_output(out)
     if options.vtu is not None:
         check_output_directory(options.vtu)
     config = read_config(options.config)
     parts = out.with_suffix(".parts")
-    session.on_interrupt(f"Finished cases are kept in {parts}: the same command goes on there.")
+    session.on_interrupt(f"finished cases are kept in {parts}. The same command goes on there.")
     workspace = config.workspace
     pairs = simulate_pairs(
         config.mechanism,
@@ -62,6 +37,7 @@ def simulate(options: Options, session: Session) -> None:
         progress=session.progress("FEM poses"),
     )
     pairs.table(str(out)).write(out)
+    session.on_interrupt(f"complete: {out}. Run the same command again for the rest.")
     if options.vtu is not None:
         shown = pairs.wrenches[:_VTU]
         write_vtu(config.mechanism, shown, options.vtu)

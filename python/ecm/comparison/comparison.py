@@ -10,8 +10,8 @@ import numpy as np
 
 from ecm.comparison.reference_models import ReferenceModels, fit_reference_models
 from ecm.comparison.residual_figures import residual_figure
-from ecm.comparison.residual_maps import ResidualMaps, residual_maps_of
-from ecm.comparison.residuals import Residuals, residuals
+from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
+from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.run_outliers import run_outliers
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
@@ -24,6 +24,7 @@ from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.repeats import repeat_cells
 from ecm.regression.rows import Rows
+from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 _BOOTSTRAPS = 400
 _LEVEL = 0.9
+_DRAWN_AT_ONCE = 4_000_000
+"""Numbers of resampled groups that are held at once."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,12 @@ class _Compared:
     """The inputs of a comparison, for the parts that are made when they are asked for."""
 
     model: Model
-    rows: Rows
-    residuals: Residuals
-    scored: B
+    table: Table
+    """N rows."""
+    predicted: F
+    """(N, m)."""
+    chosen: I
+    """Rows of a large table that the noise and these parts rest on; else all."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,8 @@ class Comparison:
     """(N,) rows in the table, from 0."""
     compared: _Compared
     warnings: tuple[str, ...] = ()
+    rows_used: RowsUsed | None = None
+    """Rows of a large table that noise, references and maps rest on; None where they are all."""
 
     @cached_property
     def references(self) -> ReferenceModels | None:
@@ -114,13 +122,23 @@ class Comparison:
 
         Made when it is asked for: fits two bases, and runs the FEM of a new `[mechanism]`.
         """
-        return fit_reference_models(self.compared.model, self.compared.rows.table, self.noise)
+        made = self.compared
+        return fit_reference_models(made.model, _some(made.table, made.chosen), self.noise)
 
     @cached_property
     def _where(self) -> ResidualMaps:
         made = self.compared
-        at = np.ascontiguousarray(made.rows.poses[made.scored])
-        return residual_maps_of(made.rows, made.residuals, made.scored, made.model.leverage(at))
+        size = np.zeros(len(made.table))
+        size[self.row] = (self.whitened**2).sum(axis=1)
+        worst = np.argsort(-size, kind="stable")[:WORST]
+        shown = np.union1d(made.chosen, worst)
+        rows = Rows(_some(made.table, shown), made.model.base)
+        errors = residuals(rows, made.predicted[shown], self.noise, made.model.base.error)
+        scored = is_pose_row(rows.table)
+        at = np.ascontiguousarray(rows.poses[scored])
+        # The worst rows of a large table are shown, but would count too much.
+        counted = np.isin(shown, made.chosen) if len(shown) < len(made.table) else None
+        return residual_maps_of(rows, errors, scored, made.model.leverage(at), counted)
 
     def __str__(self) -> str:
         return self.sentence()
@@ -193,11 +211,19 @@ class Comparison:
             "outside_domain": self.outside_domain,
             "where": self.where().to_dict(),
             "warnings": list(self.warnings),
+            **({} if self.rows_used is None else {"rows_used": self.rows_used.to_dict()}),
             "references": None if self.references is None else self.references.to_dict(),
         }
 
 
-def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int = 0) -> Comparison:
+def compare(
+    model: Model,
+    table: Table,
+    *,
+    noise: Noise | None = None,
+    seed: int = 0,
+    most_rows: int = 3000,
+) -> Comparison:
     """Compare a model with measurements.
 
     The noise comes from repeats, else from the table's instrument figures, else it is assumed.
@@ -212,6 +238,9 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         Noise of the rows, where it is known better than the table tells.
     seed
         Seed of the random generator of the bootstraps.
+    most_rows
+        Largest number of rows on which noise, references and maps rest; of a larger table they are
+        spread over runs, time and poses. The errors are those of all rows.
 
     Returns
     -------
@@ -242,12 +271,14 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
     table = table.with_length(model.known_length_m)
     rows = Rows(table, model.base)
     predicted = model.predict(table)
+    chosen = spread_rows(table, most_rows)
     if noise is None:
-        noise = estimate_noise(rows, predicted, fallback=model.noise)
-    errors = residuals(rows, predicted, noise, model.base.error)
+        some = Rows(_some(table, chosen), model.base)
+        noise = estimate_noise(some, predicted[chosen], fallback=model.noise)
     scored = is_pose_row(table)
-    physical, whitened = errors.physical[scored], errors.whitened[scored]
-    variance = np.einsum("nii->ni", errors.covariance[scored])
+    physical, whitened, variance = (
+        values[scored] for values in residuals_by_block(rows, predicted, noise, model.base.error)
+    )
     groups = row_groups(table)[scored]
     measured = np.stack([table.column(name) for name in model.outputs], axis=1)
     excited = np.ptp(measured[scored], axis=0) > 1e-12
@@ -288,8 +319,24 @@ def compare(model: Model, table: Table, *, noise: Noise | None = None, seed: int
         physical=physical,
         row=np.flatnonzero(scored),
         warnings=tuple(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
-        compared=_Compared(model, rows, errors, scored),
+        compared=_Compared(model, table, predicted, chosen),
+        rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
+
+
+def _some(table: Table, rows: I) -> Table:
+    return table if len(rows) == len(table) else table.thinned(rows)
+
+
+def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:
+    if used == total:
+        return None
+    enough = (
+        "the errors and their intervals are those of all rows; noise, references and maps rest on "
+        "these, where chance changes a share of the residual by "
+        f"{np.sqrt(2.0 / (used * outputs)):.1g}"
+    )
+    return RowsUsed(total, used, HOW, enough)
 
 
 def _fitted_here(model: Model, table: Table) -> int:
@@ -319,11 +366,17 @@ def _bootstrap(physical: F, whitened: F, groups: I, seed: int) -> tuple[F, F]:
     sums = np.stack([np.bincount(packed, column) for column in physical.T], axis=1)
     all_components = np.bincount(packed, whitened.mean(axis=1))
     rng = np.random.default_rng([seed, 11])
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_BOOTSTRAPS)
-    totals = drawn @ sizes
+    at_once = max(1, min(_BOOTSTRAPS, _DRAWN_AT_ONCE // count))
+    means, alone = [], []
+    for first in range(0, _BOOTSTRAPS, at_once):
+        draws = min(at_once, _BOOTSTRAPS - first)
+        drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=draws)
+        totals = drawn @ sizes
+        means.append((drawn @ sums) / totals[:, None])
+        alone.append((drawn @ all_components) / totals)
     tails = [0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL]
-    parts = np.quantile((drawn @ sums) / totals[:, None], tails, axis=0)
-    return np.asarray(parts), np.asarray(np.quantile((drawn @ all_components) / totals, tails))
+    parts = np.quantile(np.concatenate(means), tails, axis=0)
+    return np.asarray(parts), np.asarray(np.quantile(np.concatenate(alone), tails))
 
 
 def _root(value: float) -> float:

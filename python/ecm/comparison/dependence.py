@@ -27,7 +27,7 @@ def dependence_variables(rows: Rows) -> dict[str, F]:
     if rows.base.outputs == WRENCH:
         variables["force_N"] = np.asarray(np.linalg.norm(rows.wrench[:, :3], axis=1))
         variables["torque_Nm"] = np.asarray(np.linalg.norm(rows.wrench[:, 3:], axis=1))
-    variables["row"] = np.arange(1, len(table) + 1).astype(np.float64)
+    variables["row"] = (table.row_numbers + 1).astype(np.float64)
     named = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s", "repeat")
     for name in (*named, *table.covariates):
         if table.has(name):

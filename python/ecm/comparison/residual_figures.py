@@ -38,6 +38,7 @@ def residual_figure(
     """
     variable = maps.strongest()[0] if variable is None else variable
     columns = maps.residual_map(variable, frame=frame, over_noise=over_noise, predicted=predicted)
+    columns = {name: values[maps.drawn] for name, values in columns.items()}
     curves = [] if predicted is None else _predicted(maps, columns, variable)
     data = [*_panels(maps, columns, variable), *curves]
     layout = draw.component_layout(maps.outputs, "" if curves else None)
@@ -50,7 +51,7 @@ def residual_figure(
                 "label": draw.plain(name),
                 "method": "update",
                 "args": [
-                    {"x": [_plain(maps.variables[name])]},
+                    {"x": [_plain(maps.variables[name][maps.drawn])]},
                     {f"annotations[{last}].text": _x_title(name)["text"]},
                 ],
             }
@@ -62,7 +63,7 @@ def residual_figure(
         buttons = []
         for key, unit in kinds:
             values = (maps.over_noise if unit == "over its noise" else maps.physical)[key]
-            arrays = [_plain(values[:, j]) for j in range(values.shape[1])]
+            arrays = [_plain(values[maps.drawn, j]) for j in range(values.shape[1])]
             label = f"{_FRAMES[key]}, {unit}"
             buttons.append({"label": label, "method": "restyle", "args": [{"y": arrays}]})
         active = kinds.index((frame, "over its noise" if over_noise else "in its unit"))
@@ -86,7 +87,7 @@ def residual_section(maps: ResidualMaps, variables: Sequence[str] = ()) -> Secti
     blocks.append(
         FigureBlock(
             "Residual, measured minus predicted, of each component. The menus choose the variable, "
-            f"the axes and the unit. {linked}",
+            f"the axes and the unit. {maps.drawn_sentence}{linked}",
             residual_figure(maps, first),
         )
     )
@@ -154,7 +155,7 @@ def _panels(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> list
             "selected": {"marker": {"color": draw.COLOURS[1], "size": 12}},
             "unselected": {"marker": {"opacity": 0.35}},
             "meta": LINK,
-            "customdata": maps.row.tolist(),
+            "customdata": maps.row[maps.drawn].tolist(),
             "hovertemplate": "row %{customdata}: %{y:.3g} at %{x:.4g}<extra></extra>",
             **draw.panel_axes(j),
         }
@@ -173,7 +174,7 @@ def _predicted(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> l
             "legendgroup": "predicted",
             "showlegend": j == 0,
             "marker": {"size": 6, "symbol": "cross-thin-open", "color": draw.COLOURS[1]},
-            "customdata": maps.row.tolist(),
+            "customdata": maps.row[maps.drawn].tolist(),
             "hovertemplate": "row %{customdata}: predicted %{y:.3g}<extra></extra>",
             **draw.panel_axes(j),
         }
@@ -183,14 +184,14 @@ def _predicted(maps: ResidualMaps, columns: Mapping[str, F], variable: str) -> l
 
 def workspace_figure(maps: ResidualMaps) -> dict[str, Any]:
     """Return views of the workspace, with markers as large as the residuals over the noise."""
-    columns = maps.workspace_map()
+    columns = {name: values[maps.drawn] for name, values in maps.workspace_map().items()}
     size = columns["over_noise"]
     views = (("theta_y_rad", "theta_z_rad"), ("y_m", "z_m"), ("x_m", "theta_x_rad"))
     return draw.linked_views(
         [(a, _plain(columns[a]), b, _plain(columns[b])) for a, b in views
          if a in columns and b in columns],
         size=np.clip(4.0 + 3.0 * (size - 1.0), 3.0, 18.0),
-        rows=maps.row.tolist(),
+        rows=maps.row[maps.drawn].tolist(),
         text=[f"{value:.2f} times its noise" for value in size],
         link=LINK,
     )  # fmt: skip

@@ -15,14 +15,22 @@ from ecm.comparison.signature import signature_shares
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import POSE, WRENCH
+from ecm.regression.folds import is_pose_row
 from ecm.regression.rows import Rows
+from ecm.regression.thinning import spread_rows
 
+WORST = 10
+"""Worst rows of a table that reports list."""
 _WORTH_SAYING = 0.05
+_MOST_DRAWN = 1000
+"""Rows that figures draw; more make a page large and hide each other."""
 
 
 @dataclass(frozen=True)
 class ResidualMaps:
     """Residuals, measured minus predicted: N measured poses in file order, m components.
+
+    Of a large table these are the rows that were chosen, and the worst ones of all.
 
     Examples
     --------
@@ -58,13 +66,17 @@ class ResidualMaps:
     """(N,) leverage of the model, in units of one row's noise."""
     top_from_base: F | None
     """(N, 6, 6) turns a wrench to top axes, where pose and wrench are full."""
+    drawn: I
+    """(d,) places of the rows that figures draw: all of a small table, else some and the worst."""
+    total: int
+    """Measured poses of the table."""
 
     @property
     def over_noise(self) -> dict[str, F]:
         """`physical` over `spread`; whitening would mix components."""
         return {frame: values / self.spread[frame] for frame, values in self.physical.items()}
 
-    def worst(self, count: int = 10) -> list[dict[str, Any]]:
+    def worst(self, count: int = WORST) -> list[dict[str, Any]]:
         """Return the rows with the largest whitened residual."""
         rows = []
         over_noise = self.over_noise["base"]
@@ -80,6 +92,16 @@ class ResidualMaps:
                 item["leverage"] = float(self.leverage[i])
             rows.append(item)
         return rows
+
+    @property
+    def drawn_sentence(self) -> str:
+        """How many rows the figures draw, where not all; ends with a space."""
+        if len(self.drawn) == self.total:
+            return ""
+        return (
+            f"{len(self.drawn)} of {self.total} rows are drawn, spread over runs, time and poses, "
+            "with the worst ones. "
+        )
 
     def sentence(self) -> str:
         """Return in words what the residual follows most."""
@@ -176,8 +198,19 @@ class ResidualMaps:
         }
 
 
-def residual_maps_of(rows: Rows, errors: Residuals, scored: B, leverage: F | None) -> ResidualMaps:
-    """Return the maps of the scored rows."""
+def residual_maps_of(
+    rows: Rows, errors: Residuals, scored: B, leverage: F | None, counted: B | None = None
+) -> ResidualMaps:
+    """Return the maps of the scored rows.
+
+    Parameters
+    ----------
+    counted
+        (N,) rows on which shares and stiffness rest; default: all.
+    """
+    counted = np.ones(len(scored), dtype=np.bool_) if counted is None else counted
+    own = counted[scored]
+    weights = None if counted.all() else counted.astype(np.float64)
     outputs = rows.base.outputs
     variables = {name: values[scored] for name, values in dependence_variables(rows).items()}
     # A single row can still be drawn against its number.
@@ -192,19 +225,28 @@ def residual_maps_of(rows: Rows, errors: Residuals, scored: B, leverage: F | Non
         physical["top"] = np.einsum("nij,nj->ni", turn, physical["base"])
         covariance = turn @ errors.covariance[scored] @ np.swapaxes(turn, 1, 2)
         spread["top"] = np.sqrt(np.einsum("nii->ni", covariance))
-        shares = signature_shares(rows, errors.whitened, errors.whitener)
-        stiffness, sd = residual_stiffness(rows, errors, scored)
+        shares = signature_shares(rows, errors.whitened, errors.whitener, weights)
+        stiffness, sd = residual_stiffness(rows, errors, scored & counted)
+    size = np.asarray(np.sqrt((errors.whitened[scored] ** 2).mean(axis=1)))
+    table = rows.table if rows.table.whole is None else rows.table.whole
+    worst = np.argsort(-size, kind="stable")[:WORST]
     return ResidualMaps(
         outputs=outputs,
-        row=np.flatnonzero(scored) + 1,
+        row=rows.table.row_numbers[scored] + 1,
         variables=variables,
         physical=physical,
         spread=spread,
-        size=np.asarray(np.sqrt((errors.whitened[scored] ** 2).mean(axis=1))),
+        size=size,
         shares=shares,
-        follows=dependence_shares(variables, physical["base"] / spread["base"], outputs),
+        follows=dependence_shares(
+            {name: values[own] for name, values in variables.items()},
+            (physical["base"] / spread["base"])[own],
+            outputs,
+        ),
         stiffness=stiffness,
         stiffness_sd=sd,
         leverage=leverage,
         top_from_base=turn,
+        drawn=np.union1d(spread_rows(rows.table.select(scored), _MOST_DRAWN), worst),
+        total=int(is_pose_row(table).sum()),
     )

@@ -14,6 +14,9 @@ from ecm.regression.approach import approach_sides
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
 
+_BLOCK = 20_000
+"""Rows whose covariances are held at once."""
+
 
 @dataclass(frozen=True)
 class Residuals:
@@ -27,6 +30,22 @@ class Residuals:
     """(N, m, m) of the noise of each row."""
     whitener: F
     """(N, m, m)."""
+
+
+def residuals_by_block(rows: Rows, predicted: F, noise: Noise, base_error: F) -> tuple[F, F, F]:
+    """Return the residuals (N, m), whitened (N, m), and the variance of each component (N, m).
+
+    The covariances of a large table's rows are never held together.
+    """
+    blocks = []
+    for start in range(0, len(rows), _BLOCK):
+        part = np.arange(start, min(start + _BLOCK, len(rows)))
+        own = rows if len(part) == len(rows) else Rows(rows.table.select(part), rows.base)
+        errors = residuals(own, predicted[part], noise, base_error)
+        variance = np.einsum("nii->ni", errors.covariance)
+        blocks.append((errors.physical, errors.whitened, variance))
+    physical, whitened, variance = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return physical, whitened, variance
 
 
 def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residuals:
@@ -92,7 +111,7 @@ def covariates(rows: Rows) -> dict[str, F]:
         if float(np.ptp(values)) > 0.0:
             variables[name] = _standard(values[:, None])[:, 0]
     if "time_s" not in variables and len(table) > 1:
-        variables["row"] = _standard(np.arange(len(table), dtype=np.float64)[:, None])[:, 0]
+        variables["row"] = _standard(table.row_numbers.astype(np.float64)[:, None])[:, 0]
     if table.has("approach") and rows.base.inputs == POSE:
         side = approach_sides(table, rows.length_m if rows.has_length else None)
         if float(np.ptp(side)) > 0.0:

@@ -61,6 +61,7 @@ def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
                 {"rows": result.whitened}, names, limit=8.0, x_title="over noise", y_title="rows"
             ),
         ),
+        *([] if result.rows_used is None else [TextBlock(result.rows_used.sentence())]),
         *warnings_table(warnings),
     ]
     return Section("Compare", blocks)

@@ -19,7 +19,6 @@ from ecm.effects.experiments import session_of
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
-from ecm.io.description import Meta
 from ecm.io.table import Table
 
 HOLDS_S = (2.0, 8.0, 60.0)
@@ -287,5 +286,4 @@ def _plan(data: Table, poses: F, ids: I, visits: list[_Visit]) -> Table:
         "run": np.array([run + v.run for v in visits]),
         "action": np.array([v.action for v in visits], dtype=object),
     }
-    meta = Meta(mechanism=data.meta.mechanism, scene=data.meta.scene, source=data.meta.source)
-    return Table(columns=columns, meta=meta, source="plan", warnings=())
+    return Table(columns=columns, meta=data.meta.of_plan(), source="plan", warnings=())

@@ -15,7 +15,6 @@ from ecm.designs.optimal import Design
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import Meta
 from ecm.io.table import Table
 
 DWELLS_S = (2.0, 8.0, 30.0)
@@ -224,9 +223,4 @@ def _plan(candidates: Table, visits: Sequence[_Row]) -> Table:
         "run": np.zeros(len(rows)),
         "action": np.array([visit.action for visit in visits], dtype=object),
     }
-    meta = Meta(
-        mechanism=candidates.meta.mechanism,
-        scene=candidates.meta.scene,
-        source=candidates.meta.source,
-    )
-    return Table(columns=columns, meta=meta, source="plan", warnings=())
+    return Table(columns=columns, meta=candidates.meta.of_plan(), source="plan", warnings=())

@@ -17,7 +17,7 @@ from ecm.diagnosis.problem import Candidate, Problem
 from ecm.io.arrays import F
 from ecm.regression.normal_equations import RIDGE, NormalEquations
 
-_AT_ONCE = 200
+_AT_ONCE = 50
 
 
 def selection_shares(
@@ -41,11 +41,12 @@ def selection_shares(
     tried = [c for c in problem.candidates if c.id in contenders]
     if not tried:
         return {}
-    blocks = [_Block.of(problem.normal, fixed, same) for same in _by_size(tried)]
+    known = _Fixed.of(problem.normal, fixed)
+    blocks = [_Block.of(problem.normal, known, same) for same in _by_size(tried)]
     ids = [c.id for block in blocks for c in block.candidates]
     won = dict.fromkeys(ids, 0)
     for weights in _drawn(len(problem.normal.squares), draws, seed):
-        falls = np.concatenate([block.falls(weights, problem) for block in blocks], axis=1)
+        falls = _falls(weights, known, blocks, problem)
         best = falls.argmax(axis=1)
         for i in best[falls.max(axis=1) > 0.0].tolist():
             won[ids[i]] += 1
@@ -67,58 +68,100 @@ def _drawn(groups: int, draws: int, seed: int) -> Iterator[F]:
 
 
 @dataclass(frozen=True)
+class _Fixed:
+    """Normal equations by group of the fixed columns and the response."""
+
+    columns: F
+    """(n, f + 1) fixed columns and response."""
+    squares: F
+    """(g, f (f + 1))."""
+
+    @staticmethod
+    def of(normal: NormalEquations, fixed: Sequence[int]) -> _Fixed:
+        """Sums over the rows of each group."""
+        columns = np.column_stack([normal.rows[:, list(fixed)], normal.response])
+        parts = [columns[a:b] for a, b in pairwise(normal.bounds.tolist())]
+        return _Fixed(columns, np.stack([(part[:, :-1].T @ part).ravel() for part in parts]))
+
+
+@dataclass(frozen=True)
 class _Block:
     """Normal equations by group, for candidates with the same number of parameters."""
 
     candidates: Sequence[Candidate]
-    fixed: F
-    """(g, f (f + 1)) of the fixed columns and the response."""
     cross: F
     """(g, (f + 1) b k) of fixed columns and response with the candidates' columns."""
     own: F
     """(g, b k k) of each candidate's columns."""
 
     @staticmethod
-    def of(
-        normal: NormalEquations, fixed: Sequence[int], candidates: Sequence[Candidate]
-    ) -> _Block:
+    def of(normal: NormalEquations, known: _Fixed, candidates: Sequence[Candidate]) -> _Block:
         """Sums over the rows of each group."""
-        known = np.column_stack([normal.rows[:, list(fixed)], normal.response])
         columns = normal.rows[:, [column for c in candidates for column in c.columns]]
         each = np.swapaxes(columns.reshape(len(columns), len(candidates), -1), 0, 1)
         parts = [slice(a, b) for a, b in pairwise(normal.bounds.tolist())]
         return _Block(
             candidates,
-            np.stack([(known[s, :-1].T @ known[s]).ravel() for s in parts]),
-            np.stack([(known[s].T @ columns[s]).ravel() for s in parts]),
+            np.stack([(known.columns[s].T @ columns[s]).ravel() for s in parts]),
             np.stack([(np.swapaxes(each[:, s], 1, 2) @ each[:, s]).ravel() for s in parts]),
         )
 
-    def falls(self, weights: F, problem: Problem) -> F:
-        """Return (d, b) the fall of BIC by each candidate beside the fixed columns, per draw."""
-        d, b, k = len(weights), len(self.candidates), self.candidates[0].parameters
-        f = self.cross.shape[1] // (b * k) - 1
-        fixed = (weights @ self.fixed).reshape(d, f, f + 1)
-        cross = (weights @ self.cross).reshape(d, f + 1, b * k)
-        own = (weights @ self.own).reshape(d, b, k, k)
-        size = np.sqrt(np.maximum(np.einsum("dii->di", fixed[:, :, :f]), 1e-300))
-        inner = fixed[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
-        seen = cross[:, :f] / size[:, :, None]
-        solved = np.linalg.solve(inner, seen)
-        slope = cross[:, f] - np.einsum("df,dfc->dc", fixed[:, :, f] / size, solved)
-        slope = slope.reshape(d, b, k)
-        ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", own), 1e-200)
-        seen, solved = (np.moveaxis(a.reshape(d, f, b, k), 1, 2) for a in (seen, solved))
-        left = own - np.swapaxes(seen, 2, 3) @ solved + ridge[:, :, :, None] * np.eye(k)
+    def falls(self, own: F, slope: F, problem: Problem) -> F:
+        """Return (d, b) the fall of BIC by each candidate, per draw.
+
+        Parameters
+        ----------
+        own
+            (d, b, k, k) each candidate's normal equations beside the fixed columns.
+        slope
+            (d, b, k) their right-hand sides.
+        """
+        k = own.shape[-1]
         signs = problem.signs[[c.columns for c in self.candidates]]
         taken = np.ones(slope.shape, dtype=np.bool_)
-        for _ in range(k + 1):
-            block = np.where(taken[..., :, None] & taken[..., None, :], left, np.eye(k))
-            theta = np.linalg.solve(block, np.where(taken, slope, 0.0)[..., None])[..., 0]
+        theta = _solved(own, slope)
+        for _ in range(k):
             wrong = taken & (signs * theta < 0.0)
-            if not wrong.any():
+            again = wrong.any(axis=2)
+            if not again.any():
                 break
             # As in `explained_by_blocks`: a coefficient of the wrong sign leaves its block.
             taken &= ~wrong
+            kept = taken[again]
+            block = np.where(kept[:, :, None] & kept[:, None, :], own[again], np.eye(k))
+            theta[again] = _solved(block, np.where(kept, slope[again], 0.0))
         gain = np.where(taken, slope * theta, 0.0).sum(axis=2)
         return np.asarray(gain / problem.scale - k * np.log(problem.size))
+
+
+def _falls(weights: F, known: _Fixed, blocks: Sequence[_Block], problem: Problem) -> F:
+    """Return (d, c) the fall of BIC by each candidate beside the fixed columns, per draw."""
+    d, f = len(weights), known.columns.shape[1] - 1
+    fixed = (weights @ known.squares).reshape(d, f, f + 1)
+    cross = [(weights @ block.cross).reshape(d, f + 1, -1) for block in blocks]
+    size = np.sqrt(np.maximum(np.einsum("dii->di", fixed[:, :, :f]), 1e-300))
+    inner = fixed[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
+    seen = np.concatenate([each[:, :f] for each in cross], axis=2) / size[:, :, None]
+    solved = np.linalg.solve(inner, seen)
+    explained = np.einsum("df,dfc->dc", fixed[:, :, f] / size, solved)
+    falls, first = [], 0
+    for block, each in zip(blocks, cross, strict=True):
+        b = len(block.candidates)
+        k = each.shape[2] // b
+        part = slice(first, first + b * k)
+        first += b * k
+        own = (weights @ block.own).reshape(d, b, k, k)
+        ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", own), 1e-200)
+        rows, right = (a[:, :, part].reshape(d, f, b, k) for a in (seen, solved))
+        own = own - np.ascontiguousarray(rows.transpose(0, 2, 3, 1)) @ right.transpose(0, 2, 1, 3)
+        own += ridge[:, :, :, None] * np.eye(k)
+        slope = (each[:, f] - explained[:, part]).reshape(d, b, k)
+        falls.append(block.falls(own, slope, problem))
+    return np.concatenate(falls, axis=1)
+
+
+def _solved(matrices: F, vectors: F) -> F:
+    """Return matrices^-1 vectors, (..., k, k) and (..., k)."""
+    if vectors.shape[-1] == 1:
+        return np.asarray(vectors / matrices[..., 0])
+    return np.asarray(np.linalg.solve(matrices, vectors[..., None])[..., 0])

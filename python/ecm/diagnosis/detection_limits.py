@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special
 
-from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.problem import Problem
 from ecm.io.arrays import F
 from ecm.regression.normal_equations import solve
 
@@ -28,7 +28,7 @@ def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
     for candidate in problem.candidates:
         if candidate.id in limits:
             continue
-        needed = _noncentrality(problem, candidate)
+        needed = _noncentrality(problem, candidate.parameters)
         sizes = []
         for column, parameter in zip(candidate.columns, candidate.effect.parameters, strict=True):
             information = _information(matrix, problem, column)
@@ -41,6 +41,11 @@ def detection_limits(problem: Problem) -> dict[str, DetectionLimit]:
     return limits
 
 
+def least_strength_seen(problem: Problem) -> float:
+    """Return the rms in noise units at which an effect of one parameter is named."""
+    return float(np.sqrt(_noncentrality(problem, 1) / problem.size))
+
+
 def _information(matrix: F, problem: Problem, column: int) -> float:
     """Return the squared length of one column after projecting the base out, over the scale."""
     base = np.asarray(problem.base_index, dtype=np.int64)
@@ -51,9 +56,9 @@ def _information(matrix: F, problem: Problem, column: int) -> float:
     return own - float(cross @ solve(matrix[np.ix_(base, base)], cross))
 
 
-def _noncentrality(problem: Problem, candidate: Candidate) -> float:
-    """Return the noncentrality at which delta chi² passes the test and BIC often enough."""
-    settings, k = problem.settings, candidate.parameters
+def _noncentrality(problem: Problem, k: int) -> float:
+    """Return the noncentrality at which delta chi² of k parameters passes the test and BIC."""
+    settings = problem.settings
     by_test = float(special.chdtri(k, settings.level / max(1, len(problem.ids))))
     by_bic = settings.least_bic + k * float(np.log(problem.size))
     needed = max(by_test, by_bic)

@@ -232,7 +232,9 @@ def _joined_rows(problem: Problem, experiment: Experiment) -> Rows | None:
     columns["run"] = np.concatenate(
         [table.column("run") if table.has("run") else np.zeros(len(table)), predicted.column("run")]
     )
-    return Rows(replace(table, columns=columns, meta=meta), problem.base)
+    # The chosen rows of a large table stand for its history.
+    joined = replace(table, columns=columns, meta=meta, whole=None, places=None)
+    return Rows(joined, problem.base)
 
 
 def _continued(table: Table, name: str, predicted: Table) -> NDArray[Any]:

@@ -82,9 +82,9 @@ def _residual(problem: Problem, use: B) -> tuple[F, F]:
     n, m = problem.response.shape
     smooth = omnibus_columns(problem, max(1, n // 6))
     known = [problem.base_block, problem.design[:, :, problem.leading]]
-    columns = np.concatenate([*known, smooth], axis=2)[use]
-    everything = columns.reshape(-1, columns.shape[2])
-    basis = orthonormal(everything)
+    columns = np.concatenate([block[use] for block in (*known, smooth)], axis=2)
+    del known, smooth
+    basis = orthonormal(columns.reshape(-1, columns.shape[2]))
     y = problem.response[use].ravel()
     residual = (y - basis @ (basis.T @ y)).reshape(-1, m)
     own = basis.reshape(-1, m, basis.shape[1])

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, all_effects, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
 from ecm.regression.sensor_zero import zero_times
+from ecm.regression.thinning import spread_rows
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -26,7 +28,7 @@ class Prepared:
     """Rows and effects of one diagnosis."""
 
     table: Table
-    """Distinct rows, readings of the sensor's zero left out."""
+    """Distinct rows, readings of the sensor's zero left out; of a large table some of them."""
     unexplained: Table
     """The same without what the effects of the model explain already."""
     rows: I
@@ -39,13 +41,20 @@ class Prepared:
     """Effects that the model has already."""
 
 
-def prepare(model: Model, table: Table, effects: Sequence[str | Effect] | None = None) -> Prepared:
+def prepare(
+    model: Model,
+    table: Table,
+    effects: Sequence[str | Effect] | None = None,
+    settings: DiagnosisSettings = DEFAULTS,
+) -> Prepared:
     """Select the rows and the effects of a diagnosis.
 
     Parameters
     ----------
     effects
         Ids or effects; default: all that are registered.
+    settings
+        Its `most_rows` is the number of rows above which some are chosen.
 
     Raises
     ------
@@ -62,12 +71,16 @@ def prepare(model: Model, table: Table, effects: Sequence[str | Effect] | None =
     distinct = distinct_rows(table.select(rows))
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
+    unexplained = _without_effects(model, table)
+    if len(table) > settings.most_rows:
+        chosen = spread_rows(table, settings.most_rows)
+        rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
     given = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
     return Prepared(
         table=table,
-        unexplained=_without_effects(model, table),
+        unexplained=unexplained,
         rows=rows,
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),

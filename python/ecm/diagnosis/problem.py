@@ -194,6 +194,7 @@ def assemble(
         settings=settings,
     )
     response, kept, projection = fit.whitened, columns.kept, columns.projection
+    weights, untestable = columns.weights, columns.untestable
     projected = base_block[:, :, :0]
     if base_block.shape[2] > settings.most_base_columns:
         # Too many columns to carry along: project them out once, for all refits.
@@ -204,12 +205,14 @@ def assemble(
     design = np.concatenate([base_block, *(one.columns for one in kept)], axis=2)
     norms = np.sqrt((design**2).sum(axis=(0, 1)))
     norms = np.where(norms > 0.0, norms, 1.0)
-    design = design / norms
+    design /= norms
     ends = base_block.shape[2] + np.cumsum([one.columns.shape[2] for one in kept], dtype=np.int64)
     placed = [
         (one.imitates, Candidate(one.effect, tuple(range(end - one.columns.shape[2], end))))
         for one, end in zip(kept, ends.tolist(), strict=True)
     ]
+    # The columns are in the design: a second copy is a large part of the memory.
+    del columns, kept
     groups = row_groups(table)
     problem = Problem(
         table=table,
@@ -217,7 +220,7 @@ def assemble(
         rows=rows,
         noise=noise,
         fit=fit,
-        weights=columns.weights,
+        weights=weights,
         groups=groups,
         scored=is_pose_row(table),
         whitener=whitener,
@@ -228,8 +231,8 @@ def assemble(
         projected_base=projected,
         candidates=tuple(candidate for imitates, candidate in placed if not imitates),
         imitators=tuple(candidate for imitates, candidate in placed if imitates),
-        untestable=columns.untestable,
-        normal=NormalEquations.of(design, response, groups, columns.weights),
+        untestable=untestable,
+        normal=NormalEquations.of(design, response, groups, weights),
         scale=1.0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,

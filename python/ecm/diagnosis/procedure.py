@@ -160,7 +160,7 @@ def find_missing(
     >>> find_missing(ecm.fit_model(table, "linear"), table, effects=[]).answer
     ()
     """
-    prepared = prepare(model, table, effects)
+    prepared = prepare(model, table, effects, settings)
 
     def against(base: StiffnessMap) -> Decision:
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)

@@ -31,7 +31,7 @@ def refinements(problem: Problem, chosen: Sequence[Candidate]) -> tuple[Refineme
     """Return, for each chosen effect that has richer forms, the one that fits best."""
     tried = []
     for item in chosen:
-        forms = item.effect.refinement(problem.table)
+        forms = item.effect.refinement(problem.rows.whole.table)
         if not forms:
             continue
         wider, candidates = with_more(problem, forms)

@@ -14,7 +14,7 @@ from ecm.diagnosis.check import NotTestable, never_excited
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.detection_limits import detection_limits
+from ecm.diagnosis.detection_limits import detection_limits, least_strength_seen
 from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.noise_effects import tested_noise
@@ -35,6 +35,7 @@ from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import held_out_by
+from ecm.regression.thinning import HOW, RowsUsed
 
 
 def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
@@ -82,6 +83,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         ),
         next_experiment=next_experiments(problem, accepted, decision.accepted.classes),
         outliers=tuple(prepared.rows[problem.weights < 0.5].tolist()),
+        rows_used=_rows_used(problem),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
         refinements=refinements(problem, accepted),
@@ -110,6 +112,19 @@ def upper_bound(test: FTest, size: int) -> float:
 
     bound = optimize.brentq(lambda value: chance(value) - 0.05, 0.0, 4.0 * squares + 200.0)
     return float(np.sqrt(bound / size))
+
+
+def _rows_used(problem: Problem) -> RowsUsed | None:
+    """Return how many rows of a large table were used, and why they are enough."""
+    if problem.table.whole is None:
+        return None
+    seen, trusted = least_strength_seen(problem), problem.settings.least_strength
+    enough = (
+        f"they name an effect of {seen:.2g} times the noise of a row with chance "
+        f"{problem.settings.power:g}; from {trusted:g} structure counts as more than the base's "
+        "own error"
+    )
+    return RowsUsed(len(problem.table.whole), len(problem.table), HOW, enough)
 
 
 def _ranked(problem: Problem, item: Ranked) -> RankedEffect:

@@ -19,6 +19,7 @@ from ecm.diagnosis.unexplained import Unknown
 from ecm.io.extras import require
 from ecm.models.joint_fit import FittedEffect
 from ecm.regression.noise import Noise
+from ecm.regression.thinning import RowsUsed
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,8 @@ class Diagnosis:
     next_experiment: tuple[Proposal, ...]
     outliers: tuple[int, ...]
     """Rows of the table whose robust weight is below one half."""
+    rows_used: RowsUsed | None = field(metadata={"optional": True})
+    """Which rows of a large table were used; None where all were."""
     upper_bound: float
     """95 % bound on the strength of what smooth functions could still hide."""
     left_over: Leftover

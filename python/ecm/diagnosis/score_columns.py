@@ -10,6 +10,7 @@ from scipy import special
 
 from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
+from ecm.effects.thinned import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.regression.f_test import explained_by_span
@@ -130,13 +131,14 @@ def all_score_columns(
     """Return every variant of every effect that has columns, and what cannot be tested."""
     columns: list[ScoreColumns] = []
     untestable: dict[str, Missing] = {}
+    table = rows.whole.table
     for effect in effects:
-        lacking = effect.missing(rows.table)
+        lacking = effect.missing(table)
         if lacking is not None:
             untestable[effect.id] = lacking
         if effect.kind == "noise" or (lacking is not None and not lacking.imitates):
             continue
-        variants = effect.variants(rows.table) if lacking is None else (effect,)
+        variants = effect.variants(table) if lacking is None else (effect,)
         try:
             columns += [
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
@@ -153,7 +155,7 @@ def all_score_columns(
 
 def score_columns(rows: Rows, whitener: F, effect: Effect) -> F:
     """Return (N, m, k) whitened derivative of the effect's correction at zero."""
-    jacobian = effect.jacobian(rows, np.zeros(len(effect.parameters)))
+    jacobian = jacobian_of(effect, rows, np.zeros(len(effect.parameters)))
     return np.asarray(np.einsum("nij,njk->nik", whitener, jacobian))
 
 
@@ -181,16 +183,17 @@ def _refined_shapes(
 ) -> list[ScoreColumns]:
     """Return better shapes between the best of a coarse grid and its neighbours."""
     y = _rest_of_response(response, projection)
+    table = rows.whole.table
     added: list[ScoreColumns] = []
     for id in dict.fromkeys(item.effect.id for item in every if not item.imitates):
         own = [item for item in every if item.effect.id == id]
-        if not any(item.effect.refined(rows.table, 0) for item in own):
+        if not any(item.effect.refined(table, 0) for item in own):
             continue
         gains = [projection.explained(item.columns, y) for item in own]
         best, first = max(zip(gains, own, strict=True), key=lambda pair: pair[0])
         start = first
         for round_ in range(rounds):
-            for shape in first.effect.refined(rows.table, round_):
+            for shape in first.effect.refined(table, round_):
                 trial = ScoreColumns(shape, score_columns(rows, whitener, shape), False)
                 gain = projection.explained(trial.columns, y)
                 if gain > best:

@@ -43,6 +43,8 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         ["source of the noise", document["noise"]["source"]],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
+    if "rows_used" in document:
+        rows.append(["rows", document["rows_used"]["sentence"]])
     if document["verdict"] == "none":
         bound = f"below {document['upper_bound']:.2f} times the noise, with 95 % confidence"
         rows.append(["what smooth functions could still hide", bound])

@@ -22,6 +22,13 @@ class DiagnosisSettings(Checked):
     ecm.errors.InputError: level = 2.0: expected a number from 0 to 1 (Chance of a wrong rejection)
     """
 
+    # Rows
+    most_rows: int = setting(
+        3000,
+        low=200,
+        high=100_000,
+        doc="Rows that are used of a larger table, spread over runs, time and poses.",
+    )
     # The linearised problem
     most_base_columns: int = setting(
         80, low=0, doc="Columns of a base that are carried along; a larger base is projected out."

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ecm._native import mid_frame
+from ecm.effects.memory import slipping
 from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
@@ -122,12 +123,10 @@ class Hysteresis(LinearEffect):
             at, came = mid_frame(rows.poses, length), mid_frame(before, length)
         friction = np.zeros_like(at)
         for order in order_of_visits(rows.table):
-            state, here = np.zeros(6), np.zeros(6)
-            for i in order:
-                for goal in (came[i], at[i]):
-                    state = np.clip(state + (goal - here) * metric, -self.yield_m, self.yield_m)
-                    here = goal
-                friction[i] = state
+            goals = np.stack([came[order], at[order]], axis=1).reshape(-1, 6)
+            steps = np.diff(goals, axis=0, prepend=np.zeros((1, 6))) * metric
+            for j in range(6):
+                friction[order, j] = slipping(steps[:, j], self.yield_m)[1::2]
         friction *= (~rows.unloaded)[:, None] / self.yield_m
         if self.stiffness == "each":
             return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from ecm.effects.memory import fading
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -145,11 +145,11 @@ def hereditary(table: Table, driven: F, tau_s: float) -> F:
         if len(order) < 2:
             continue
         steps = np.diff(time[order])
-        first = driven[order[0]] * _remaining_share(float(steps[0]), tau_s)
-        integral[order[0]] = first
-        for (before, now), step in zip(pairwise(order), steps, strict=True):
-            grown = (driven[now] - driven[before]) * _remaining_share(float(step), tau_s)
-            integral[now] = integral[before] * np.exp(-step / tau_s) + grown
+        shares = _remaining_shares(steps, tau_s)
+        grown = np.diff(driven[order], axis=0) * shares[:, None]
+        fades = np.exp(-steps / tau_s)
+        for j, first in enumerate((driven[order[0]] * shares[0]).tolist()):
+            integral[order, j] = fading(fades, grown[:, j], first)
     return integral
 
 
@@ -178,25 +178,29 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     goals = np.stack([came, rows.wrench], axis=1)
     integral = np.zeros_like(rows.wrench)
     for order in order_of_visits(table):
-        state, here, last = np.zeros(6), np.zeros(6), -np.inf
-        for i in order:
-            leg = 0.5 * max(float(time[i] - known[i] - last), 0.0)
-            fade, remaining = np.exp(-leg / tau_s), _remaining_share(min(leg, 1e6), tau_s)
-            for goal in goals[i]:
-                state = state * fade + (goal - here) * (remaining if np.isfinite(last) else 1.0)
-                here = goal
-            # After an unknown dwell nothing remains, as in the dwell form.
-            state = state * (np.exp(-dwell[i] / tau_s) if np.isfinite(dwell[i]) else 0.0)
-            last = float(time[i])
-            integral[i] = state
+        before = np.concatenate([[-np.inf], time[order][:-1]])
+        legs = 0.5 * np.maximum(time[order] - known[order] - before, 0.0)
+        fades = np.exp(-legs / tau_s)
+        shares = _remaining_shares(np.minimum(legs, 1e6), tau_s)
+        shares[0] = 1.0
+        # After an unknown dwell nothing remains, as in the dwell form.
+        rests = np.exp(-np.where(np.isfinite(dwell[order]), dwell[order], np.inf) / tau_s)
+        # Two moves, then the rest, in which nothing grows.
+        parts = np.stack([fades, fades, rests], axis=1).ravel()
+        steps = np.diff(goals[order].reshape(-1, 6), axis=0, prepend=np.zeros((1, 6)))
+        grown = np.zeros((len(order), 3, 6))
+        grown[:, :2] = steps.reshape(-1, 2, 6) * shares[:, None, None]
+        for j in range(6):
+            integral[order, j] = fading(parts, grown[:, :, j].ravel())[3::3]
     integral[rows.unloaded] = 0.0
     return integral
 
 
-def _remaining_share(step_s: float, tau_s: float) -> float:
-    """Share of a ramp of this duration that has not yet relaxed at its end."""
-    ratio = step_s / tau_s
-    return 1.0 if ratio < 1e-9 else float(-np.expm1(-ratio) / ratio)
+def _remaining_shares(steps_s: F, tau_s: float) -> F:
+    """(n,) share of ramps of these durations that has not yet relaxed at their end."""
+    ratio = np.asarray(steps_s) / tau_s
+    safe = np.where(ratio < 1e-9, 1.0, ratio)
+    return np.where(ratio < 1e-9, 1.0, -np.expm1(-safe) / safe)
 
 
 def _time_constants(table: Table) -> tuple[float, ...]:

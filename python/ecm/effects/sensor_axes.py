@@ -12,6 +12,7 @@ import numpy as np
 
 from ecm._native import rotation_matrices
 from ecm.effects.friction import Hysteresis
+from ecm.effects.memory import play
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -248,18 +249,15 @@ class FtsHysteresis(LinearEffect):
         _, own_before = in_sensor(rows, rows.predict(rows.known_before))
         width = self.width * own[~rows.unloaded].std(axis=0)
         time, zeros = rows.time_s(), np.asarray(zero_times(rows.table), dtype=np.float64)
-        lag, zero_lag = np.zeros_like(own), np.zeros((len(zeros), 6))
-        state = np.zeros(6)
         # The sensor's history continues through all runs and through the readings of its zero.
-        for i in np.argsort(np.concatenate([time, zeros]), kind="stable"):
-            if i >= len(own):
-                state = np.clip(state, -width, width)
-                zero_lag[i - len(own)] = state
-                continue
-            for load in (own_before[i], own[i]):
-                state = np.clip(state, load - width, load + width)
-            lag[i] = state - own[i]
-        lag -= zero_of_rows(time, zeros, zero_lag)
+        order = np.argsort(np.concatenate([time, zeros]), kind="stable")
+        free = np.zeros((len(zeros), 2, 6))
+        loads = np.concatenate([np.stack([own_before, own], axis=1), free])[order].reshape(-1, 6)
+        states = np.empty((len(order), 6))
+        for j in range(6):
+            states[order, j] = play(loads[:, j], float(width[j]))[1::2]
+        lag = states[: len(own)] - own
+        lag -= zero_of_rows(time, zeros, states[len(own) :])
         columns = base_from_sensor * lag[:, None, :]
         return np.asarray(columns if self.axes == "each" else columns.sum(axis=2, keepdims=True))
 

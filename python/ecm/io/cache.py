@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
+from ecm.io.interrupts import uninterrupted
 
 Arrays = Mapping[str, NDArray[Any]]
 _KEY_LENGTH = 16
@@ -91,7 +92,16 @@ def cache_directory() -> Path:
 # --- files -------------------------------------------------------------
 @contextmanager
 def atomic(path: Path) -> Iterator[IO[bytes]]:
-    """Open a binary file that appears under `path` complete, or not at all."""
+    """Open a binary file that appears under `path` complete, or not at all.
+
+    Ctrl-C waits until it has.
+    """
+    with uninterrupted(), _replacing(path) as file:
+        yield file
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[IO[bytes]]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -190,6 +191,19 @@ class Meta:
     def applied(self) -> Meta:
         """Return the description of the table after its columns got their standard names."""
         return replace(self, columns={}, file=replace(self.file, header_rows=1))
+
+    def beside(self, table: Path) -> Meta:
+        """Return the description that is written beside a table: a mesh file as seen from there."""
+        meta = self.applied()
+        mesh = meta.mechanism.get("mesh")
+        if mesh is None or not meta.source or Path(mesh).is_absolute():
+            return meta
+        moved = os.path.relpath(Path(meta.source).parent / mesh, table.parent)
+        return replace(meta, mechanism={**meta.mechanism, "mesh": moved})
+
+    def of_plan(self) -> Meta:
+        """Return the description of a plan for this table's mechanism, which has no instruments."""
+        return Meta(mechanism=self.mechanism, scene=self.scene, source=self.source)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the TOML document."""

@@ -6,7 +6,6 @@ and no row twice.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -23,6 +22,7 @@ from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import read_csv, write_csv
 from ecm.io.description import Meta, read_meta
 from ecm.io.extras import require
+from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
@@ -56,6 +56,8 @@ class Table:
         Warnings from reading.
     zeros_s
         Times of sensor zeros whose readings are no longer rows.
+    whole, places
+        Of a thinned table: the table that its rows were chosen from, and their places (N,) there.
 
     Examples
     --------
@@ -76,6 +78,8 @@ class Table:
     source: str
     warnings: tuple[str, ...] = ()
     zeros_s: tuple[float, ...] = ()
+    whole: Table | None = None
+    places: I | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0
@@ -187,7 +191,31 @@ class Table:
     def select(self, rows: ArrayLike) -> Table:
         """Return the rows of a mask (N,) or of row numbers."""
         index = np.asarray(rows)
-        return replace(self, columns={name: col[index] for name, col in self.columns.items()})
+        columns = {name: col[index] for name, col in self.columns.items()}
+        places = None if self.places is None else self.places[index]
+        return replace(self, columns=columns, places=places)
+
+    @property
+    def row_numbers(self) -> I:
+        """(N,) numbers of the rows from 0; those of a thinned table are the places in its whole."""
+        return np.arange(len(self), dtype=np.int64) if self.places is None else self.places
+
+    def thinned(self, rows: ArrayLike) -> Table:
+        """Return the rows of growing row numbers, which keep the history of all rows.
+
+        What depends on earlier rows, such as the pose before or the load so far, is computed on
+        the `whole` table.
+
+        Examples
+        --------
+        >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]})
+        >>> few = table.thinned([0, 2])
+        >>> len(few), len(few.whole), few.places
+        (2, 3, array([0, 2]))
+        """
+        index = np.asarray(rows, dtype=np.int64)
+        few = self.select(index)
+        return few if self.whole is not None else replace(few, whole=self, places=index)
 
     def with_columns(self, columns: Mapping[str, ArrayLike]) -> Table:
         """Return the table with these columns (N,) replaced or added; new ones are last."""
@@ -213,7 +241,8 @@ class Table:
 
     def with_meta(self, meta: Meta) -> Table:
         """Return the table with another description."""
-        return replace(self, meta=meta)
+        whole = None if self.whole is None else self.whole.with_meta(meta)
+        return replace(self, meta=meta, whole=whole)
 
     def with_length(self, length_m: float | None) -> Table:
         """Return the table with this length of the mechanism, unless its own is known."""
@@ -236,23 +265,15 @@ class Table:
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         description = target.with_suffix(".toml")
-        if not self.meta.empty:
-            write_atomically(description, self._meta_for(target).to_toml())
-        elif description.exists():
+        if self.meta.empty and description.exists():
             raise InputError(
                 f"{target}: {description} exists and would be taken as its description. "
                 "Move that file, or choose another name."
             )
-        write_csv(target, self.columns)
-
-    def _meta_for(self, target: Path) -> Meta:
-        """Return the description with a relative mesh file as seen from the target."""
-        meta = self.meta.applied()
-        mesh = meta.mechanism.get("mesh")
-        if mesh is None or not meta.source or Path(mesh).is_absolute():
-            return meta
-        moved = os.path.relpath(Path(meta.source).parent / mesh, target.parent)
-        return replace(meta, mechanism={**meta.mechanism, "mesh": moved})
+        with uninterrupted():
+            if not self.meta.empty:
+                write_atomically(description, self.meta.beside(target).to_toml())
+            write_csv(target, self.columns)
 
 
 def read_table(

@@ -28,6 +28,9 @@ from ecm.io.unit_checks import check_pose_units
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
 
+_MOST_SIZE = 1e100
+"""Largest size of a number in a table: squares and products of larger ones overflow."""
+
 
 def validated_columns(
     raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
@@ -125,15 +128,16 @@ def _position(raw: RawTable, name: str, entry: ColumnSource, where: str, source:
 
 
 def _numbers(name: str, own: str, cells: Cells, errors: RowErrors) -> F:
-    """Return numbers (N,); an empty cell, text, NaN or an infinite number is an error."""
+    """Return numbers (N,); an empty cell, text, NaN, or a number above 1e100 is an error."""
     try:
         values = np.asarray(_plain_numbers(cells), dtype=np.float64)
         unread = np.zeros(len(values), dtype=bool)
     except (TypeError, ValueError):
         values, unread = _parse_cells(name, own, cells, errors)
-    for row in np.flatnonzero(~np.isfinite(values) & ~unread):
+    for row in np.flatnonzero(~(np.abs(values) <= _MOST_SIZE) & ~unread):
         if not (name in MAY_BE_EMPTY and np.isnan(values[row])):
-            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", "a finite number")
+            wanted = "a number of at most 1e100" if np.isfinite(values[row]) else "a finite number"
+            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", wanted)
     return values
 
 

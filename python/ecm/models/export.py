@@ -19,6 +19,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.interrupts import uninterrupted
 from ecm.models.maps import EnergyMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.mujoco import mujoco_text
@@ -95,10 +96,9 @@ def export(
     ['spring.c', 'spring.h']
     """
     exported = export_files(model, to, name, precision)
-    for path, text in exported.files.items():
-        file = Path(directory) / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(file, text)
+    with uninterrupted():  # a part of the files is of no use
+        for path, text in exported.files.items():
+            write_atomically(Path(directory) / path, text)
     return exported
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ecm.effects.protocol import Effect
+from ecm.effects.thinned import correction_of, jacobian_of
 from ecm.io.arrays import F
 from ecm.io.table import Table
 from ecm.models.maps import StiffnessMap
@@ -173,7 +174,8 @@ def best_shape(
     Variants are compared by the score test of their tangents, less ln(n) for each parameter;
     shapes between the best of a coarse grid and its neighbours are tried as well.
     """
-    variants = effect.variants(table)
+    whole = table if table.whole is None else table.whole
+    variants = effect.variants(whole)
     if len(variants) == 1:
         return variants[0]
     fit = joint_fit(base, others, table, noise, freeze_base=freeze_base)
@@ -184,7 +186,7 @@ def best_shape(
 
     def value(shape: Effect) -> float:
         columns = np.einsum(
-            "nij,njk->nik", whitener, shape.jacobian(fit.rows, np.zeros(len(shape.parameters)))
+            "nij,njk->nik", whitener, jacobian_of(shape, fit.rows, np.zeros(len(shape.parameters)))
         ).reshape(size, -1)
         left = columns - fixed @ (fixed.T @ columns)
         if left.shape[1] == 1 and not shape.parameters[0].allows(float(left[:, 0] @ y)):
@@ -195,7 +197,7 @@ def best_shape(
     most, position = max(((value(shape), -i) for i, shape in enumerate(variants)))
     best = variants[-position]
     for round_ in range(_REFINEMENTS):
-        for shape in best.refined(table, round_):
+        for shape in best.refined(whole, round_):
             if (own := value(shape)) > most:
                 most, best = own, shape
     return best
@@ -212,10 +214,10 @@ def _linearised(
     prediction = rows.sensor_load.copy()
     blocks = [base_columns(rows, base)] if free_base else []
     for item in fitted:
-        correction = item.effect.correction(rows, item.values)
+        correction = correction_of(item.effect, rows, item.values)
         prediction += correction
         if not item.frozen:
-            blocks.append(item.effect.jacobian(rows, item.values))
+            blocks.append(jacobian_of(item.effect, rows, item.values))
     if not blocks:
         blocks = [np.zeros((*measured.shape, 0))]
     return measured - prediction, np.concatenate(blocks, axis=2)

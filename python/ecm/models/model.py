@@ -11,6 +11,7 @@ import numpy as np
 
 from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, get_effect
+from ecm.effects.thinned import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
@@ -135,7 +136,7 @@ class Model:
         lacking = self.left_out(data)
         for item in self.effects:
             if item.id not in lacking:
-                wrench += item.effect.correction(rows, item.values)
+                wrench += correction_of(item.effect, rows, item.values)
             elif not skip_untestable:
                 raise InputError(
                     f"{data.source}: effect {item.id} cannot be predicted here, "

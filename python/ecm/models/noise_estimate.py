@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ecm.effects import all_effects
+from ecm.effects.thinned import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -83,12 +84,12 @@ def nuisance_columns(rows: Rows) -> F:
     """(N, m, k) derivatives of every testable effect that can vary between repeats of a pose."""
     blocks: list[F] = []
     for effect in all_effects():
-        if effect.kind != "time" or effect.missing(rows.table) is not None:
+        if effect.kind != "time" or effect.missing(rows.whole.table) is not None:
             continue
         try:
             blocks += [
-                variant.jacobian(rows, np.zeros(len(variant.parameters)))
-                for variant in effect.variants(rows.table)[:3]
+                jacobian_of(variant, rows, np.zeros(len(variant.parameters)))
+                for variant in effect.variants(rows.whole.table)[:3]
             ]
         except InputError:
             # Without the mechanism's length there is no rest pose: no such effect can be tested.

@@ -11,8 +11,11 @@ from ecm.io.table import Table
 def pose_before(table: Table, rest_pose: F) -> F:
     """(N, 6) pose from which each row was approached; NaN where that is unknown.
 
-    `initial` is the rest pose; a pose_id is the mean measured pose of that id.
+    `initial` is the rest pose; a pose_id is the mean measured pose of that id. The rows of a
+    thinned table keep the poses before them in the whole one.
     """
+    if table.whole is not None:
+        return pose_before(table.whole, rest_pose)[table.places]
     poses = table.poses
     before = np.full_like(poses, np.nan)
     approach = table.text("approach")
@@ -56,6 +59,8 @@ def approach_sides(table: Table, length_m: float | None = None) -> F:
     >>> approach_sides(table, 0.1).tolist()
     [-1.0, 1.0]
     """
+    if table.whole is not None:
+        return approach_sides(table.whole, length_m)[table.places]
     length = table.meta.length_m if length_m is None else length_m
     if length is None:
         length = float(np.median(table.poses[:, 0]))
@@ -120,7 +125,11 @@ def _mean_poses(table: Table) -> dict[str, F]:
     ids = table.column("pose_id")
     poses = table.poses
     result = {}
-    for value in np.unique(ids[np.isfinite(ids)]):
-        key = str(int(value)) if float(value).is_integer() else repr(float(value))
-        result[key] = np.asarray(poses[ids == value].mean(axis=0))
+    # Sorted once: a comparison with each id would take the square of the number of rows.
+    order = np.argsort(ids, kind="stable")
+    values, first = np.unique(ids[order], return_index=True)
+    for value, rows in zip(values, np.split(order, first[1:]), strict=True):
+        if np.isfinite(value):
+            key = str(int(value)) if float(value).is_integer() else repr(float(value))
+            result[key] = np.asarray(poses[rows].mean(axis=0))
     return result

@@ -165,7 +165,7 @@ def orthonormal(columns: F) -> F:
     columns = columns[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)]
     if columns.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    scaled = columns / np.sqrt((columns**2).sum(axis=0))
-    q, r = np.linalg.qr(scaled)
+    columns /= np.sqrt((columns**2).sum(axis=0))  # a copy already
+    q, r = np.linalg.qr(columns)
     # A dependent column leaves a direction of rounding errors: drop it.
     return np.asarray(q[:, np.abs(np.diag(r)) > _DEPENDENT])

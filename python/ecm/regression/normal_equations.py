@@ -43,13 +43,16 @@ class NormalEquations:
         root = np.ones(n) if row_weights is None else np.sqrt(row_weights)
         count = int(groups.max()) + 1
         order = np.argsort(groups, kind="stable")
-        rows = (design[order] * root[order, None, None]).reshape(n * m, k)
+        rows = design[order]
+        rows *= root[order, None, None]
         y = response * root[:, None]
         bounds = np.searchsorted(groups[order], np.arange(count + 1)) * m
         squares = np.asarray(np.bincount(groups, (y**2).sum(axis=1), count), dtype=np.float64)
         members = (root > 0.0) * float(m)
         counts = np.asarray(np.bincount(groups, members, count), dtype=np.float64)
-        return NormalEquations(rows, y[order].ravel(), bounds.astype(np.int64), squares, counts)
+        return NormalEquations(
+            rows.reshape(n * m, k), y[order].ravel(), bounds.astype(np.int64), squares, counts
+        )
 
     @cached_property
     def matrices(self) -> F:

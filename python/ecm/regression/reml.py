@@ -19,7 +19,7 @@ from ecm.regression.rows import Rows
 
 _MOST_ROWS = 400
 _ITERATIONS = 30
-_OUTLIER = 30.0  # squared whitened length of six components, probability 4e-5
+_OUTLIER = 30.0  # six components reach it with probability 4e-5
 _PRIOR_DECLARED = 0.5  # standard deviation of log variance around declared figures
 _PRIOR_ASSUMED = 3.0
 
@@ -31,7 +31,9 @@ class _Contrasts:
     parts: F  # (4, M, m, m)
 
 
-def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> Noise | None:
+def reml_noise(
+    rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise, *, outlier: float = _OUTLIER
+) -> Noise | None:
     """REML noise of the rows.
 
     Parameters
@@ -46,6 +48,8 @@ def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> 
         (N, m, k) columns that may vary within a cell without being noise.
     prior
         Declared or assumed noise.
+    outlier
+        Contrasts beyond this squared whitened length are left out.
 
     Returns
     -------
@@ -60,7 +64,7 @@ def reml_noise(rows: Rows, residual: F, cells: I, nuisance: F, prior: Noise) -> 
     log_variance = log_prior.copy()
     for _ in range(2):
         log_variance = _reml(contrasts, log_variance, log_prior, width)
-        inliers = _without_outliers(contrasts, log_variance)
+        inliers = _without_outliers(contrasts, log_variance, outlier)
         if len(inliers.response) == len(contrasts.response):
             break
         contrasts = inliers
@@ -135,7 +139,7 @@ def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:
     return np.asarray(log_variance)
 
 
-def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
+def _without_outliers(data: _Contrasts, log_variance: F, outlier: float) -> _Contrasts:
     """The contrasts without outliers, whose whitened length beyond the nuisance is too large."""
     covariance = (data.parts * np.exp(log_variance)[:, None, None, None]).sum(axis=0)
     count, m = data.response.shape
@@ -148,5 +152,5 @@ def _without_outliers(data: _Contrasts, log_variance: F) -> _Contrasts:
     squares = (y.reshape(count, m) ** 2).sum(axis=1)
     # The median of chi-squared with m degrees of freedom is about m - 2/3.
     scale = max(1.0, float(np.median(squares)) / (m - 2.0 / 3.0))
-    keep = squares < _OUTLIER * scale
+    keep = squares < outlier * scale
     return _Contrasts(data.response[keep], data.nuisance[keep], data.parts[:, keep])

@@ -94,6 +94,15 @@ class Rows:
         return len(self.table)
 
     @cached_property
+    def whole(self) -> Rows:
+        """All rows of the table that a thinned table was chosen from; else these rows."""
+        return self if self.table.whole is None else Rows(self.table.whole, self.base)
+
+    def of_whole(self, values: F) -> F:
+        """(N, ...) the values of these rows, from those of all rows of `whole`."""
+        return values if self.table.places is None else values[self.table.places]
+
+    @cached_property
     def poses(self) -> F:
         """(N, n) measured pose columns of the base map."""
         columns = [self.table.column(name) for name in self.base.inputs]

@@ -1,16 +1,19 @@
 """The page: sections of text, tables and figures in one HTML file without external requests.
 
 All text is escaped by the template; figures are plotly's, drawn by its script that the page
-carries once.
+carries once. Script and figures are compressed, and unpacked by the browser.
 """
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -218,12 +221,24 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
                 figures.append(block.figure)
             blocks.append(entry)
         prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
-    # Without "<" in the script's data no text of a data file can end the script.
-    data = json.dumps(figures, allow_nan=False).replace("<", "\\u003c")
     page: str = environment.from_string(_TEMPLATE).render(
-        title=title, lead=lead, sections=prepared, figures=data, plotly=plotly.get_plotlyjs()
+        title=title,
+        lead=lead,
+        sections=prepared,
+        figures=_packed(json.dumps(figures, allow_nan=False)),
+        plotly=_packed_script(plotly.get_plotlyjs),
     )
     return page
+
+
+def _packed(text: str) -> str:
+    """Compress text to characters that neither end a script nor stand for anything in HTML."""
+    return base64.b64encode(gzip.compress(text.encode("utf-8"), mtime=0)).decode("ascii")
+
+
+@cache
+def _packed_script(script: Callable[[], str]) -> str:
+    return _packed(script())
 
 
 def require_report() -> tuple[Any, Any]:
@@ -275,7 +290,6 @@ figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px
 figure.table { margin: 22px 0; }
 @media print { nav { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 </style>
-<script>{{ plotly|safe }}</script>
 </head>
 <body>
 <header>
@@ -314,11 +328,31 @@ figure.table { margin: 22px 0; }
 </section>
 {% endfor %}
 </main>
+<script type="text/plain" id="packed-figures">{{ figures }}</script>
+<script type="text/plain" id="packed-plotly">{{ plotly }}</script>
 <script>
-const figures = {{ figures|safe }};
-figures.forEach((f, i) => Plotly.newPlot("figure-" + i, f.data, f.layout,
-  {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]}));
-document.documentElement.dataset.figures = figures.length;
+let figures = [];
+async function unpacked(id) {
+  const packed = atob(document.getElementById(id).textContent);
+  const bytes = Uint8Array.from(packed, c => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).text();
+}
+async function draw() {
+  const script = document.createElement("script");
+  script.textContent = await unpacked("packed-plotly");
+  document.head.append(script);
+  figures = JSON.parse(await unpacked("packed-figures"));
+  figures.forEach((f, i) => {
+    Plotly.newPlot("figure-" + i, f.data, f.layout,
+      {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]});
+    document.getElementById("figure-" + i).on("plotly_click", e => {
+      const trace = e.points[0].data;
+      if (trace.meta) mark(trace.meta, e.points[0].customdata);
+    });
+  });
+  document.documentElement.dataset.figures = figures.length;
+}
 // A row marked anywhere is marked in every figure and table of the same link.
 let marked = "";
 function mark(link, row) {
@@ -332,13 +366,15 @@ function mark(link, row) {
   document.querySelectorAll("tr[data-row]").forEach(tr => tr.classList.toggle("marked",
     marked !== "" && tr.dataset.link === link && tr.dataset.row === String(row)));
 }
-figures.forEach((f, i) => document.getElementById("figure-" + i).on("plotly_click", e => {
-  const trace = e.points[0].data;
-  if (trace.meta) mark(trace.meta, e.points[0].customdata);
-}));
 document.querySelectorAll("tr[data-row]").forEach(tr => {
   tr.addEventListener("click", () => mark(tr.dataset.link, tr.dataset.row));
   tr.addEventListener("keydown", e => { if (e.key === "Enter") tr.click(); });
+});
+const drawn = draw().catch(e => {
+  document.documentElement.dataset.error = e.message;
+  document.querySelectorAll("main figure > div[id]").forEach(div => {
+    div.textContent = "This figure needs a browser of 2023 or later: " + e.message;
+  });
 });
 </script>
 </body>

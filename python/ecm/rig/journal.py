@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import IO
 
 from ecm.errors import ComputationError, InputError
+from ecm.io.cache import write_atomically
 
 _MARK = "# campaign "
 
@@ -36,9 +37,9 @@ BESIDE = {
 """Suffixes of what belongs to a table, and goes when another takes its place."""
 
 
-def clear_beside(out: Path, kept: Iterable[str]) -> None:
+def clear_beside(out: Path, keep: Iterable[str]) -> None:
     """Takes away what belonged to the table that was replaced."""
-    for suffix in set(BESIDE) - set(kept):
+    for suffix in set(BESIDE) - set(keep):
         out.with_suffix(suffix).unlink(missing_ok=True)
 
 
@@ -93,11 +94,9 @@ class Journal:
 
     def __enter__(self) -> Journal:
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
             # Written again, so that a line that was cut in half is gone.
-            self._stream = self.path.open("w", encoding="utf-8", newline="")
-            self._stream.write(self._head + "".join(f"{line}\n" for line in self.lines))
-            self._sync()
+            write_atomically(self.path, self._head + "".join(f"{line}\n" for line in self.lines))
+            self._stream = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
             raise _disk(self.path, error) from None
         return self
@@ -116,7 +115,8 @@ class Journal:
         try:
             if self._stream is not None:
                 self._stream.write(line + "\n")
-                self._sync()
+                self._stream.flush()
+                os.fsync(self._stream.fileno())
         except OSError as error:
             raise _disk(self.path, error) from None
         self.lines.append(line)
@@ -124,11 +124,6 @@ class Journal:
     def remove(self) -> None:
         """The table is written: the journal has done its work."""
         self.path.unlink(missing_ok=True)
-
-    def _sync(self) -> None:
-        if self._stream is not None:
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
 
     def _read(self) -> list[str]:
         try:

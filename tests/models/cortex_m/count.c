@@ -1,11 +1,11 @@
-/* Instructions of one call. Under `qemu -icount shift=0` an instruction takes 1 ns of virtual time,
- * and SysTick counts it at 25 MHz: 40 instructions a tick. Compile with -DMODEL=name. */
+/* Instructions and stack of one call. Under `qemu -icount shift=0` an instruction takes 1 ns of virtual
+ * time, and SysTick counts it at 25 MHz: 40 instructions a tick. Compile with -DMODEL=name.
+ * Prints for h, then for h and K: the least and the most instructions over the golden poses, and
+ * the most bytes of stack. */
 #include <stdint.h>
 
 #define JOIN2(a, b) a##b
 #define JOIN(a, b) JOIN2(a, b)
-#define TEXT2(a) #a
-#define TEXT(a) TEXT2(a)
 #include HEADER
 #include GOLDEN
 
@@ -20,32 +20,56 @@ static void number(uint32_t n)
     digits[place] = 0;
     do digits[--place] = (char)('0' + n % 10u); while ((n /= 10u) > 0u);
     say(digits + place);
+    say(" ");
 }
 
-enum { CALLS = 400 };
+enum { CALLS = 10, POSES = 16, PAINTED = 4096 };
 
-static uint32_t ticks(int what)
+static JOIN(MODEL, _real) h[6], k[36];
+
+static void __attribute__((noinline)) call(int what, int pose)
 {
-    JOIN(MODEL, _real) h[6], k[36];
+    const JOIN(MODEL, _real) *p = JOIN(MODEL, _golden_p)[pose];
+    if (what == 1) JOIN(MODEL, _value)(p, h);
+    if (what == 2) JOIN(MODEL, _value_and_stiffness)(p, h, k);
+}
+
+static uint32_t ticks(int what, int pose)
+{
     SYSTICK[1] = 0xFFFFFFu;
     SYSTICK[2] = 0;
     SYSTICK[0] = 5; /* on, processor clock */
     const uint32_t from = SYSTICK[2];
-    for (int i = 0; i < CALLS; i++) {
-        const JOIN(MODEL, _real) *p = JOIN(MODEL, _golden_p)[i % 16];
-        if (what == 1) JOIN(MODEL, _value)(p, h);
-        if (what == 2) JOIN(MODEL, _value_and_stiffness)(p, h, k);
-        __asm__ volatile("" : : "r"(p), "r"(h), "r"(k) : "memory");
-    }
+    for (int i = 0; i < CALLS; i++) call(what, pose);
     return (from - SYSTICK[2]) & 0xFFFFFFu;
+}
+
+/* Words below this frame that a call has overwritten. */
+static uint32_t __attribute__((noinline)) depth(int what, int pose)
+{
+    volatile uint32_t *top = (volatile uint32_t *)__builtin_frame_address(0) - 32;
+    for (uint32_t i = 0; i < PAINTED; i++) top[-(int32_t)i] = 0xA5A5A5A5u;
+    call(what, pose);
+    uint32_t used = PAINTED;
+    while (used > 0u && top[-(int32_t)used + 1] == 0xA5A5A5A5u) used--;
+    return used;
 }
 
 int main(void)
 {
-    const uint32_t empty = ticks(0), value = ticks(1), both = ticks(2);
-    number((value - empty) * 40u / CALLS);
-    say(" ");
-    number((both - empty) * 40u / CALLS);
+    for (int what = 1; what <= 2; what++) {
+        uint32_t least = UINT32_MAX, most = 0, stack = 0;
+        for (int pose = 0; pose < POSES; pose++) {
+            const uint32_t used = (ticks(what, pose) - ticks(0, pose)) * 40u / CALLS;
+            const uint32_t words = depth(what, pose);
+            least = used < least ? used : least;
+            most = used > most ? used : most;
+            stack = words > stack ? words : stack;
+        }
+        number(least);
+        number(most);
+        number(4u * stack + 128u);
+    }
     say("\n");
     return 0;
 }

@@ -15,6 +15,7 @@
 
 mod newton;
 
+use crate::DesignError;
 use crate::budget::Control;
 use crate::linalg::{
     add_transposed_product, cholesky, dot, log_det, lower_inverse, product, product_transposed,
@@ -256,16 +257,39 @@ fn multiplicative_step(w: &mut [f64], phi: &[f64], n: f64, cap: f64) {
 /// A few multiplicative steps come near the optimum, then Newton steps on the relevant poses
 /// (a quadratic programme solved by pairwise moves), each checked against all candidates.
 ///
-/// # Returns
-/// `None` when even the uniform weights leave M singular.
+/// # Errors
+/// A cap or a tolerance that is not above 0, no Newton steps, and a problem whose M is singular even
+/// with uniform weights.
 pub fn continuous(
     problem: &Problem,
     n: usize,
     cap: f64,
     settings: &CertificateSettings,
     control: &Control<'_>,
-) -> Option<Continuous> {
-    continuous_from(problem, n, cap, None, settings, control)
+) -> Result<Continuous, DesignError> {
+    let refused = |name, value: String, expected| {
+        Err(DesignError::Setting {
+            name,
+            value,
+            expected,
+        })
+    };
+    let most = problem.available.iter().filter(|a| **a).count() as f64;
+    if !(cap > 0.0 && cap * most >= n as f64) {
+        let expected = "a weight of at least n / candidates, infinite for repeats";
+        return refused("cap", cap.to_string(), expected);
+    }
+    if !(settings.tolerance > 0.0 && settings.tolerance.is_finite()) {
+        let value = settings.tolerance.to_string();
+        return refused("tolerance", value, "a finite number above 0");
+    }
+    if settings.iterations == 0 {
+        return refused("iterations", "0".into(), "at least 1");
+    }
+    continuous_from(problem, n, cap, None, settings, control).ok_or(DesignError::Singular {
+        n,
+        terms: problem.terms,
+    })
 }
 
 /// [`continuous`] from weights that are nearly the optimum.
@@ -401,7 +425,11 @@ fn keep_best(
     }
 }
 
-/// Poses with weight, and those whose phi is large enough to gain weight.
+/// Most poses with weight that one Newton step moves: its Hessian then takes 130 MB.
+const MOST_MOVING: usize = 4000;
+
+/// Poses with weight (the least settled where they are many), and those whose phi is large enough
+/// to gain weight.
 fn working_set(problem: &Problem, w: &[f64], phi: &[f64], level: f64, limit: usize) -> Vec<usize> {
     let mut wishes: Vec<usize> = (0..problem.poses)
         .filter(|&i| problem.available[i] && w[i] == 0.0 && phi[i] > 0.98 * level)
@@ -409,6 +437,11 @@ fn working_set(problem: &Problem, w: &[f64], phi: &[f64], level: f64, limit: usi
     wishes.sort_unstable_by(|&a, &b| phi[b].total_cmp(&phi[a]).then(a.cmp(&b)));
     wishes.truncate((limit / 2).max(64));
     let mut set: Vec<usize> = (0..problem.poses).filter(|&i| w[i] > 0.0).collect();
+    if set.len() > MOST_MOVING {
+        let distance = |i: usize| (phi[i] - level).abs();
+        set.sort_unstable_by(|&a, &b| distance(b).total_cmp(&distance(a)).then(a.cmp(&b)));
+        set.truncate(MOST_MOVING);
+    }
     set.extend(wishes);
     set.sort_unstable();
     set

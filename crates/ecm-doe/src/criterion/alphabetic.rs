@@ -110,7 +110,12 @@ pub fn a_optimal(
 fn region_root(problem: &Problem, region: Option<&[f64]>) -> Result<Vec<f64>, DesignError> {
     let (block, k) = (problem.block, problem.terms);
     let Some(rows) = region else {
-        return Ok(root_of_moment(&problem.rows, None, block, k));
+        return root_of_moment(&problem.rows, None, block, k).map_err(|found| {
+            DesignError::Information {
+                what: "the regressor",
+                found,
+            }
+        });
     };
     if rows.is_empty() || !rows.len().is_multiple_of(block * k) {
         return Err(DesignError::Shape {
@@ -119,10 +124,13 @@ fn region_root(problem: &Problem, region: Option<&[f64]>) -> Result<Vec<f64>, De
             expected: rows.len().div_ceil(block * k).max(1) * block * k,
         });
     }
-    crate::problem::check_finite("the region", rows, k)?;
+    crate::problem::check_sizes("the region", rows, k, 0.0)?;
     let mut white = vec![0.0; rows.len()];
     product_transposed(&mut white, (rows.len() / k, k, k), rows, &problem.back);
-    Ok(root_of_moment(&white, None, block, k))
+    root_of_moment(&white, None, block, k).map_err(|found| DesignError::Information {
+        what: "the region",
+        found,
+    })
 }
 
 /// Applies the settings and searches.
@@ -138,12 +146,15 @@ fn finish(
 }
 
 /// H with H H' = the mean of A' A over whitened poses, or their mean with the given weights.
+///
+/// # Errors
+/// The trace of this mean where it is 0 or not finite.
 pub(crate) fn root_of_moment(
     white: &[f64],
     weights: Option<&[f64]>,
     block: usize,
     k: usize,
-) -> Vec<f64> {
+) -> Result<Vec<f64>, f64> {
     let poses = white.len() / (k * block);
     let total: f64 = weights.map_or(poses as f64, |w| w.iter().sum());
     let mut moment = vec![0.0; k * k];
@@ -162,24 +173,25 @@ pub(crate) fn root_of_moment(
     for v in &mut moment {
         *v /= total;
     }
-    half(moment, k)
+    half(&moment, k)
 }
 
-/// H with H H' = B; a B that is singular by rounding gets 1e-12 of its trace on the diagonal.
-fn half(moment: Vec<f64>, k: usize) -> Vec<f64> {
+/// H with H H' = B; a B that is singular by rounding gets 1e-12 of its trace on the diagonal, or
+/// more where that does not do. The error is the trace.
+fn half(moment: &[f64], k: usize) -> Result<Vec<f64>, f64> {
     let trace: f64 = (0..k).map(|i| moment[i * k + i]).sum();
-    let mut factor = moment.clone();
-    let mut shift = 0.0;
-    while cholesky(&mut factor, k, 0.0).is_err() {
-        shift = if shift == 0.0 {
-            1e-12 * trace
-        } else {
-            10.0 * shift
-        };
-        factor.copy_from_slice(&moment);
+    if !(trace > 0.0 && trace.is_finite()) {
+        return Err(if trace == 0.0 { 0.0 } else { f64::INFINITY });
+    }
+    let shifts = (0..=12).map(|power| 1e-12 * trace * 10f64.powi(power));
+    for shift in std::iter::once(0.0).chain(shifts) {
+        let mut factor = moment.to_vec();
         for i in 0..k {
             factor[i * k + i] += shift;
         }
+        if cholesky(&mut factor, k, 0.0).is_ok() {
+            return Ok(factor);
+        }
     }
-    factor
+    Err(trace)
 }

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::search::generator;
 use super::settings::{Design, apply_lists};
 use crate::budget::on_threads;
+use crate::problem::check_sizes;
 use crate::spacing::cover::cover_bound;
-use crate::spacing::neighbours::{Neighbours, farthest_points};
+use crate::spacing::neighbours::{Neighbours, box_diagonal, farthest_points};
 use crate::spacing::simple;
 use crate::spacing::threshold::Chain;
 use crate::{Control, DesignError, Status};
@@ -112,7 +113,7 @@ pub fn maximin(
                 expected,
             });
         }
-        crate::problem::check_finite(what, values, columns)?;
+        check_sizes(what, values, columns, 0.0)?;
     }
     if settings.starts == 0 {
         let expected = "at least 1";
@@ -144,13 +145,35 @@ pub fn maximin(
         &settings.exclude,
         false,
     )?;
+    check_room(columns, settings)?;
     on_threads(settings.threads, || {
         search(points, columns, &available, settings, control)
     })
 }
 
+/// Most numbers that the starts of a search keep.
+const MOST_NUMBERS: usize = 1_000_000_000;
+
+/// Refuses a search that would not fit into memory.
+fn check_room(columns: usize, settings: &MaximinSettings) -> Result<(), DesignError> {
+    let n = settings.n.saturating_add(settings.measured.len() / columns);
+    let numbers = n.saturating_mul(settings.starts);
+    if numbers <= MOST_NUMBERS {
+        return Ok(());
+    }
+    Err(DesignError::TooBig {
+        starts: settings.starts,
+        n,
+        width: 1,
+        numbers,
+        most: MOST_NUMBERS,
+    })
+}
+
 /// The points of the search: first the fixed points, then candidates.
 struct Field {
+    /// Times the power of two that makes the largest coordinate about 1, so that neither large nor
+    /// small coordinates lose their squares.
     points: Vec<f64>,
     /// Row of the candidates, or `usize::MAX` for a measured point.
     origin: Vec<usize>,
@@ -158,9 +181,17 @@ struct Field {
     allowed: Vec<bool>,
     /// Whether candidates were left out: an upper bound must then add their distance to the others.
     covering: f64,
+    /// Length that is 1 here.
+    unit: f64,
 }
 
-fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinSettings) -> Field {
+fn field(
+    points: &[f64],
+    columns: usize,
+    available: &[bool],
+    settings: &MaximinSettings,
+    control: &Control<'_>,
+) -> Field {
     let at = |i: usize| &points[i * columns..(i + 1) * columns];
     let mut all = settings.measured.clone();
     let mut origin = vec![usize::MAX; all.len() / columns];
@@ -173,6 +204,14 @@ fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinS
         all.extend_from_slice(at(i));
         origin.push(i);
     }
+    let largest = all.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    let power = if largest > 0.0 {
+        largest.log2().floor().max(-1000.0) as i32
+    } else {
+        0
+    };
+    let shrink = 2.0_f64.powi(-power);
+    all.iter_mut().for_each(|v| *v *= shrink);
     let mut covering = 0.0;
     let affordable = (THINNING_WORK / origin.len().max(1)).min(MOST_CANDIDATES);
     let most = affordable
@@ -183,9 +222,10 @@ fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinS
     if origin.len() > most {
         let keep: Vec<usize> = (0..fixed).collect();
         let allowed = vec![true; origin.len()];
-        let (mut order, _, left) = farthest_points(&all, columns, most, &keep, 0, &allowed);
+        let found = farthest_points(&all, columns, most, (&keep, 0), &allowed, control);
+        let mut order = found.order;
         order[fixed..].sort_unstable();
-        covering = left.sqrt();
+        covering = found.left.sqrt();
         all = order
             .iter()
             .flat_map(|&i| all[i * columns..(i + 1) * columns].iter().copied())
@@ -200,6 +240,7 @@ fn field(points: &[f64], columns: usize, available: &[bool], settings: &MaximinS
         fixed,
         allowed,
         covering,
+        unit: 2.0_f64.powi(power),
     }
 }
 
@@ -210,7 +251,7 @@ fn search(
     settings: &MaximinSettings,
     control: &Control<'_>,
 ) -> Design {
-    let field = field(points, columns, available, settings);
+    let field = field(points, columns, available, settings, control);
     let size = settings.n + settings.measured.len() / columns;
     let fixed: Vec<usize> = (0..field.fixed).collect();
     let total = settings.starts;
@@ -221,11 +262,15 @@ fn search(
         .map(|s| {
             let mut rng = generator(settings.seed, s as u64);
             let first = first_point(&field, s, &mut rng);
-            let (order, reached, _) =
-                farthest_points(&field.points, columns, size, &fixed, first, &field.allowed);
-            let radius = reached.iter().copied().fold(f64::INFINITY, f64::min);
+            let from = (fixed.as_slice(), first);
+            let spread =
+                farthest_points(&field.points, columns, size, from, &field.allowed, control);
+            let radius = spread.radius();
             let found = match settings.method {
-                SpacingMethod::Search => (order, radius, 0, radius),
+                SpacingMethod::Search => {
+                    let distance = spread.distance(&field.points, columns);
+                    (spread.order, distance, 0, radius)
+                }
                 SpacingMethod::Exchange => {
                     let (design, d, swaps) = simple::exchange(
                         &field.points,
@@ -241,7 +286,7 @@ fn search(
             };
             let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
             if settings.method == SpacingMethod::Exchange {
-                control.report(finished, total, found.1.sqrt());
+                control.report(finished, total, field.unit * found.1.sqrt());
             }
             found
         })
@@ -250,19 +295,20 @@ fn search(
     let gonzalez = starts
         .iter()
         .map(|s| 4.0 * s.3)
-        .fold(f64::INFINITY, f64::min);
+        .fold(box_diagonal(&field.points, columns), f64::min);
     let mut exchanges: usize = starts.iter().map(|s| s.2).sum();
     let best = starts
         .into_iter()
         .reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (mut design, mut distance) = best.map_or((Vec::new(), 0.0), |b| (b.0, b.1));
-    let first = Neighbours::new(
-        &field.points,
-        columns,
-        gonzalez.min(4.0 * distance).next_up(),
-    );
+    // One design alone, or two equal points in every design.
+    let settled = size == field.origin.len() || gonzalez == 0.0;
     let mut rng = generator(settings.seed, u64::MAX);
-    let top = if size > 1 {
+    let top = if settled {
+        distance
+    } else if size > 1 {
+        let reach = gonzalez.min(4.0 * distance).next_up();
+        let first = Neighbours::new(&field.points, columns, reach, control);
         let stop = || control.cancelled();
         let high = gonzalez.next_up();
         let limits = (distance.max(1e-300), high);
@@ -279,8 +325,8 @@ fn search(
         gonzalez
     };
     let mut complete = !control.stop();
-    if settings.method == SpacingMethod::Search {
-        let near = Neighbours::new(&field.points, columns, top.next_up());
+    if settings.method == SpacingMethod::Search && !settled {
+        let near = Neighbours::new(&field.points, columns, top.next_up(), control);
         let found = raise_threshold(&near, &field, design, settings, control);
         (design, distance, complete) = (found.0, found.1, found.3);
         exchanges += found.2;
@@ -291,9 +337,9 @@ fn search(
         .filter(|&i| i != usize::MAX)
         .collect();
     indices.sort_unstable();
-    let value = distance.sqrt();
+    let value = field.unit * distance.sqrt();
     // Leaving out candidates that are within `covering` of one kept costs at most twice that.
-    let bound = (top.sqrt() + 2.0 * field.covering).max(value);
+    let bound = (field.unit * (top.sqrt() + 2.0 * field.covering)).max(value);
     let optimal = bound <= value * (1.0 + 1e-12);
     let status = if control.cancelled() {
         Status::Interrupted
@@ -367,7 +413,8 @@ fn raise_threshold(
         chains.par_iter_mut().for_each(|chain| {
             chain.run(now, patience, control);
             let finished = done.fetch_add(now, Ordering::Relaxed) + now;
-            control.report(finished, total, chain.best_distance().sqrt());
+            let best = field.unit * chain.best_distance().sqrt();
+            control.report(finished, total, best);
         });
         let best = chains.iter().enumerate().max_by(|a, b| {
             a.1.best_distance()

@@ -149,25 +149,33 @@ impl Saddle {
             ..CertificateSettings::default()
         };
         let whole = control.without_deadline();
-        let first = continuous(problem, free, cap, &certificate, &whole)?;
+        let first = continuous(problem, free, cap, &certificate, &whole).ok()?;
         let mut weights = first.weights.clone();
         if !weights.iter().any(|w| *w > 0.0) {
             weights.fill(1.0);
         }
         let mut best: Option<(Self, Objective)> = None;
         let mut least = f64::INFINITY;
-        let mut start: Option<Vec<f64>> = None;
+        let mut start_weights: Option<Vec<f64>> = None;
         let mut power = 2.0;
         for round in 0..ROUNDS {
             if round > 0 && control.cancelled() {
                 break;
             }
-            let half = root_of_moment(&problem.rows, Some(&weights), block, k);
+            // Weights of hostile candidates overflow: the bounds so far hold.
+            let Ok(half) = root_of_moment(&problem.rows, Some(&weights), block, k) else {
+                break;
+            };
             problem.objective = Objective::Trace(half);
-            let found =
-                continuous_from(problem, free, cap, start.as_deref(), &certificate, &whole)?;
+            let start = start_weights.as_deref();
+            let Some(found) = continuous_from(problem, free, cap, start, &certificate, &whole)
+            else {
+                break;
+            };
             let bound = (-found.bound / k as f64).exp();
-            let variance = variances(problem, &found.weights)?;
+            let Some(variance) = variances(problem, &found.weights) else {
+                break;
+            };
             least = least.min(variance.iter().copied().fold(0.0, f64::max));
             let risen = best.as_ref().map_or(1.0, |(b, _)| bound / b.bound - 1.0);
             let better = risen > 0.0;
@@ -178,7 +186,7 @@ impl Saddle {
             };
             let average: f64 = weights.iter().zip(&variance).map(|(w, d)| w * d).sum();
             let average = average / weights.iter().sum::<f64>();
-            start = Some(found.weights.clone());
+            start_weights = Some(found.weights.clone());
             if better {
                 let saddle = Self {
                     bound,

@@ -38,7 +38,7 @@ pub(crate) fn search(
         &CertificateSettings::default(),
         &control.without_deadline(),
     )
-    .ok_or_else(|| singular(problem, settings))?;
+    .map_err(|_| singular(problem, settings))?;
     search_near(problem, settings, measured, &optimum, control)
 }
 
@@ -51,7 +51,17 @@ pub(crate) fn search_near(
     control: &Control<'_>,
 ) -> Result<Design, DesignError> {
     let free = settings.n - settings.include.len();
+    check_room(problem, settings, optimum, free)?;
     let best = match (&problem.objective, problem.block) {
+        // Nothing is left to choose: the included poses are the design.
+        _ if free == 0 => problem
+            .regular_inverse(&problem.fixed)
+            .map(|_| SearchResult {
+                design: Vec::new(),
+                merit: optimum.merit,
+                swaps: 0,
+                complete: true,
+            }),
         (Objective::Trace(_) | Objective::Compound { .. }, _) => {
             run::<Linear>(problem, settings, optimum, free, control)
         }
@@ -95,6 +105,38 @@ pub(crate) fn search_near(
     })
 }
 
+/// Most numbers that the starts of a search keep: 4 GB in single precision.
+const MOST_NUMBERS: usize = 1_000_000_000;
+
+/// Refuses a search whose tables would not fit into memory.
+fn check_room(
+    problem: &Problem,
+    settings: &DSettings,
+    optimum: &Continuous,
+    free: usize,
+) -> Result<(), DesignError> {
+    let available = problem.available.iter().filter(|a| **a).count();
+    let pool = match settings.method {
+        Method::Search => {
+            let support = optimum.weights.iter().filter(|w| **w > 0.0).count();
+            available.min(promising(support, free))
+        }
+        _ => available,
+    };
+    let width = pool.max(problem.block * problem.terms);
+    let numbers = free.saturating_mul(width).saturating_mul(settings.starts);
+    if numbers <= MOST_NUMBERS {
+        return Ok(());
+    }
+    Err(DesignError::TooBig {
+        starts: settings.starts,
+        n: settings.n,
+        width,
+        numbers,
+        most: MOST_NUMBERS,
+    })
+}
+
 /// No regular design of this size.
 pub(crate) fn singular(problem: &Problem, settings: &DSettings) -> DesignError {
     DesignError::Singular {
@@ -124,9 +166,14 @@ fn promising_candidates(problem: &Problem, optimum: &Continuous, free: usize) ->
             .then(a.cmp(&b))
     });
     let support = order.iter().filter(|&&i| used(i)).count();
-    order.truncate((support + support / 2).max(3 * free).max(64));
+    order.truncate(promising(support, free));
     order.sort_unstable();
     order
+}
+
+/// Number of promising candidates for a continuous optimum of `support` poses.
+fn promising(support: usize, free: usize) -> usize {
+    (support + support / 2).max(free.saturating_mul(3)).max(64)
 }
 
 /// One kind of exchange state for pools of any lifetime.
@@ -198,7 +245,8 @@ fn run<F: Family>(
     let done = AtomicUsize::new(0);
     let limit = match settings.iterations {
         given if given > 0 && !thorough => given,
-        _ => usize::MAX,
+        // Far above what a descent takes: gains that are rounding could go round for ever.
+        _ => 1000 * free + 10_000,
     };
     let k = problem.terms as f64;
     let efficiency = |merit: f64| ((merit - optimum.bound) / k).exp();
@@ -280,7 +328,8 @@ fn run<F: Family>(
         .into_iter()
         .reduce(|a, b| if b.merit() > a.merit() { b } else { a })?;
     let design: Vec<usize> = best.design().iter().map(|&c| pool.ids[c]).collect();
-    let (design, merit, more) = polish::<F>(problem, settings, available, design, best.merit());
+    let found = (design, best.merit());
+    let (design, merit, more) = polish::<F>(problem, settings, available, found, control);
     Some(SearchResult {
         design,
         merit,
@@ -325,8 +374,8 @@ fn polish<F: Family>(
     problem: &Problem,
     settings: &DSettings,
     available: Vec<usize>,
-    design: Vec<usize>,
-    merit: f64,
+    (design, merit): (Vec<usize>, f64),
+    control: &Control<'_>,
 ) -> (Vec<usize>, f64, usize) {
     let mut position = vec![usize::MAX; problem.poses];
     for (p, &i) in available.iter().enumerate() {
@@ -338,7 +387,8 @@ fn polish<F: Family>(
         return (design, merit, 0);
     };
     let mut rng = generator(settings.seed, u64::MAX / 2);
-    let (swaps, _) = rowwise::descend(&mut state, &mut rng, design.len() + 100, &Control::new());
+    let limit = design.len() + 100;
+    let (swaps, _) = rowwise::descend(&mut state, &mut rng, limit, &control.without_deadline());
     (
         state.design().iter().map(|&c| pool.ids[c]).collect(),
         state.merit(),

@@ -103,7 +103,7 @@ pub(crate) fn apply_settings(
             expected,
         });
     }
-    crate::problem::check_finite("the measured rows", &settings.measured, k)?;
+    crate::problem::check_sizes("the measured rows", &settings.measured, k, 0.0)?;
     apply_lists(
         &mut problem.available,
         n,
@@ -119,7 +119,7 @@ pub(crate) fn apply_settings(
             criterion: "D-optimality",
         });
     }
-    if settings.prior.is_none() && n * b + measured < k {
+    if settings.prior.is_none() && n.saturating_mul(b).saturating_add(measured) < k {
         let needed = (k - measured).div_ceil(b);
         return Err(DesignError::TooFew {
             n,
@@ -128,7 +128,7 @@ pub(crate) fn apply_settings(
             needed,
         });
     }
-    problem.fix_rows(&settings.measured);
+    problem.fix_rows(&settings.measured)?;
     for &i in &settings.include {
         problem.fix(i);
     }

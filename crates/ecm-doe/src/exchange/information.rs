@@ -1,6 +1,8 @@
 //! Inverse and log determinant of M, updated under exchanges of single rows.
 
+use crate::DesignError;
 use crate::linalg::{dot, inverse};
+use crate::problem::check_finite;
 
 /// M^-1 and log det M of an information matrix that changes by exchanges of regressor rows.
 ///
@@ -14,12 +16,24 @@ pub struct InformationMatrix {
 }
 
 impl InformationMatrix {
-    /// From M (k x k, row-major); the failing column when M is singular.
+    /// From M (k x k, row-major).
     ///
     /// # Errors
-    /// The first column at which the factorisation breaks down.
-    pub fn new(matrix: &[f64], terms: usize) -> Result<Self, usize> {
-        let (log_det, inverse) = inverse(matrix, terms)?;
+    /// A wrong shape, numbers that are not finite, and an M that is not positive definite.
+    pub fn new(matrix: &[f64], terms: usize) -> Result<Self, DesignError> {
+        if terms == 0 || terms.checked_mul(terms) != Some(matrix.len()) {
+            return Err(DesignError::Shape {
+                what: "the information matrix",
+                found: matrix.len(),
+                expected: terms.saturating_mul(terms),
+            });
+        }
+        check_finite("the information matrix", matrix, terms)?;
+        let (log_det, inverse) = inverse(matrix, terms).map_err(|column| DesignError::Setting {
+            name: "information",
+            value: format!("a matrix whose column {column} depends on those before it"),
+            expected: "a symmetric positive definite matrix; add rows or take a smaller model",
+        })?;
         Ok(Self {
             terms,
             inverse,

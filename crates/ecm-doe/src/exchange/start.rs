@@ -67,6 +67,9 @@ pub(crate) fn rounded_design(
 /// regular design where random designs are singular (grids, many equal poses).
 pub(crate) fn spanning_design(pool: &Pool<'_>, n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let (b, k, count) = (pool.problem.block, pool.problem.terms, pool.len());
+    if count == 0 {
+        return Vec::new();
+    }
     let mut rest = pool.rows.clone();
     let mut chosen = vec![false; count];
     let mut design = Vec::with_capacity(n);

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::neighbours::Neighbours;
 
 /// Squared diameter of a cover by at most `sets` sets that grows greedily in a random order,
-/// all diameters below the squared `t`; `None` when more sets are needed.
+/// all diameters below the squared `t`; `None` when more sets are needed or it was stopped.
 ///
 /// # Returns
 /// The largest squared diameter that occurs: the bound that this cover proves.
@@ -19,6 +19,7 @@ pub(crate) fn greedy_cover(
     t: f64,
     sets: usize,
     rng: &mut ChaCha8Rng,
+    stop: &dyn Fn() -> bool,
 ) -> Option<f64> {
     let lengths = near.counts_below(t);
     let mut open = allowed.to_vec();
@@ -49,7 +50,7 @@ pub(crate) fn greedy_cover(
             return Some(widest);
         };
         used += 1;
-        if used > sets {
+        if used > sets || stop() {
             return None;
         }
         // Grow: among the common open neighbours, take the one that keeps most of the others.
@@ -119,7 +120,7 @@ pub(crate) fn cover_bound(
             break;
         }
         let middle = (low * proven).sqrt();
-        let found = (0..tries).find_map(|_| greedy_cover(near, allowed, middle, sets, rng));
+        let found = (0..tries).find_map(|_| greedy_cover(near, allowed, middle, sets, rng, stop));
         match found {
             // No two points of one set are farther apart than the widest: n points have two in one.
             Some(widest) => proven = widest.max(low).min(middle),

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::Control;
+
 /// Squared Euclidean distance.
 pub(crate) fn squared(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
@@ -20,12 +22,15 @@ pub(crate) struct Neighbours<'a> {
 }
 
 impl<'a> Neighbours<'a> {
-    /// Lists of all pairs with squared distance below `reach`.
-    pub fn new(points: &'a [f64], columns: usize, reach: f64) -> Self {
+    /// Lists of all pairs with squared distance below `reach`; empty ones once cancelled.
+    pub fn new(points: &'a [f64], columns: usize, reach: f64, control: &Control<'_>) -> Self {
         let count = points.len() / columns;
         let lists: Vec<Vec<(f64, u32)>> = (0..count)
             .into_par_iter()
             .map(|i| {
+                if control.cancelled() {
+                    return Vec::new();
+                }
                 let own = &points[i * columns..(i + 1) * columns];
                 let mut list: Vec<(f64, u32)> = points
                     .chunks_exact(columns)
@@ -123,19 +128,52 @@ impl<'a> Neighbours<'a> {
     }
 }
 
-/// Farthest-point order: each next point is the one farthest from those before it.
+/// Points in farthest-point order: each next point is the one farthest from those before it.
+#[derive(Debug)]
+pub(crate) struct FarthestPoints {
+    /// The points: first the fixed ones.
+    pub order: Vec<usize>,
+    /// Squared distance of each to those before it; shorter than the order after a cancellation,
+    /// from which on points come in the order of the table.
+    reached: Vec<f64>,
+    /// Squared distance of the farthest point that is left.
+    pub left: f64,
+}
+
+impl FarthestPoints {
+    /// The least squared distance that the order reached, of which Gonzalez' bound is made;
+    /// infinite where the order was not completed.
+    pub fn radius(&self) -> f64 {
+        if self.reached.len() < self.order.len() {
+            return f64::INFINITY;
+        }
+        self.reached.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The least squared distance between two points of the order.
+    pub fn distance(&self, points: &[f64], columns: usize) -> f64 {
+        if self.reached.len() == self.order.len() {
+            return self.radius();
+        }
+        let at = |i: usize| &points[i * columns..(i + 1) * columns];
+        let own = self.order.iter().enumerate();
+        own.flat_map(|(a, &i)| self.order[..a].iter().map(move |&j| squared(at(i), at(j))))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The first `n` points in farthest-point order.
 ///
-/// `fixed` come first; without any, the first is `start`. Points that are not `allowed` are
-/// never taken. Returns the order, the squared distance of each to those before it, and the
-/// squared distance of the farthest point that is left.
+/// The points of `from.0` are fixed and come first; without any, the first is `from.1`. Points
+/// that are not `allowed` are never taken.
 pub(crate) fn farthest_points(
     points: &[f64],
     columns: usize,
     n: usize,
-    fixed: &[usize],
-    start: usize,
+    (fixed, start): (&[usize], usize),
     allowed: &[bool],
-) -> (Vec<usize>, Vec<f64>, f64) {
+    control: &Control<'_>,
+) -> FarthestPoints {
     let at = |i: usize| &points[i * columns..(i + 1) * columns];
     let count = points.len() / columns;
     let mut nearest = vec![f64::INFINITY; count];
@@ -151,6 +189,13 @@ pub(crate) fn farthest_points(
                 *near = near.min(squared(at(i), at(next)));
             }
         }
+        if control.cancelled() {
+            let rest = fixed.get(order.len()..).unwrap_or_default();
+            order.extend(rest);
+            let open = (0..count).filter(|&i| allowed[i] && nearest[i] >= 0.0);
+            order.extend(open.take(n - order.len()).collect::<Vec<_>>());
+            break;
+        }
         next = match fixed.get(order.len()) {
             Some(&f) => f,
             None => {
@@ -163,5 +208,15 @@ pub(crate) fn farthest_points(
         };
     }
     let left = nearest.iter().copied().fold(0.0, f64::max);
-    (order, reached, left)
+    FarthestPoints {
+        order,
+        reached,
+        left,
+    }
+}
+
+/// Squared diagonal of the box around the points: no two are farther apart.
+pub(crate) fn box_diagonal(points: &[f64], columns: usize) -> f64 {
+    let (lower, upper) = ecm_poly::normalise::ranges(points, columns);
+    squared(&lower, &upper)
 }

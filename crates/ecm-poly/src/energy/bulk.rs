@@ -1,4 +1,4 @@
-//! Evaluation of many poses, with the SIMD instructions of this machine.
+//! Evaluation of one pose or many, with the SIMD instructions of this machine and on all its cores.
 
 use std::vec::Vec;
 
@@ -6,123 +6,138 @@ use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6, Wrench};
 
 use crate::arithmetic::{Arithmetic, Task, dispatch};
-use crate::energy::plan::EnergyPlan;
-use crate::energy::simd::SimdPlan;
-use crate::error::ModelError;
+use crate::energy::evaluator::{Evaluate, Evaluator, Work};
+use crate::parallel::fill;
 
-/// An evaluator of one energy.
-trait Evaluator: Copy {
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64>;
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64>;
+/// What is computed at a pose.
+trait Quantity: Copy + Send + Sync {
+    type Value: Copy + Send;
+    const ZERO: Self::Value;
+    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Self::Value;
 }
 
-/// A plan with memory for `S` monomials.
 #[derive(Clone, Copy)]
-struct WithMemory<'a, const S: usize>(EnergyPlan<'a, f64>);
+struct Energy;
 
-impl<const S: usize> Evaluator for WithMemory<'_, S> {
+impl Quantity for Energy {
+    type Value = f64;
+    const ZERO: f64 = 0.0;
     #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.0.wrench::<A, S>(pose)
-    }
-    #[inline(always)]
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
-        self.0.wrench_and_stiffness::<A, S>(pose, kind).1
+    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> f64 {
+        evaluation.energy::<A>(pose)
     }
 }
 
-impl<const B: usize> Evaluator for SimdPlan<'_, f64, B> {
+#[derive(Clone, Copy)]
+struct OnlyWrench;
+
+impl Quantity for OnlyWrench {
+    type Value = Vec6<f64>;
+    const ZERO: Vec6<f64> = [0.0; 6];
     #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.wrench::<A>(pose)
-    }
-    #[inline(always)]
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
-        self.wrench_and_stiffness::<A>(pose, kind).1
+    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Vec6<f64> {
+        evaluation.wrench::<A>(pose).to_array()
     }
 }
 
-/// h of each pose.
-struct Wrenches<'a, E>(E, &'a [Vec6<f64>]);
+#[derive(Clone, Copy)]
+struct Stiffness(StiffnessKind);
 
-impl<E: Evaluator> Task for Wrenches<'_, E> {
-    type Output = Vec<Vec6<f64>>;
+impl Quantity for Stiffness {
+    type Value = Mat6<f64>;
+    const ZERO: Mat6<f64> = [[0.0; 6]; 6];
     #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.1.len());
-        for pose in self.1 {
-            results.push(self.0.wrench::<A>(&Pose::from_array(pose)).to_array());
+    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Mat6<f64> {
+        evaluation.wrench_and_stiffness::<A>(pose, self.0).1
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Both(StiffnessKind);
+
+impl Quantity for Both {
+    type Value = (Wrench<f64>, Mat6<f64>);
+    const ZERO: Self::Value = (
+        Wrench {
+            force: [0.0; 3],
+            torque: [0.0; 3],
+        },
+        [[0.0; 6]; 6],
+    );
+    #[inline(always)]
+    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Self::Value {
+        evaluation.wrench_and_stiffness::<A>(pose, self.0)
+    }
+}
+
+/// A quantity at each pose, into `results`.
+struct Rows<'a, Q: Quantity> {
+    quantity: Q,
+    poses: &'a [Pose<f64>],
+    results: &'a mut [Q::Value],
+}
+
+impl<Q: Quantity> Work for Rows<'_, Q> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(RowsWith(self, evaluation));
+    }
+}
+
+struct RowsWith<'a, Q: Quantity, E>(Rows<'a, Q>, E);
+
+impl<Q: Quantity, E: Evaluate> Task for RowsWith<'_, Q, E> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let rows = self.0;
+        for (result, pose) in rows.results.iter_mut().zip(rows.poses) {
+            *result = rows.quantity.of::<E, A>(&self.1, pose);
         }
-        results
     }
 }
 
-/// The stiffness of each pose.
-struct Stiffnesses<'a, E>(E, &'a [Vec6<f64>], StiffnessKind);
+fn all<Q: Quantity>(evaluator: &Evaluator, poses: &[Pose<f64>], quantity: Q) -> Vec<Q::Value> {
+    fill(poses, Q::ZERO, |poses, results| {
+        evaluator.run(Rows {
+            quantity,
+            poses,
+            results,
+        });
+    })
+}
 
-impl<E: Evaluator> Task for Stiffnesses<'_, E> {
-    type Output = Vec<Mat6<f64>>;
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.1.len());
-        for pose in self.1 {
-            results.push(self.0.stiffness::<A>(&Pose::from_array(pose), self.2));
-        }
-        results
-    }
+/// U of each pose (J).
+pub(crate) fn energies(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<f64> {
+    all(evaluator, poses, Energy)
 }
 
 /// h of each pose (N, N m).
-///
-/// # Errors
-/// More monomials than the largest memory holds.
-pub fn wrenches(
-    plan: EnergyPlan<'_, f64>,
-    poses: &[Vec6<f64>],
-) -> Result<Vec<Vec6<f64>>, ModelError> {
-    Ok(match plan.products.len() {
-        0..128 => dispatch(Wrenches(checked::<128>(plan)?, poses)),
-        128..256 => dispatch(Wrenches(checked::<256>(plan)?, poses)),
-        256..1024 => dispatch(Wrenches(checked::<1024>(plan)?, poses)),
-        _ => dispatch(Wrenches(checked::<4096>(plan)?, poses)),
-    })
+pub(crate) fn wrenches(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<Vec6<f64>> {
+    all(evaluator, poses, OnlyWrench)
 }
 
 /// The stiffness of each pose.
-///
-/// # Errors
-/// More monomials than the largest memory holds.
-pub fn stiffnesses(
-    plan: EnergyPlan<'_, f64>,
-    poses: &[Vec6<f64>],
-    kind: StiffnessKind,
-) -> Result<Vec<Mat6<f64>>, ModelError> {
-    Ok(match plan.products.len() {
-        0..128 => dispatch(Stiffnesses(checked::<128>(plan)?, poses, kind)),
-        128..256 => dispatch(Stiffnesses(checked::<256>(plan)?, poses, kind)),
-        256..1024 => dispatch(Stiffnesses(checked::<1024>(plan)?, poses, kind)),
-        _ => dispatch(Stiffnesses(checked::<4096>(plan)?, poses, kind)),
-    })
-}
-
-fn checked<const S: usize>(plan: EnergyPlan<'_, f64>) -> Result<WithMemory<'_, S>, ModelError> {
-    plan.check::<S>()?;
-    Ok(WithMemory(plan))
-}
-
-/// h of each pose (N, N m) by SIMD.
-pub fn simd_wrenches<const B: usize>(
-    plan: SimdPlan<'_, f64, B>,
-    poses: &[Vec6<f64>],
-) -> Vec<Vec6<f64>> {
-    dispatch(Wrenches(plan, poses))
-}
-
-/// The stiffness of each pose by SIMD.
-pub fn simd_stiffnesses<const B: usize>(
-    plan: SimdPlan<'_, f64, B>,
-    poses: &[Vec6<f64>],
+pub(crate) fn stiffnesses(
+    evaluator: &Evaluator,
+    poses: &[Pose<f64>],
     kind: StiffnessKind,
 ) -> Vec<Mat6<f64>> {
-    dispatch(Stiffnesses(plan, poses, kind))
+    all(evaluator, poses, Stiffness(kind))
+}
+
+/// h and the stiffness of one pose, without allocation.
+#[inline]
+pub(crate) fn one(
+    evaluator: &Evaluator,
+    pose: &Pose<f64>,
+    kind: StiffnessKind,
+) -> (Wrench<f64>, Mat6<f64>) {
+    let mut results = [Both::ZERO];
+    evaluator.run(Rows {
+        quantity: Both(kind),
+        poses: std::slice::from_ref(pose),
+        results: &mut results,
+    });
+    results[0]
 }

@@ -9,10 +9,9 @@ use serde_json::{Map, Value};
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -42,7 +41,17 @@ pub fn export(
         Precision::Single => "float",
         Precision::Double => "double",
     };
-    let guard = format!("{}_H", name.to_uppercase());
+    let (header, (source, numbers)) = match &model {
+        Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
+        Model::Energy(model) => (
+            include_str!("templates/energy.h"),
+            energy(model, precision)?,
+        ),
+    };
+    let stack = (numbers * precision.size() + 400)
+        .next_multiple_of(16)
+        .to_string();
+    let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
     let (sum, inputs, outputs) = (text("sha256"), columns("inputs"), columns("outputs"));
@@ -51,6 +60,7 @@ pub fn export(
         ("GUARD", &guard),
         ("TITLE", &title),
         ("REAL", real),
+        ("STACK", &stack),
         ("SUM", &sum),
         ("INPUTS", &inputs),
         ("OUTPUTS", &outputs),
@@ -58,10 +68,6 @@ pub fn export(
         ("M", &sizes[1]),
         ("NM", &sizes[2]),
     ];
-    let (header, source) = match &model {
-        Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
-        Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
-    };
     let golden = Golden::new(&model, precision)?;
     let hold = list(golden.hold.iter().map(|&x| cast(x, &name)));
     let golden = golden_header(&golden, &name, n, m);
@@ -89,11 +95,10 @@ pub fn export(
 const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
 const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
-fn energy(model: &EnergyModel, precision: Precision) -> String {
-    let (symmetry, exponents, coefficients) = model.written_out();
-    let (scale, length) = (model.scale(), model.length_m());
-    let tables = EnergyTables::<f64>::new(symmetry, &exponents, &coefficients, scale, length);
-    let plan = tables.plan();
+/// The source, and how many floating-point numbers a call keeps.
+fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {
+    let tables = model.tables::<f64>()?;
+    let reach = reach_squared(model);
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,
@@ -104,36 +109,43 @@ fn energy(model: &EnergyModel, precision: Precision) -> String {
             real(1.0 / factorial)
         }))
     };
-    let symmetry = match symmetry {
+    let symmetry = match tables.symmetry() {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),
     };
-    filled(
+    let text = filled(
         include_str!("templates/energy.c"),
         &[
-            ("MONOMIALS", &plan.products.len().to_string()),
+            ("MONOMIALS", &tables.products().len().to_string()),
             ("SERIES", &count.to_string()),
-            ("ENTRIES", &plan.columns.len().to_string()),
-            ("LENGTH", &format!("{:e}", plan.length_m)),
+            ("ENTRIES", &tables.columns().len().to_string()),
+            ("LENGTH", &format!("{:e}", tables.length_m())),
+            ("CSQUARED", &format!("{:e}", reach[0])),
+            ("THETASQUARED", &format!("{:e}", reach[1])),
             (
                 "PARENTS",
-                &list(plan.products.iter().map(|p| p.0.to_string())),
+                &list(tables.products().iter().map(|p| p.0.to_string())),
             ),
             (
                 "VARIABLES",
-                &list(plan.products.iter().map(|p| p.1.to_string())),
+                &list(tables.products().iter().map(|p| p.1.to_string())),
             ),
-            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
-            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
-            ("WEIGHTS", &list(plan.weights.iter().map(|&w| real(w)))),
+            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
+            (
+                "COLUMNS",
+                &list(tables.columns().iter().map(u16::to_string)),
+            ),
+            ("WEIGHTS", &list(tables.weights().iter().map(|&w| real(w)))),
             ("SERIES6", &series(6)),
             ("SERIES7", &series(7)),
             ("SYMMETRY", symmetry),
         ],
-    )
+    );
+    Ok((text, tables.products().len() + 300))
 }
 
-fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
+/// As [`energy`].
+fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
     let n = model.inputs();
     let rows: Vec<&[u8]> = model.exponents().chunks_exact(n).collect();
     if rows.len() > usize::from(u16::MAX) || n > 255 {
@@ -170,7 +182,7 @@ fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
     } else {
         slopes
     };
-    Ok(filled(
+    let text = filled(
         include_str!("templates/polynomial.c"),
         &[
             ("TERMS", &rows.len().to_string()),
@@ -187,7 +199,8 @@ fn polynomial(model: &PolynomialModel) -> Result<String, ModelError> {
             ("SLOPELOWERS", &list(slopes.iter().map(|s| s.2.to_string()))),
             ("SLOPEFACTORS", &list(slopes.iter().map(|s| real(s.3)))),
         ],
-    ))
+    );
+    Ok((text, rows.len() + n))
 }
 
 fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
@@ -197,7 +210,7 @@ fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
             .map(|row| format!("{{{}}}", list(row.iter().map(|&x| cast(x, name)))));
         list(lines)
     };
-    let guard = format!("{}_GOLDEN_H", name.to_uppercase());
+    let guard = format!("ECM_EXPORT_{}_GOLDEN_H", name.to_uppercase());
     let [h, k] = golden.tolerance.map(|t| cast(t, name));
     format!(
         "/* What the model says at {count} poses. */\n#ifndef {guard}\n#define {guard}\n\n\

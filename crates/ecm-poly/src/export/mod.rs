@@ -19,6 +19,16 @@ pub enum Precision {
     Double,
 }
 
+impl Precision {
+    /// Bytes of a number.
+    pub(crate) fn size(self) -> usize {
+        match self {
+            Precision::Single => 4,
+            Precision::Double => 8,
+        }
+    }
+}
+
 /// One file of an export.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {

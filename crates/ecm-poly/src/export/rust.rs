@@ -1,7 +1,8 @@
 //! A model as a `no_std` Rust crate of constants: `Cargo.toml`, `src/lib.rs`, `tests/golden.rs`.
 //!
-//! The constants are tables for the evaluation of this crate, whose source the export
-//! contains: no std, no allocation, no libm, no other crate. `examples/control.rs` is a control loop.
+//! The constants are tables for the evaluation of this crate, whose source the export contains as
+//! private modules: no std, no allocation, no libm, no other crate, and any number of models in one
+//! program. `examples/control.rs` is a control loop.
 
 use std::format;
 use std::string::{String, ToString};
@@ -13,10 +14,9 @@ use serde_json::{Map, Value};
 use crate::cubic::Cubic;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, identifier, reach_squared};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
@@ -36,13 +36,23 @@ pub fn export(
         Precision::Double => "f64",
     };
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
-    let body = match (&model, precision) {
-        (Model::Polynomial(model), Precision::Double) => cubic::<f64>(model)?,
-        (Model::Polynomial(model), Precision::Single) => cubic::<f32>(model)?,
-        (Model::Energy(model), Precision::Double) => energy::<f64>(model),
-        (Model::Energy(model), Precision::Single) => energy::<f32>(model),
+    let (body, numbers) = match (&model, precision) {
+        // Where double is software, the unrolled sums lie on the stack.
+        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
+        (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
+        (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
+        (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
     };
-    let common = [("NAME", name.as_str()), ("REAL", real), ("SUM", sum)];
+    let stack = (numbers * precision.size() + 600)
+        .next_multiple_of(16)
+        .to_string();
+    let common = [
+        ("NAME", name.as_str()),
+        ("REAL", real),
+        ("SUM", sum),
+        ("STACK", &stack),
+        ("RUST", env!("CARGO_PKG_RUST_VERSION")),
+    ];
     let golden = Golden::new(&model, precision)?;
     let hold = list(golden.hold.iter().map(|&x| number(x)));
     let control = filled(
@@ -62,36 +72,45 @@ pub fn export(
         file("tests/golden.rs", filled(&golden_test(&golden), &common)),
         file("examples/control.rs", filled(&control, &common)),
     ];
-    files.extend(source::crates());
+    files.extend(source::evaluation());
     Ok(files)
 }
 
-fn energy<R: Real>(model: &EnergyModel) -> String {
-    let (symmetry, exponents, coefficients) = model.written_out();
-    let (scale, length) = (model.scale(), model.length_m());
-    let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
-    let plan = tables.plan();
-    let symmetry = match symmetry {
+/// The source, and how many floating-point numbers a call keeps.
+fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
+    let tables = model.tables::<R>()?;
+    let symmetry = match tables.symmetry() {
         Symmetry::Alike => "Alike",
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
-    let memory = (plan.products.len() + 1).next_power_of_two();
-    filled(
+    let reach = reach_squared(model);
+    let memory = tables.monomials().next_power_of_two();
+    let products = tables.products().iter();
+    let text = filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
-            ("LENGTH", &number(plan.length_m)),
+            ("LENGTH", &number(tables.length_m())),
+            ("CSQUARED", &number(R::from_f64(reach[0]))),
+            ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
-                &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
+                &list(products.map(|p| format!("({}, {})", p.0, p.1))),
             ),
-            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
-            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
-            ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
+            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
+            (
+                "COLUMNS",
+                &list(tables.columns().iter().map(u16::to_string)),
+            ),
+            (
+                "WEIGHTS",
+                &list(tables.weights().iter().map(|&w| number(w))),
+            ),
         ],
-    )
+    );
+    Ok((text, memory + 450))
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
@@ -104,11 +123,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         });
     }
     let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
-    let cubic = Cubic::new(
-        &narrow(model.lower()),
-        &narrow(model.upper()),
-        &narrow(model.coefficients()),
-    )?;
+    let (lower, upper) = (narrow(model.lower()), narrow(model.upper()));
+    let cubic = Cubic::new(&lower, &upper, &narrow(model.coefficients()))?;
     let (coefficients, centre) = cubic.tables();
     let rows = coefficients
         .iter()
@@ -118,6 +134,8 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
         &[
             ("COEFFICIENTS", &list(rows)),
             ("CENTRE", &list(centre.iter().map(|&c| number(c)))),
+            ("LOWER", &list(lower.iter().map(|&x| number(x)))),
+            ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
 }

@@ -1,10 +1,11 @@
-//! Source of the evaluation that is copied into an exported crate, so that it has no dependencies.
+//! Source of the evaluation as private modules of an exported crate, so that it depends on nothing
+//! and any number of exported crates fit into one program.
 
 use std::format;
-use std::string::ToString;
+use std::string::{String, ToString};
 use std::vec::Vec;
 
-use crate::export::{SourceFile, filled};
+use crate::export::SourceFile;
 
 /// Name and content of the files below `src` that need no std.
 const FILES: &[(&str, &str)] = &[
@@ -20,40 +21,119 @@ const FILES: &[(&str, &str)] = &[
         "energy/invariants.rs",
         include_str!("../energy/invariants.rs"),
     ),
-    ("energy/simd.rs", include_str!("../energy/simd.rs")),
-    (
-        "energy/mid_frame.rs",
-        include_str!("../energy/mid_frame.rs"),
-    ),
     ("energy/plan.rs", include_str!("../energy/plan.rs")),
-    (
-        "energy/potential.rs",
-        include_str!("../energy/potential.rs"),
-    ),
 ];
 
-/// Files of both crates, in the folder `evaluation` of the export.
-pub fn crates() -> Vec<SourceFile> {
-    let version = env!("CARGO_PKG_VERSION");
-    let dependency = "\n[dependencies]\necm-se3 = { path = \"../ecm-se3\" }\n";
-    let mut files = Vec::new();
-    for (name, sources, dependencies) in [
-        ("ecm-se3", ecm_se3::source::FILES, ""),
-        ("ecm-poly", FILES, dependency),
-    ] {
-        let values = [
-            ("NAME", name),
-            ("VERSION", version),
-            ("DEPENDENCIES", dependencies),
-        ];
-        files.push(SourceFile {
-            path: format!("evaluation/{name}/Cargo.toml"),
-            text: filled(include_str!("templates/evaluation.toml"), &values),
-        });
-        files.extend(sources.iter().map(|(path, text)| SourceFile {
-            path: format!("evaluation/{name}/src/{path}"),
-            text: text.to_string(),
+/// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
+pub fn evaluation() -> Vec<SourceFile> {
+    let mut files = std::vec![SourceFile {
+        path: "src/evaluation/mod.rs".to_string(),
+        text: include_str!("templates/evaluation.rs.txt").to_string(),
+    }];
+    for (module, sources) in [("se3", ecm_se3::source::FILES), ("poly", FILES)] {
+        files.extend(sources.iter().map(|(path, text)| {
+            let path = if *path == "lib.rs" { "mod.rs" } else { path };
+            SourceFile {
+                path: format!("src/evaluation/{module}/{path}"),
+                text: as_module(text, module),
+            }
         }));
     }
     files
+}
+
+/// A file of a crate as a file of the module `crate::evaluation::MODULE`.
+fn as_module(text: &str, module: &str) -> String {
+    without_std(text)
+        .replace("#![no_std]\n", "")
+        .replace("crate::", &format!("crate::evaluation::{module}::"))
+        .replace("ecm_se3::", "crate::evaluation::se3::")
+}
+
+/// The text without items that need std or alloc, without tests, and without code in comments.
+///
+/// Relies on the layout of rustfmt: an item ends on the first line of its own indentation that
+/// ends with `}` or `;`.
+fn without_std(text: &str) -> String {
+    let mut kept = String::new();
+    // Comments and attributes, until it is known whether their item is kept.
+    let mut pending = String::new();
+    let mut dropped = false;
+    let mut example = false;
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        let bare = line.trim_start();
+        if bare.starts_with("///") || bare.starts_with("//!") {
+            let fence = bare[3..].trim_start().starts_with("```");
+            if !example && !fence {
+                pending.push_str(line);
+                pending.push('\n');
+            }
+            example ^= fence;
+            continue;
+        }
+        if bare.starts_with("#[") {
+            dropped |= is_left_out(bare);
+            if !dropped {
+                pending.push_str(line);
+                pending.push('\n');
+            }
+            continue;
+        }
+        if dropped {
+            skip_item(line, &mut lines);
+            pending.clear();
+            dropped = false;
+            continue;
+        }
+        kept.push_str(&pending);
+        pending.clear();
+        kept.push_str(line);
+        kept.push('\n');
+    }
+    kept
+}
+
+/// Whether an attribute restricts its item to tests or to a feature.
+fn is_left_out(attribute: &str) -> bool {
+    attribute.starts_with("#[cfg(")
+        && (attribute.contains("feature = ") || attribute.contains("(test"))
+}
+
+/// Takes the rest of the item that begins with `first`.
+fn skip_item<'a>(first: &'a str, lines: &mut impl Iterator<Item = &'a str>) {
+    let depth = |line: &str| line.len() - line.trim_start().len();
+    let mut line = first;
+    while !(depth(line) == depth(first) && (line.ends_with('}') || line.ends_with(';'))) {
+        let Some(next) = lines.next() else {
+            return;
+        };
+        line = next;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_that_need_std_are_left_out_with_their_comments() {
+        let text = "//! What.\n#![no_std]\n\n/// One.\n#[cfg(feature = \"std\")]\n#[inline]\n\
+                    pub fn one() {\n    two();\n}\n\n/// Three.\n///\n/// ```\n/// three();\n/// ```\n\
+                    #[inline]\nfn three() {}\n\n#[cfg(all(test, feature = \"std\"))]\nmod tests {\n    \
+                    use super::*;\n}\n";
+        assert_eq!(
+            as_module(text, "poly"),
+            "//! What.\n\n\n/// Three.\n///\n#[inline]\nfn three() {}\n\n"
+        );
+    }
+
+    #[test]
+    fn nothing_in_the_modules_names_a_feature_or_another_crate() {
+        for file in evaluation() {
+            for forbidden in ["feature =", "ecm_se3::", "ecm_poly::", "std::", "#[test]"] {
+                assert!(!file.text.contains(forbidden), "{}: {forbidden}", file.path);
+            }
+        }
+    }
 }

@@ -18,9 +18,10 @@ from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS
 from ecm.rig.arm import faults
 from ecm.rig.arm.controller_model import compile_model, controller_document
+from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.non_elastic import HiddenPhysics
 from ecm.rig.arm.scene import mujoco, scene
-from ecm.rig.arm.sorties import PlannedSortie, SortieResult, plan_sorties
+from ecm.rig.arm.sorties import PlannedSortie, RunningSortie, SortieResult, plan_sorties
 from ecm.rig.arm.surrogate import fem_pairs, fit_surrogate
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.arm.worker import ArmSetup, RunSorties, run_sorties
@@ -101,6 +102,11 @@ class RobotCampaign(Campaign):
         self._air = self._climate()
         self._warm_up(0.0)
 
+    @property
+    def identity(self) -> str:
+        """`key` of the source that the campaign was made with."""
+        return self._key
+
     def key(self, source: Source) -> str:
         """Hash of everything that the readings depend on; faults and processes do not count."""
         del source
@@ -108,23 +114,35 @@ class RobotCampaign(Campaign):
 
     # --- running ---------------------------------------------------------------
 
-    def lines(self, done: Sequence[VisitRecord], processes: int) -> Iterator[VisitRecord]:
+    def lines(
+        self, done: Sequence[VisitRecord], processes: int, kept: KeptSorties | None = None
+    ) -> Iterator[VisitRecord]:
         """Yield the visits in order, after those that are done.
 
+        Sorties that several processes finish before their turn are stored in `kept`.
         ComputationError after several unusable readings in a row; all finished poses are kept.
         """
         for record in done:
             self._add(record)
         begin = len(done)
-        remaining = [s for s in self.sorties if s.stops[-1].visit >= begin]
+        remaining = [n for n, s in enumerate(self.sorties) if s.stops[-1].visit >= begin]
+        loaded = {n: kept.load(n) for n in remaining} if kept is not None else {}
+        driven = [n for n in remaining if loaded.get(n) is None]
         # A sortie that was interrupted is driven again as a whole.
-        by_visit = {max(begin, sortie.stops[0].visit): sortie for sortie in remaining}
-        with self._run(self.setup, [s.stops for s in remaining], processes) as results:
+        by_visit = {max(begin, self.sorties[n].stops[0].visit): n for n in remaining}
+
+        def finished(number: int, result: SortieResult) -> None:
+            if kept is not None:
+                kept.save(driven[number], result)
+
+        tasks = [self.sorties[n].stops for n in driven]
+        with self._run(self.setup, tasks, processes, finished) as results:
             for i in range(begin, len(self.planned.visits)):
                 if i in by_visit:
-                    sortie, result = by_visit[i], next(results)
+                    sortie, result = self.sorties[by_visit[i]], loaded.get(by_visit[i])
+                    running = RunningSortie([*result.stops, result] if result else next(results))
                 if self.planned.visits[i].kind == POSE:
-                    record = self._visit_pose(i, sortie, result)
+                    record = self._visit_pose(i, sortie, running)
                 else:
                     record = self._visit_home(i)
                 self._add(record)
@@ -150,8 +168,8 @@ class RobotCampaign(Campaign):
         """Return the measurement table, with the joints of the arm."""
         self._update_visits(self.timeline.visits)
         table = self.table(self._readings)
-        kept = [record for record in self.records if not record.reason]
-        rows = [kept[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
+        reached = [record for record in self.records if not record.reason]
+        rows = [reached[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
         columns = dict(table.columns)
         for names, values in (
             (JOINTS, [r.joints_rad for r in rows]),
@@ -174,12 +192,12 @@ class RobotCampaign(Campaign):
             joints_rad=self.home_rad.tolist(), directions=[0.0] * 7, goal=goal, after_impedance=[],
         )  # fmt: skip
 
-    def _visit_pose(self, i: int, sortie: PlannedSortie, result: SortieResult) -> VisitRecord:
+    def _visit_pose(self, i: int, sortie: PlannedSortie, running: RunningSortie) -> VisitRecord:
         planned = self.planned.visits[i]
         self._warm_up(planned.time_s)
         k = next(k for k, stop in enumerate(sortie.stops) if stop.visit == i)
-        stop, stopped = sortie.stops[k], result.stops[k]
-        last = k == len(sortie.stops) - 1
+        stop, stopped = sortie.stops[k], running.stop(k)
+        result = running.whole() if k == len(sortie.stops) - 1 else None
         planned_s = sortie.home_s - sortie.depart_s
         trace = _thinned(stopped.trace)
         record = VisitRecord(
@@ -189,9 +207,9 @@ class RobotCampaign(Campaign):
             dwell_s=stopped.rest_s,
             approach=HOME if stopped.from_home and not stop.via else planned.approach,
             way=[*self._way, *trace, *([] if stopped.reason else [stopped.reached.tolist()])],
-            after=_thinned(result.home.trace) if last else [],
+            after=_thinned(result.home.trace) if result else [],
             reached=stopped.reached.tolist(),
-            shift_s=self._shift_s + (result.duration_s - planned_s if last else 0.0),
+            shift_s=self._shift_s + (result.duration_s - planned_s if result else 0.0),
             reading="",
             joints_rad=stopped.joints_rad.tolist(),
             directions=stopped.directions.tolist(),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ecm.io.cache import write_json
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.controller_model import require_library
+from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.scene import mujoco
 from ecm.rig.arm.summary import campaign_record
 from ecm.rig.arm.visit_record import HEADER, VisitRecord
@@ -67,10 +68,15 @@ def run_robot(
         done.pop()
     del journal.lines[len(done) :]
     with journal:
-        for record in campaign.lines(done, processes):
+        for record in campaign.lines(done, processes, kept_sorties(campaign, out)):
             journal.append(record.text())
             report(record)
     return campaign.finished(), journal
+
+
+def kept_sorties(campaign: RobotCampaign, out: Path) -> KeptSorties:
+    """Return what is kept beside the journal, in `NAME.journal.parts`."""
+    return KeptSorties(journal_path(out).with_suffix(".parts"), campaign.identity)
 
 
 def write_record(campaign: RobotCampaign, out: Path) -> None:

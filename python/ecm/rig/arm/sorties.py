@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -76,6 +76,37 @@ class SortieResult:
     stops: tuple[StopResult, ...]
     duration_s: float
     home: StopResult
+
+
+class RunningSortie:
+    """A sortie under way: each stop is known when it is done, the rest when the arm is home.
+
+    `results` yields the stops in order, and then the whole.
+    """
+
+    def __init__(self, results: Iterable[StopResult | SortieResult]) -> None:
+        self._results = iter(results)
+        self._stops: list[StopResult] = []
+        self._whole: SortieResult | None = None
+
+    def stop(self, k: int) -> StopResult:
+        """Wait for the k-th stop."""
+        while len(self._stops) <= k:
+            self._next()
+        return self._stops[k]
+
+    def whole(self) -> SortieResult:
+        """Wait until the arm is home again."""
+        while self._whole is None:
+            self._next()
+        return self._whole
+
+    def _next(self) -> None:
+        result = next(self._results)
+        if isinstance(result, SortieResult):
+            self._whole = result
+        else:
+            self._stops.append(result)
 
 
 def full_trace(sortie: SortieResult) -> tuple[F, F]:

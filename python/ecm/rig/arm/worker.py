@@ -1,27 +1,29 @@
 """Sorties in other processes, which read sorties and write results.
 
 A sortie begins and ends at home at rest, so none depends on another: any number of processes gives
-the same numbers. A worker ends with its input, also if the campaign is killed.
+the same numbers. A worker ends with its input, also if the campaign is killed in the middle of a
+sortie: a thread waits for the end of the input.
 """
 
 from __future__ import annotations
 
+import os
 import pickle
 import queue
-import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
 from ecm.errors import ComputationError
 from ecm.rig.arm.non_elastic import HiddenPhysics
 from ecm.rig.arm.procedure import OnFrame, SimulatedArm
-from ecm.rig.arm.sorties import SortieResult, Stop
+from ecm.rig.arm.sorties import SortieResult, Stop, StopResult
 from ecm.rig.arm.surrogate import Surrogate
 from ecm.rig.settings import RigSettings
 
@@ -48,31 +50,39 @@ class ArmSetup:
         )
 
 
+Results = Iterable[StopResult | SortieResult]
+"""The stops of a sortie, each when it is done, and then the whole."""
+Finished = Callable[[int, SortieResult], None] | None
+"""Called with the number of a sortie and its result, on any thread, before its turn comes."""
 RunSorties = Callable[
-    [ArmSetup, Sequence[Sequence[Stop]], int], AbstractContextManager[Iterator[SortieResult]]
+    [ArmSetup, Sequence[Sequence[Stop]], int, Finished], AbstractContextManager[Iterator[Results]]
 ]
 """Type of `run_sorties`; a benchmark passes one that reuses the results of another campaign."""
 
 
 class _Worker:
-    def __init__(self, setup: ArmSetup) -> None:
+    def __init__(self) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-c", "from ecm.rig.arm.worker import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C goes to the campaign alone, which ends its workers
         )
         self._in = cast("IO[bytes]", self._process.stdin)
         self._out = cast("IO[bytes]", self._process.stdout)
-        self._send(setup)
 
-    def _send(self, value: object) -> None:
+    def send(self, value: object) -> None:
         pickle.dump(value, self._in)
         self._in.flush()
 
-    def sortie(self, stops: Sequence[Stop]) -> SortieResult:
+    def results(self, stops: Sequence[Stop]) -> Iterator[StopResult | SortieResult]:
         try:
-            self._send(tuple(stops))
-            return cast("SortieResult", pickle.load(self._out))
+            self.send(tuple(stops))
+            while True:
+                result = pickle.load(self._out)
+                yield result
+                if isinstance(result, SortieResult):
+                    return
         except (OSError, EOFError, pickle.UnpicklingError):
             raise ComputationError(
                 "a process that simulates the arm ended before its answer; all finished poses are "
@@ -82,51 +92,80 @@ class _Worker:
     def close(self) -> None:
         self._process.kill()
         self._process.wait()
-        self._in.close()
+        with suppress(OSError):  # what was to be sent goes nowhere now
+            self._in.close()
         self._out.close()
 
 
 @contextmanager
 def run_sorties(
-    setup: ArmSetup, tasks: Sequence[Sequence[Stop]], processes: int
-) -> Iterator[Iterator[SortieResult]]:
+    setup: ArmSetup,
+    tasks: Sequence[Sequence[Stop]],
+    processes: int,
+    finished: Finished = None,
+) -> Iterator[Iterator[Results]]:
     """Yield an iterator over the results of sorties, in order; they are simulated in parallel."""
     if processes <= 1 or len(tasks) < 2:
         arm = setup.build() if tasks else None
-        yield (arm.sortie(task) for task in tasks if arm is not None)
+        yield (arm.results(task) for task in tasks if arm is not None)
         return
-    workers = [_Worker(setup) for _ in range(min(processes, len(tasks)))]
+    found: list[queue.SimpleQueue[Any]] = [queue.SimpleQueue() for _ in tasks]
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
-    for worker in workers:
-        free.put(worker)
+    count = min(processes, len(tasks))
 
-    def run(task: Sequence[Stop]) -> SortieResult:
+    def run(number: int) -> None:
         worker = free.get()
         try:
-            return worker.sortie(task)
+            for result in worker.results(tasks[number]):
+                if isinstance(result, SortieResult) and finished is not None:
+                    finished(number, result)
+                found[number].put(result)
+        except Exception as error:
+            found[number].put(error)
         finally:
             free.put(worker)
 
-    pool = ThreadPoolExecutor(len(workers))
-    try:
-        yield pool.map(run, tasks)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.close()
-        pool.shutdown()
+    with ExitStack() as stack:
+        pool = stack.enter_context(ThreadPoolExecutor(count))
+        for _ in range(count):
+            worker = _Worker()
+            stack.callback(worker.close)
+            worker.send(setup)
+            free.put(worker)
+        stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+        for number in range(len(tasks)):
+            pool.submit(run, number)
+        yield (_received(results) for results in found)
+
+
+def _received(results: queue.SimpleQueue[Any]) -> Iterator[StopResult | SortieResult]:
+    while True:
+        result = results.get()
+        if isinstance(result, Exception):
+            raise result
+        yield result
+        if isinstance(result, SortieResult):
+            return
 
 
 def serve() -> None:
     """Read a setup and sorties from standard input, write results to standard output."""
-    # Ctrl-C goes to the whole process group; the campaign decides and closes the input.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    source, sink = sys.stdin.buffer, sys.stdout.buffer
-    arm = cast("ArmSetup", pickle.load(source)).build()
+    received: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(received,), daemon=True).start()
+    arm = cast("ArmSetup", received.get()).build()
+    while True:
+        for result in arm.results(received.get()):
+            try:
+                pickle.dump(result, sys.stdout.buffer)
+                sys.stdout.buffer.flush()
+            except OSError:  # the campaign has ended
+                os._exit(0)
+
+
+def _receive(received: queue.SimpleQueue[Any]) -> None:
+    """Put what is read from standard input into a queue; end the process with it."""
     while True:
         try:
-            task = pickle.load(source)
-        except EOFError:
-            return
-        pickle.dump(arm.sortie(task), sink)
-        sink.flush()
+            received.put(pickle.load(sys.stdin.buffer))
+        except (EOFError, OSError, pickle.UnpicklingError):
+            os._exit(0)

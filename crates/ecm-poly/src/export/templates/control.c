@@ -32,7 +32,7 @@ typedef struct {
 static void controller_start(controller_t *c, const real *held)
 {
     @NAME@_value_and_stiffness(held, c->feed, c->stiffness);
-    for (int i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < 6; i++) {
         c->held[i] = held[i];
         c->last[i] = held[i];
         c->sum[i] = R(0);
@@ -44,15 +44,17 @@ static void controller_step(controller_t *c, const real *pose, real *wrench)
 {
     const real dt = R(1) / R(RATE_HZ), reset_s = R(0.2), damping_s = R(0.02);
     real x[6];
-    for (int i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < 6; i++) {
         const real error = c->held[i] - pose[i], speed = (pose[i] - c->last[i]) / dt;
         c->sum[i] += error * dt;
         c->last[i] = pose[i];
         x[i] = error + c->sum[i] / reset_s - damping_s * speed;
     }
-    for (int i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < 6; i++) {
         wrench[i] = c->feed[i];
-        for (int j = 0; j < 6; j++) wrench[i] += c->stiffness[6 * i + j] * x[j];
+        for (int32_t j = 0; j < 6; j++) {
+            wrench[i] += c->stiffness[6 * i + j] * x[j];
+        }
     }
 }
 
@@ -63,10 +65,12 @@ typedef struct {
     real mass, inertia;
 } plant_t;
 
-static real largest(const real *k, int from)
+static real largest(const real *k, int32_t from)
 {
     real found = k[7 * from];
-    for (int i = from + 1; i < from + 3; i++) found = k[7 * i] > found ? k[7 * i] : found;
+    for (int32_t i = from + 1; i < from + 3; i++) {
+        found = k[7 * i] > found ? k[7 * i] : found;
+    }
     return found;
 }
 
@@ -80,16 +84,21 @@ static void turn(real *theta, const real *omega, real dt)
                        theta[0] * omega[1] - theta[1] * omega[0]};
     const real b[3] = {theta[1] * a[2] - theta[2] * a[1], theta[2] * a[0] - theta[0] * a[2],
                        theta[0] * a[1] - theta[1] * a[0]};
-    for (int i = 0; i < 3; i++) theta[i] += dt * (omega[i] - R(0.5) * a[i] + g * b[i]);
+    for (int32_t i = 0; i < 3; i++) {
+        theta[i] += dt * (omega[i] - R(0.5) * a[i] + g * b[i]);
+    }
 }
 
 static void plant_step(plant_t *s, const real *wrench, real dt)
 {
     real h[6];
     @NAME@_value(s->pose, h);
-    for (int i = 0; i < 6; i++)
+    for (int32_t i = 0; i < 6; i++) {
         s->speed[i] += dt * (wrench[i] - R(0.95) * h[i]) / (i < 3 ? s->mass : s->inertia);
-    for (int i = 0; i < 3; i++) s->pose[i] += dt * s->speed[i];
+    }
+    for (int32_t i = 0; i < 3; i++) {
+        s->pose[i] += dt * s->speed[i];
+    }
     turn(s->pose + 3, s->speed + 3, dt);
 }
 
@@ -99,7 +108,7 @@ int main(void)
     controller_t controller;
     plant_t plant;
     controller_start(&controller, held);
-    for (int i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < 6; i++) {
         plant.pose[i] = held[i];
         plant.speed[i] = R(0);
     }
@@ -110,21 +119,27 @@ int main(void)
 
     real worst = R(0), error = R(0);
     int lost = 0; /* also where the pose is no number */
-    for (int ms = 0; ms < DURATION_MS; ms++) {
+    for (int32_t ms = 0; ms < DURATION_MS; ms++) {
         real wrench[6];
         controller_step(&controller, plant.pose, wrench);
-        if (ms >= 500 && ms < 700) wrench[1] += push;
-        for (int n = 0; n < SUBSTEPS; n++) plant_step(&plant, wrench, R(1) / R(RATE_HZ * SUBSTEPS));
+        if (ms >= 500 && ms < 700) {
+            wrench[1] += push;
+        }
+        for (int32_t n = 0; n < SUBSTEPS; n++) {
+            plant_step(&plant, wrench, R(1) / R(RATE_HZ * SUBSTEPS));
+        }
         error = R(0);
-        for (int i = 0; i < 6; i++) {
-            const real e = plant.pose[i] > held[i] ? plant.pose[i] - held[i] : held[i] - plant.pose[i];
+        for (int32_t i = 0; i < 6; i++) {
+            const real e =
+                plant.pose[i] > held[i] ? plant.pose[i] - held[i] : held[i] - plant.pose[i];
             error = e <= error ? error : e;
             lost += !(e < R(0.05));
         }
         worst = error <= worst ? worst : error;
 #ifdef TRACE
-        if (ms % 100 == 99)
-            printf("%4d ms: largest error %.3g (m, rad)\n", ms + 1, (double)error);
+        if (ms % 100 == 99) {
+            printf("%4d ms: largest error %.3g (m, rad)\n", (int)(ms + 1), (double)error);
+        }
 #endif
     }
     /* The push was felt, and the pose is held again. */

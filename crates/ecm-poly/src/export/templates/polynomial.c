@@ -15,28 +15,37 @@ static const real upper[INPUTS] = {@UPPER@};
 static const real centre[INPUTS] = {@CENTRE@};
 static const real scale[INPUTS] = {@SCALE@};
 /* Term t > 0 is term parent_of[t] times input variable_of[t]. */
-static const unsigned short parent_of[TERMS] = {@PARENTS@};
-static const unsigned char variable_of[TERMS] = {@VARIABLES@};
+static const uint16_t parent_of[TERMS] = {@PARENTS@};
+static const uint8_t variable_of[TERMS] = {@VARIABLES@};
 static const real coefficient[TERMS][OUTPUTS] = {@COEFFICIENTS@};
 /* d(term)/d(input) = factor times a lower term */
-static const unsigned short slope_term[SLOPES] = {@SLOPETERMS@};
-static const unsigned char slope_input[SLOPES] = {@SLOPEINPUTS@};
-static const unsigned short slope_lower[SLOPES] = {@SLOPELOWERS@};
+static const uint16_t slope_term[SLOPES] = {@SLOPETERMS@};
+static const uint8_t slope_input[SLOPES] = {@SLOPEINPUTS@};
+static const uint16_t slope_lower[SLOPES] = {@SLOPELOWERS@};
 static const real slope_factor[SLOPES] = {@SLOPEFACTORS@};
 
 static void terms_at(const real *p, real *m)
 {
     real u[INPUTS];
-    for (int i = 0; i < INPUTS; i++) u[i] = (p[i] - centre[i]) * scale[i];
+    for (int32_t i = 0; i < INPUTS; i++) {
+        u[i] = (p[i] - centre[i]) * scale[i];
+    }
     m[0] = R(1);
-    for (int t = 1; t < TERMS; t++) m[t] = m[parent_of[t]] * u[variable_of[t]];
+    for (int32_t t = 1; t < TERMS; t++) {
+        m[t] = m[parent_of[t]] * u[variable_of[t]];
+    }
 }
 
 static void value_of(const real *m, real *h)
 {
-    for (int j = 0; j < OUTPUTS; j++) h[j] = R(0);
-    for (int t = 0; t < TERMS; t++)
-        for (int j = 0; j < OUTPUTS; j++) h[j] += coefficient[t][j] * m[t];
+    for (int32_t j = 0; j < OUTPUTS; j++) {
+        h[j] = R(0);
+    }
+    for (int32_t t = 0; t < TERMS; t++) {
+        for (int32_t j = 0; j < OUTPUTS; j++) {
+            h[j] += coefficient[t][j] * m[t];
+        }
+    }
 }
 
 void @NAME@_value(const real p[INPUTS], real h[OUTPUTS])
@@ -51,16 +60,22 @@ void @NAME@_value_and_stiffness(const real p[INPUTS], real h[OUTPUTS], real k[IN
     real m[TERMS];
     terms_at(p, m);
     value_of(m, h);
-    for (int e = 0; e < INPUTS * OUTPUTS; e++) k[e] = R(0);
-    for (int e = 0; e < SLOPES; e++) {
+    for (int32_t e = 0; e < INPUTS * OUTPUTS; e++) {
+        k[e] = R(0);
+    }
+    for (int32_t e = 0; e < SLOPES; e++) {
         const real slope = slope_factor[e] * m[slope_lower[e]];
-        for (int j = 0; j < OUTPUTS; j++) k[INPUTS * j + slope_input[e]] += slope * coefficient[slope_term[e]][j];
+        for (int32_t j = 0; j < OUTPUTS; j++) {
+            k[INPUTS * j + slope_input[e]] += slope * coefficient[slope_term[e]][j];
+        }
     }
 }
 
-int @NAME@_inside(const real p[INPUTS])
+int32_t @NAME@_inside(const real p[INPUTS])
 {
-    int inside = 1;
-    for (int i = 0; i < INPUTS; i++) inside &= (p[i] >= lower[i]) & (p[i] <= upper[i]);
+    int32_t inside = 1;
+    for (int32_t i = 0; i < INPUTS; i++) {
+        inside &= (int32_t)((p[i] >= lower[i]) & (p[i] <= upper[i]));
+    }
     return inside;
 }

@@ -22,11 +22,17 @@ static void gradient(const real *q, const real *u, real *g)
 static void curvature(const real *q, const real *u, const real *bend, real *h)
 {
     real half[36], column[6], chained[6];
-    for (int i = 0; i < 6; i++) gradient(q, bend + 6 * i, half + 6 * i);
-    for (int j = 0; j < 6; j++) {
-        for (int i = 0; i < 6; i++) column[i] = half[6 * i + j];
+    for (int32_t i = 0; i < 6; i++) {
+        gradient(q, bend + 6 * i, half + 6 * i);
+    }
+    for (int32_t j = 0; j < 6; j++) {
+        for (int32_t i = 0; i < 6; i++) {
+            column[i] = half[6 * i + j];
+        }
         gradient(q, column, chained);
-        for (int i = 0; i < 6; i++) h[6 * i + j] = chained[i];
+        for (int32_t i = 0; i < 6; i++) {
+            h[6 * i + j] = chained[i];
+        }
     }
     h[7] += R(2) * u[1];
     h[14] += R(2) * u[1];

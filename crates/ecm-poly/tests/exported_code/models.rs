@@ -1,0 +1,54 @@
+//! Models of every kind that is exported.
+
+use ecm_poly::basis::exponents;
+use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
+use ecm_poly::energy::terms::terms;
+use ecm_poly::model_file::map::{POSE, WRENCH};
+use ecm_poly::{Symmetry, open_model, seal_model};
+use serde_json::{Map, Value, json};
+
+pub fn wave(n: usize) -> Vec<f64> {
+    (0..n).map(|i| ((i as f64 + 1.0) * 12.9898).sin()).collect()
+}
+
+pub fn sealed(document: &Value) -> Map<String, Value> {
+    open_model(&seal_model(&document.to_string()).unwrap()).unwrap()
+}
+
+pub fn energy(symmetry: Symmetry, degree: usize) -> Map<String, Value> {
+    let rows = terms(symmetry, degree).unwrap();
+    sealed(&json!({
+        "kind": "energy", "inputs": POSE, "outputs": WRENCH, "length_m": 0.1034, "degree": degree,
+        "symmetry": symmetry.name(), "normalisation": {"scale": [0.03, 0.9]},
+        "coefficients": wave(rows.len()), "terms": rows,
+    }))
+}
+
+/// An energy with broken symmetries.
+pub fn broken(names: &[&str]) -> Map<String, Value> {
+    let groups = Group::from_names(names, Symmetry::Alike).unwrap();
+    let mut rows: Vec<Vec<u8>> = terms(Symmetry::Alike, 4)
+        .unwrap()
+        .iter()
+        .map(|row| row.to_vec())
+        .collect();
+    rows.extend(group_terms(&groups, 4).iter().map(GroupTerm::row));
+    sealed(&json!({
+        "kind": "energy", "inputs": POSE, "outputs": WRENCH, "length_m": 0.1034, "degree": 4,
+        "symmetry": "alike", "groups": names, "normalisation": {"scale": [0.03, 0.9]},
+        "coefficients": wave(rows.len()), "terms": rows,
+    }))
+}
+
+pub fn polynomial(inputs: usize, outputs: usize, degree: usize) -> Map<String, Value> {
+    let table = exponents(inputs, degree).unwrap();
+    let rows: Vec<&[u8]> = table.chunks(inputs).collect();
+    let weights = wave(rows.len() * outputs);
+    let coefficients: Vec<&[f64]> = weights.chunks(outputs).collect();
+    let upper: Vec<f64> = (0..inputs).map(|i| 0.5 + 0.1 * i as f64).collect();
+    sealed(&json!({
+        "kind": "polynomial", "inputs": POSE[..inputs], "outputs": WRENCH[..outputs],
+        "length_m": null, "degree": degree, "terms": rows, "coefficients": coefficients,
+        "normalisation": {"lower": vec![-0.4; inputs], "upper": upper},
+    }))
+}

@@ -1,0 +1,69 @@
+"""What all commands share at work: reading tables, writing JSON, checking what will be written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ecm.cli import interrupt
+from ecm.cli.console import Console
+from ecm.cli.outputs import Outputs
+from ecm.io.cache import write_json
+from ecm.io.table import Need, Table, read_table
+from ecm.report.page import require_report
+
+
+class Session(Console):
+    """A command at work: its common options, and what it prints, reads and writes."""
+
+    def __init__(
+        self,
+        *,
+        meta: Path | None = None,
+        skip_bad_rows: bool = False,
+        json: Path | None = None,
+        report: Path | None = None,
+        seed: int = 0,
+        threads: int = 0,
+        quiet: bool = False,
+    ) -> None:
+        super().__init__(quiet=quiet)
+        self.meta, self.skip_bad_rows = meta, skip_bad_rows
+        self.json, self.report = json, report
+        self.seed, self.threads = seed, threads
+        self._outputs = Outputs()
+
+    def __enter__(self) -> Session:
+        interrupt.describe(self._outputs.sentence)
+        return self
+
+    def check_output(self, *paths: Path | None) -> None:
+        """Raise InputError where a file could not be written; None is left out.
+
+        An interruption tells which of the files are written.
+        """
+        self._outputs.check(*paths)
+
+    def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
+        """Read the measurement table of the command and print its warnings."""
+        table = read_table(list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need)
+        for warning in table.warnings:
+            self.warn(warning)
+        return table
+
+    def write_json(self, document: Any) -> None:
+        """Write the file of --json, where it is asked for."""
+        if self.json is not None:
+            write_json(self.json, document)
+
+
+def run_command(
+    work: Callable[[Any, Session], None], options: object, common: Mapping[str, Any]
+) -> None:
+    """Do the work of a command: a function of its options and of a session of the common ones."""
+    with Session(**common) as session:
+        session.check_output(session.json, session.report)
+        if session.report is not None:
+            require_report()
+        work(options, session)

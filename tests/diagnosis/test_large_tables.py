@@ -1,0 +1,70 @@
+"""Large tables: some rows are used, the result says so, and the verdict is that of all rows."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from ecm.cli.diagnosis_text import paragraphs
+from ecm.designs import Design, diagnosable_plan
+from ecm.diagnosis import DiagnosisSettings, diagnose, find_missing
+from ecm.diagnosis.sections import verdict_section
+from ecm.io.columns import POSE
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.regression.folds import without_zero_readings
+from ecm.report import TableBlock
+from ecm.rig import CampaignOptions, RigSettings, run_campaign
+from support.campaigns import campaign, model, workspace_poses
+from support.stand_in import L, StandIn
+
+FEW = DiagnosisSettings(most_rows=300)
+
+
+@lru_cache(maxsize=1)
+def long_plan() -> Table:
+    """100 poses in 600 visits."""
+    columns = dict(zip(POSE, workspace_poses(100, 3).T, strict=True))
+    candidates = Table(columns, Meta(mechanism={"length_m": L}), "candidates")
+    chosen = Design(np.arange(100), "maximin", 0.0, 0.0, 1.0, "converged")
+    return diagnosable_plan(candidates, chosen, 600, seed=0)
+
+
+@pytest.mark.parametrize("hidden", ["", "base_compliance", "hysteresis", "fts_drift"])
+def test_the_verdict_of_some_rows_is_that_of_all(hidden: str) -> None:
+    hide = f"{hidden}=1" if hidden else None
+    source = CampaignOptions(source=StandIn())
+    table = run_campaign(long_plan(), RigSettings(), None, hide=hide, seed=3, options=source)
+    assert len(table) > 600
+    every, some = (
+        find_missing(model(), table, settings=settings) for settings in (DiagnosisSettings(), FEW)
+    )
+    assert every.verdict == some.verdict == ("named" if hidden else "none")
+    assert every.answer == some.answer == (((hidden,),) if hidden else ())
+    assert len(some.problem.table) == 300
+
+
+def test_the_result_says_which_rows_were_used() -> None:
+    table = campaign("hysteresis")
+    result = diagnose(model(), table, settings=DiagnosisSettings(most_rows=200))
+    document = result.to_dict()
+    used = document["rows_used"]
+    # Readings from which the zero was taken are no rows.
+    total = len(without_zero_readings(table))
+    assert (used["used"], used["of_table"]) == (200, total)
+    assert "repeats" in used["chosen"]
+    assert "times the noise of a row" in used["enough"]
+    assert used["sentence"].startswith(f"200 of {total} rows were used")
+    assert used["sentence"] in list(paragraphs(document))
+    tables = [b for b in verdict_section(document).blocks if isinstance(b, TableBlock)]
+    assert ["rows", used["sentence"]] in list(tables[0].rows)
+    assert all(0 <= row < len(table) for row in result.outliers)
+
+
+def test_a_small_table_is_used_as_it_is_and_nothing_is_said() -> None:
+    table = campaign("hysteresis")
+    result = diagnose(model(), table, settings=DiagnosisSettings(most_rows=len(table)))
+    assert result.rows_used is None
+    assert "rows_used" not in result.to_dict()

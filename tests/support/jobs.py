@@ -1,0 +1,39 @@
+"""The main job as a command, and the FEM cases that it leaves for others."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from support.neck import ROOT
+
+QUICK = ROOT / "examples" / "quick.toml"
+
+
+def identify_command(config: Path, out: Path, *options: str) -> list[str]:
+    """`ecm identify CONFIG --out OUT OPTIONS` of this environment."""
+    ecm = Path(sys.executable).parent / "ecm"
+    return [str(ecm), "identify", str(config), "--out", str(out), *options]
+
+
+def identify(config: Path, out: Path, *options: str) -> None:
+    """Run the job to its end."""
+    done = subprocess.run(
+        identify_command(config, out, *options),
+        capture_output=True, text=True, timeout=900, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def copy_cases(job: Path, parts: Path, most: int = 1_000_000) -> None:
+    """Copy the first FEM cases that a job has solved to where another goes on from them.
+
+    A case depends only on the body, the box, the seed and the cases before its batch: a
+    simulation of fewer pairs of the same neck and seed begins with the same cases.
+    """
+    for solved in (job / "stages").glob("simulate-*.parts"):
+        target = parts / solved.name
+        target.mkdir(parents=True)
+        for file in sorted(solved.iterdir())[:most]:
+            (target / file.name).write_bytes(file.read_bytes())
