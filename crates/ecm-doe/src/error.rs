@@ -2,6 +2,7 @@
 
 /// Wrong input of a design; each message names what was found, what is expected, and the next step.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DesignError {
     /// There is nothing to choose from.
     #[error(

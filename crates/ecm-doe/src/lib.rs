@@ -45,3 +45,8 @@ pub use criterion::settings::{DSettings, Design, Method};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
 pub use problem::Problem;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -3,6 +3,7 @@
 /// How a load case ended; only [`Status::Solved`] is a stable equilibrium at the
 /// given load, every other status comes with the last stable state before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Status {
     /// Stable equilibrium at the load asked for.
     Solved,
@@ -31,6 +32,7 @@ impl Status {
 
 /// Why a load case is [`Status::Unstable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Reason {
     /// The smallest eigenvalue of H reaches zero: the platform buckles under the dead wrench.
     Buckling,

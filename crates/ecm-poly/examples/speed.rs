@@ -167,13 +167,15 @@ fn decomposition() {
 
 /// V σ⁻² Vᵀ entry by entry, as the sum is written.
 fn plain_gram(factors: &ThinSvd) -> Vec<f64> {
-    let (v, sigma) = (&factors.v, &factors.singular_values);
-    let n = v.nrows();
+    let (v, sigma) = (factors.right_vectors(), &factors.singular_values);
+    let n = sigma.len();
     let mut gram = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
             let terms = sigma.iter().enumerate();
-            let sum = terms.map(|(r, s)| v[(i, r)] * v[(j, r)] / (s * s)).sum();
+            let sum = terms
+                .map(|(r, s)| v[n * i + r] * v[n * j + r] / (s * s))
+                .sum();
             gram[i * n + j] = sum;
             gram[j * n + i] = sum;
         }

@@ -14,11 +14,11 @@ use crate::error::{ModelError, check_count, check_finite};
 #[derive(Clone, Debug)]
 pub struct ThinSvd {
     /// (rows, r).
-    pub u: Mat<f64>,
+    pub(crate) u: Mat<f64>,
     /// (r).
     pub singular_values: Vec<f64>,
     /// (columns, r).
-    pub v: Mat<f64>,
+    pub(crate) v: Mat<f64>,
     /// Rows of the matrix, or of that whose triangle was decomposed.
     rows: usize,
 }
@@ -56,6 +56,16 @@ impl ThinSvd {
             v: svd.V().to_owned(),
             rows,
         })
+    }
+
+    /// U (rows, r), row-major.
+    pub fn left_vectors(&self) -> Vec<f64> {
+        row_major(self.u.as_ref())
+    }
+
+    /// V (columns, r), row-major.
+    pub fn right_vectors(&self) -> Vec<f64> {
+        row_major(self.v.as_ref())
     }
 
     /// Singular values above rounding: σ > σ₁ ε max(rows, columns).
@@ -123,6 +133,12 @@ impl ThinSvd {
             .map(|(i, j)| entry(i, j))
             .collect()
     }
+}
+
+fn row_major(matrix: MatRef<'_, f64>) -> Vec<f64> {
+    let rows = 0..matrix.nrows();
+    rows.flat_map(|i| (0..matrix.ncols()).map(move |j| matrix[(i, j)]))
+        .collect()
 }
 
 /// Singular values alone, falling.

@@ -9,6 +9,7 @@ use crate::shape::ShapeError;
 
 /// Wrong input to a fit, an evaluation or a model file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// An array of another shape than the call needs.
     #[error("{name} has {found} {unit}, expected {expected}")]

@@ -51,3 +51,8 @@ pub use polynomial_model::PolynomialModel;
 #[cfg(feature = "std")]
 pub use regression::Method;
 pub use shape::ShapeError;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -38,12 +38,18 @@ pub fn rmse(predicted: &[f64], observed: &[f64], outputs: usize) -> Result<Vec<f
 
 /// ‖K_sym‖₂/‖K‖₂ of the paper's eq. (10): 1 for a symmetric matrix, NaN for zeros.
 pub fn symmetric_share(stiffness: &Mat6<f64>) -> Result<f64, ModelError> {
-    let whole: Vec<f64> = stiffness.iter().flatten().copied().collect();
+    let mut whole: Vec<f64> = stiffness.iter().flatten().copied().collect();
     check_sizes("stiffness", &whole, 6)?;
+    // In units of the largest entry: halves of the smallest numbers would vanish.
+    let largest = whole.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    whole.iter_mut().for_each(|x| *x /= largest);
+    if largest == 0.0 {
+        return Ok(f64::NAN);
+    }
     let mut half = whole.clone();
     for i in 0..6 {
         for j in 0..6 {
-            half[6 * i + j] = 0.5 * (stiffness[i][j] + stiffness[j][i]);
+            half[6 * i + j] = 0.5 * (whole[6 * i + j] + whole[6 * j + i]);
         }
     }
     let norm = |m: &[f64]| -> Result<f64, ModelError> {

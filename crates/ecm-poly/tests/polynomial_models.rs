@@ -302,10 +302,11 @@ fn leave_one_out_curves_are_those_of_leaving_out() {
         PolynomialModel::fit(&points, 6, &values, 2, 2, Method::LeastSquares, None).unwrap();
     let x = polynomial_regressor(&points, 2, model.lower(), model.upper()).unwrap();
     let svd = ecm_poly::dense::ThinSvd::new(&x, 28).unwrap();
+    let u = svd.left_vectors();
     for rank in [1, 5, 17, 28] {
         let score = |row: usize| -> Vec<f64> {
             (0..rank)
-                .map(|j| svd.u[(row, j)] * svd.singular_values[j])
+                .map(|j| u[28 * row + j] * svd.singular_values[j])
                 .collect()
         };
         for output in 0..2 {

@@ -37,3 +37,8 @@ pub use pose::{Pose, Wrench};
 pub use real::Real;
 pub use rotation::{RotationForm, half_rotation, rotation_matrix};
 pub use stumpff::Stumpff;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

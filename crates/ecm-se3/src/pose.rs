@@ -39,14 +39,17 @@ impl<R: Real> Pose<R> {
     /// ```
     #[inline(always)]
     pub fn from_array(p: &Vec6<R>) -> Result<Self, PoseError> {
+        Self::checked(p).ok_or_else(|| refusal(p))
+    }
+
+    /// As [`Pose::from_array`], without the reason of a refusal and hence without double precision.
+    #[inline(always)]
+    pub fn checked(p: &Vec6<R>) -> Option<Self> {
         let pose = Self {
             position: [p[0], p[1], p[2]],
             rotation_vector: [p[3], p[4], p[5]],
         };
-        if pose.is_valid() {
-            return Ok(pose);
-        }
-        Err(refusal(p))
+        pose.is_valid().then_some(pose)
     }
 
     #[inline(always)]

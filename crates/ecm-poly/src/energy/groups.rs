@@ -26,6 +26,7 @@ pub const GROUP_DEGREE: usize = 4;
 
 /// A broken symmetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Group {
     /// The two ends differ, as the base of a cone: K(y, θz) ≠ −(L/2) K(y, y).
     UnlikeEnds,

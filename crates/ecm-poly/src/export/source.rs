@@ -97,7 +97,9 @@ fn without_std(text: &str) -> String {
 /// Whether an attribute restricts its item to tests or to a feature.
 fn is_left_out(attribute: &str) -> bool {
     attribute.starts_with("#[cfg(")
-        && (attribute.contains("feature = ") || attribute.contains("(test"))
+        && ["feature = ", "(test", "(doctest"]
+            .iter()
+            .any(|word| attribute.contains(word))
 }
 
 /// Takes the rest of the item that begins with `first`.

@@ -13,6 +13,7 @@ use crate::error::{ModelError, check_count};
 
 /// Method of regression.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Ordinary least squares; the shortest solution where the regressor has no full rank.
     LeastSquares,
