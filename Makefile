@@ -15,7 +15,7 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Processes that share the tests: one a core, at most four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
-.PHONY: demo test setup build build-demo test-rust test-python wheel bench-diagnose bench-blind clean
+.PHONY: demo test setup build build-demo test-rust test-python wheel deny bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -64,6 +64,10 @@ test-python: build
 
 wheel: setup
 	$(BIN)/maturin build --release --out dist
+
+# Licences, sources and security advisories of the dependencies (needs cargo-deny and the network).
+deny:
+	$(CARGO) deny check
 
 # Eight effects and nothing hidden, ten seeds each (long).
 bench-diagnose: build

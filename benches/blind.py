@@ -48,36 +48,36 @@ _SEEDS_EVERY = 15
 class Task:
     """A set that is to be run."""
 
-    asked: Set
+    case: Set
     simple: bool
     """Whether the simpler methods are run as well."""
 
     def __str__(self) -> str:
-        hidden = " + ".join(f"{id} at {s:g}" for id, s in self.asked.hidden)
-        return f"{self.asked.name} ({self.asked.source}: {hidden or self.asked.strange or '-'})"
+        hidden = " + ".join(f"{id} at {s:g}" for id, s in self.case.hidden)
+        return f"{self.case.name} ({self.case.source}: {hidden or self.case.strange or '-'})"
 
 
-def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
+def run_set(case: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
     """Everything about one set, as its file keeps it."""
     began = time.process_time()
-    data = data_of(asked, folder)
-    result: dict[str, Any] = {"set": asked.to_dict()}
+    data = data_of(case, folder)
+    result: dict[str, Any] = {"set": case.to_dict()}
     spent = {"data": time.process_time() - began}
-    result["ours"], work = worked_answer(asked, data)
+    result["ours"], work = worked_answer(case, data)
     spent["ours"] = result["ours"]["seconds"]
-    if asked.tier in (1, 2, ARM) and asked.hidden:
-        result["oracle"] = oracle(asked, work.problem)
-        if asked.tier != ARM:
-            result["parameters"] = parameters(asked, data, result["ours"])
-    if asked.tier <= 4 and asked.round % _SEEDS_EVERY == 2:
-        result["same_verdict"] = same_verdicts(asked, data, result["ours"], work)
-    if asked.tier == 5:
-        result["second"] = second_answer(asked, data, result["ours"], folder)
+    if case.tier in (1, 2, ARM) and case.hidden:
+        result["oracle"] = oracle(case, work.problem)
+        if case.tier != ARM:
+            result["parameters"] = parameters(case, data, result["ours"])
+    if case.tier <= 4 and case.round % _SEEDS_EVERY == 2:
+        result["same_verdict"] = same_verdicts(case, data, result["ours"], work)
+    if case.tier == 5:
+        result["second"] = second_answer(case, data, result["ours"], folder)
     if simple:
-        result["simple"] = simple_answers(asked, data, work)
-        if asked.source == "rod":
+        result["simple"] = simple_answers(case, data, work)
+        if case.source == "rod":
             # The neck has the rod's length and radius, E and nu are free: the solid of that size.
-            result["fem_base"] = other_base_answer(asked, data, shared_model("rig"))
+            result["fem_base"] = other_base_answer(case, data, shared_model("rig"))
     result["seconds"] = time.process_time() - began
     result["spent"] = spent
     return result
@@ -85,8 +85,8 @@ def run_set(asked: Set, folder: Path, *, simple: bool) -> dict[str, Any]:
 
 def run_task(task: Task, folder: Path) -> None:
     """Run a set and write its file; in whichever process."""
-    result = run_set(task.asked, folder, simple=task.simple)
-    write_atomically(folder / f"{task.asked.name}.json", json.dumps(result))
+    result = run_set(task.case, folder, simple=task.simple)
+    write_atomically(folder / f"{task.case.name}.json", json.dumps(result))
 
 
 def code_hash() -> str:
@@ -102,9 +102,9 @@ def code_hash() -> str:
     return hashlib.sha256("".join(sums).encode()).hexdigest()[:12]
 
 
-def kept(task: Task, folder: Path) -> dict[str, Any] | None:
+def stored_result(task: Task, folder: Path) -> dict[str, Any] | None:
     """The result of a set that has been run, with the simpler methods where they are asked for."""
-    path = folder / f"{task.asked.name}.json"
+    path = folder / f"{task.case.name}.json"
     if not path.exists():
         return None
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -118,7 +118,7 @@ def prepared(sets: list[Set], folder: Path) -> None:
         shared_model(source)
 
 
-def _told(total: int, done: int, left_s: float) -> None:
+def _print_progress(total: int, done: int, left_s: float) -> None:
     text = f"{done}/{total} sets, about {left_s / 60.0:.0f} min left"
     if sys.stderr.isatty():
         print(f"\r{text}  ", end="", file=sys.stderr, flush=True)
@@ -126,7 +126,7 @@ def _told(total: int, done: int, left_s: float) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def asked_tasks(given: argparse.Namespace) -> list[Task]:
+def selected_tasks(given: argparse.Namespace) -> list[Task]:
     """What the command line asks for, in the order in which it is run."""
     sets = [one for tier in given.tiers for one in sets_of(tier, given.sets)]
     if given.each is not None:
@@ -168,16 +168,18 @@ def main() -> int:
     # Results of other code are not mixed in.
     folder = given.out / f"sets-{given.code or code_hash()}"
     folder.mkdir(parents=True, exist_ok=True)
-    tasks = asked_tasks(given)
+    tasks = selected_tasks(given)
     failed: list[Task] = []
     if not given.table:
-        todo = [task for task in tasks if kept(task, folder) is None]
-        prepared([task.asked for task in todo], folder)
+        todo = [task for task in tasks if stored_result(task, folder) is None]
+        prepared([task.case for task in todo], folder)
         work = partial(run_task, folder=folder)
-        told = partial(_told, len(todo))
-        failed = run_all(todo, work, workers=given.workers, seconds=given.seconds, told=told)
+        progress = partial(_print_progress, len(todo))
+        failed = run_all(
+            todo, work, workers=given.workers, seconds=given.seconds, progress=progress
+        )
         print(file=sys.stderr)
-    found = (kept(Task(task.asked, False), folder) for task in tasks)
+    found = (stored_result(Task(task.case, False), folder) for task in tasks)
     met = write_table([result for result in found if result is not None], given.out, len(failed))
     return 0 if met else 1
 

@@ -49,14 +49,14 @@ def library(removed: Sequence[str]) -> list[str]:
 
 
 def our_answer(
-    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
+    case: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
 ) -> dict[str, Any]:
     """The report of `diagnose`, what a score needs of it."""
-    return worked_answer(asked, data, seed, without=without, method=method)[0]
+    return worked_answer(case, data, seed, without=without, method=method)[0]
 
 
 def worked_answer(
-    asked: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
+    case: Set, data: Data, seed: int = 0, *, without: Sequence[str] = (), method: Method = OURS
 ) -> tuple[dict[str, Any], Work]:
     """The same with the stages that a further analysis of these data can share."""
     work = Work(method.stages)
@@ -66,7 +66,7 @@ def worked_answer(
         data.model,
         data.table,
         seed=seed,
-        effects=[method.effect(id) for id in library((*asked.removed, *without))],
+        effects=[method.effect(id) for id in library((*case.removed, *without))],
         settings=method.settings,
         stages=work.recording(),
     ).to_dict()
@@ -75,22 +75,22 @@ def worked_answer(
         "verdict", "answer", "effects", "held_out", "gate", "not_testable", "next_experiment",
         "noise",
     )  # fmt: skip
-    kept = {key: report[key] for key in keys}
-    kept["first"] = [row["id"] for row in report["ranking"][:3]]
-    kept["needed"] = {row["id"]: (row["size"], row["unit"]) for row in report["ranking"]}
-    kept["left_over"] = report["left_over"]
-    kept["seconds"] = seconds
-    kept["rows"] = len(data.table)
-    return kept, work
+    answer = {key: report[key] for key in keys}
+    answer["first"] = [row["id"] for row in report["ranking"][:3]]
+    answer["needed"] = {row["id"]: (row["size"], row["unit"]) for row in report["ranking"]}
+    answer["left_over"] = report["left_over"]
+    answer["seconds"] = seconds
+    answer["rows"] = len(data.table)
+    return answer, work
 
 
-def other_base_answer(asked: Set, data: Data, other: Model) -> dict[str, Any]:
+def other_base_answer(case: Set, data: Data, other: Model) -> dict[str, Any]:
     """The verdict with a physics base that is not the body's own: a rod diagnosed as a solid."""
-    found = find_missing(other, data.table, effects=library(asked.removed))
+    found = find_missing(other, data.table, effects=library(case.removed))
     return {"verdict": found.verdict, "answer": [list(members) for members in found.answer]}
 
 
-def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> float:
+def same_verdicts(case: Set, data: Data, first: dict[str, Any], work: Work) -> float:
     """Share of further seeds of the analysis with the same verdict and answer."""
     same = 0
     for seed in range(1, SEEDS):
@@ -98,7 +98,7 @@ def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> 
             data.model,
             data.table,
             seed=seed,
-            effects=library(asked.removed),
+            effects=library(case.removed),
             stages=work.replaying(),
         )
         answer = [list(members) for members in again.answer]
@@ -106,10 +106,10 @@ def same_verdicts(asked: Set, data: Data, first: dict[str, Any], work: Work) -> 
     return same / (SEEDS - 1)
 
 
-def oracle(asked: Set, problem: Problem) -> float | None:
+def oracle(case: Set, problem: Problem) -> float | None:
     """Held-out error with the truth's own effects; None where the library lacks one."""
     chosen: list[Candidate] = []
-    for id, _ in asked.hidden:
+    for id, _ in case.hidden:
         ranked = [item for item in rank(problem, chosen) if item.candidate.id == id]
         if not ranked:
             return None
@@ -117,17 +117,17 @@ def oracle(asked: Set, problem: Problem) -> float | None:
     return held_out_rms(problem, chosen)
 
 
-def parameters(asked: Set, data: Data, report: dict[str, Any]) -> list[dict[str, Any]]:
+def parameters(case: Set, data: Data, report: dict[str, Any]) -> list[dict[str, Any]]:
     """Values of rightly named effects against a fit of the same form to data without noise."""
-    hidden = dict(asked.hidden)
+    hidden = dict(case.hidden)
     right = [item for item in report["effects"] if item["id"] in hidden]
     if not right or len(right) != len(report["effects"]):
         return []
     effects = [with_shape(item["id"], item["shape"]) for item in right]
     # The same rows: those that the diagnosis leaves out would pull the reference alone.
-    kept = rows_without_zero_readings(data.table)
-    kept = kept[distinct_rows(data.table.select(kept))]
-    quiet = replace(data.quiet.select(kept), zeros_s=zero_times(data.table))
+    rows = rows_without_zero_readings(data.table)
+    rows = rows[distinct_rows(data.table.select(rows))]
+    quiet = replace(data.quiet.select(rows), zeros_s=zero_times(data.table))
     base = choose_base(data.model, quiet)
     found = joint_fit(base, effects, quiet, declared_noise(data.table))
     result = []

@@ -83,7 +83,7 @@ SHARED = Sources()
 
 
 def data_of(
-    asked: Set,
+    case: Set,
     folder: Path,
     plan: Table | None = None,
     truth: dict[str, Any] | None = None,
@@ -91,19 +91,19 @@ def data_of(
     sources: Sources = SHARED,
 ) -> Data:
     """Simulate a set; a `plan` of its own and the `truth` of the first for a second experiment."""
-    usual = sources.plan(asked.source, asked.protocol, folder)
+    usual = sources.plan(case.source, case.protocol, folder)
     plan = usual if plan is None else plan
-    model = sources.model(asked.source)
-    uneven = UNEVEN_NOISE if asked.variant == "noise" else 0.0
-    if asked.source == "arm":
-        table = quiet = _arm(asked, plan, sources)
+    model = sources.model(case.source)
+    uneven = UNEVEN_NOISE if case.variant == "noise" else 0.0
+    if case.source == "arm":
+        table = quiet = _arm(case, plan, sources)
         truth = {}
-    elif asked.source == "rod":
+    elif case.source == "rod":
         base = model.base
         made = rod_table(
             plan,
-            asked.hidden,
-            asked.seed,
+            case.hidden,
+            case.seed,
             base_columns=base.columns,
             uneven_noise=uneven,
             sizes=truth,
@@ -112,21 +112,21 @@ def data_of(
         table, quiet, truth = made.table, made.quiet, dict(made.sizes)
     else:
         base = choose_base(model, plan)
-        table, quiet, truth = _rig(asked, plan, truth, base, sources)
-    if asked.strange:
-        table, quiet = _with(STRANGE[asked.strange], asked.strength, (table, quiet), model, asked)
-    if asked.variant == "base_error":
+        table, quiet, truth = _rig(case, plan, truth, base, sources)
+    if case.strange:
+        table, quiet = _with(STRANGE[case.strange], case.strength, (table, quiet), model, case)
+    if case.variant == "base_error":
         before = table.wrenches
-        table, quiet = _with(smooth_misfit, BASE_ERROR, (table, quiet), model, asked)
+        table, quiet = _with(smooth_misfit, BASE_ERROR, (table, quiet), model, case)
         model = _less_sure(model, table.wrenches - before)
     return Data(table, quiet, model, truth)
 
 
 def _rig(
-    asked: Set, plan: Table, truth: dict[str, Any] | None, base: StiffnessMap, sources: Sources
+    case: Set, plan: Table, truth: dict[str, Any] | None, base: StiffnessMap, sources: Sources
 ) -> tuple[Table, Table, dict[str, Any]]:
     settings = RigSettings()
-    if asked.variant == "noise":
+    if case.variant == "noise":
         settings = replace(
             settings,
             instrument=replace(
@@ -139,8 +139,8 @@ def _rig(
         plan,
         settings,
         sources.plant(plan),
-        hide=[Hidden(id, s, (truth or {}).get(id, ())) for id, s in asked.hidden],
-        seed=asked.seed + (0 if truth is None else 1_000_000),
+        hide=[Hidden(id, s, (truth or {}).get(id, ())) for id, s in case.hidden],
+        seed=case.seed + (0 if truth is None else 1_000_000),
         folder=sources.cache(),
         base_columns=base.columns,
     )
@@ -161,15 +161,15 @@ def _rig(
     return table, campaign.run(), hidden
 
 
-def _arm(asked: Set, plan: Table, sources: Sources) -> Table:
+def _arm(case: Set, plan: Table, sources: Sources) -> Table:
     """The arm moves, bends and settles at each visit; strengths are those beyond E alone."""
     settings = RigSettings.from_dict({"rig": {"mode": "robot"}})
     campaign = RobotCampaign(
         plan,
         settings,
         sources.plant(plan),
-        hide=[Hidden(id, s) for id, s in asked.hidden],
-        seed=asked.seed,
+        hide=[Hidden(id, s) for id, s in case.hidden],
+        seed=case.seed,
         folder=sources.cache(),
     )
     for _ in campaign.lines((), 1):
@@ -178,11 +178,11 @@ def _arm(asked: Set, plan: Table, sources: Sources) -> Table:
 
 
 def _with(
-    law: Law, strength: float, tables: tuple[Table, Table], model: Model, asked: Set
+    law: Law, strength: float, tables: tuple[Table, Table], model: Model, case: Set
 ) -> tuple[Table, Table]:
     """Both tables with a law's wrench of a strength on the rows that measure a pose."""
     table, quiet = tables
-    wrench = law(quiet, np.random.default_rng([asked.seed, 9]))
+    wrench = law(quiet, np.random.default_rng([case.seed, 9]))
     rows = Rows(quiet, model.base)
     is_pose = np.asarray(quiet.text("kind") == "pose")
     covariance = declared_noise(table).covariance(Rows(table, model.base))

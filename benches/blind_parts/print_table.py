@@ -42,10 +42,10 @@ def table_text(results: Sequence[dict[str, Any]], broken: int = 0) -> tuple[str,
     methods = [OURS, *([ON_THESE] if simple and some else []), *simple]
     tiers, rest = tier_lines(results, methods), beside(results)
     run = {t: sum(r["set"]["tier"] == t for r in results) for t in ALL_SETS}
-    told = ", ".join(
+    counts = ", ".join(
         f"{'full robot' if t == ARM else f'tier {t}'}: {run[t]} of {n}" for t, n in ALL_SETS.items()
     )
-    lines = [f"Sets run: {told}." + (f" {broken} failed." if broken else ""), ""]
+    lines = [f"Sets run: {counts}." + (f" {broken} failed." if broken else ""), ""]
     lines.append("| figure | sets | goal | " + " | ".join(methods) + " | goal met |")
     lines.append("|---|---|---|" + "---|" * len(methods) + "---|")
     for line in tiers:

@@ -263,7 +263,7 @@ def payload(random: np.random.Generator, rod_state: RodState) -> Made:
 
     def physics(size: float) -> Physics:
         def weight(h: F, p: F, c: Visits) -> F:
-            force = np.tile(-size * G, (len(p), 1)) * c.asked.payload_on[:, None]
+            force = np.tile(-size * G, (len(p), 1)) * c.planned.payload_on[:, None]
             arm = np.einsum("nij,j->ni", turn(p[:, 3:]), centre)
             return np.concatenate([force, cross(arm, force)], axis=1)
 

@@ -75,7 +75,7 @@ class RodState:
 
     @property
     def _mount(self) -> F:
-        return self.visits.asked.mount_rad[self.loaded]
+        return self.visits.planned.mount_rad[self.loaded]
 
     @property
     def elastic(self) -> F:
@@ -122,7 +122,7 @@ class RodState:
             whole = change(whole, visits.poses, visits)
         for change in physics.load:
             whole = whole + change(whole, visits.poses, visits)
-        dead = visits.asked.dead_weight_kg
+        dead = visits.planned.dead_weight_kg
         hung = np.zeros_like(whole)
         hung[:, 0] = dead * 9.81
         whole = np.where(self.loaded[:, None], whole, hung)
@@ -182,7 +182,7 @@ def measured(
     samples = raw + noise * random.standard_normal((n, 6))
     # A window of several samples: counts are averaged, so a fraction of one is left.
     samples = np.clip(np.round(samples / (0.2 * COUNT)) * 0.2 * COUNT, -RANGE, RANGE)
-    free = ~rod_state.loaded & (visits.asked.dead_weight_kg == 0.0)
+    free = ~rod_state.loaded & (visits.planned.dead_weight_kg == 0.0)
     # A free sensor is read for a minute.
     samples[free] = raw[free] + 0.1 * (samples - raw)[free]
     return poses, rod_state.table_wrench(samples, poses)

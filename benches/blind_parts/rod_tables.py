@@ -25,7 +25,7 @@ from blind_parts.rod_state import (
     RodState,
     measured,
 )
-from blind_parts.rod_visits import Asked, Visits, gone_on, lay_out
+from blind_parts.rod_visits import Planned, Visits, gone_on, lay_out
 from blind_parts.strength import Strength
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Instrument, Meta, Scene
@@ -87,15 +87,15 @@ def rod_table(
     """
     visit = 0 if before is None else 1
     rest = np.array([Section().length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
-    visits = lay_out(asked_of(plan), rest, np.random.default_rng([seed, 77, visit]))
+    visits = lay_out(planned_visits(plan), rest, np.random.default_rng([seed, 77, visit]))
     first = visits
     if before is not None:
-        first = lay_out(asked_of(before), rest, np.random.default_rng([seed, 77, 0]))
+        first = lay_out(planned_visits(before), rest, np.random.default_rng([seed, 77, 0]))
         visits = gone_on(first, visits)
     own_rows = slice(0 if before is None else len(first.poses), None)
     lens_azimuth_rad = float(np.random.default_rng(seed).uniform(0.0, 6.28))
     rod_state = RodState(visits, Section(), first, lens_azimuth_rad)
-    rows = np.asarray([kind == "pose" for kind in visits.asked.kind])
+    rows = np.asarray([kind == "pose" for kind in visits.planned.kind])
     covariance = rod_state.covariance()[rows[rod_state.loaded]]
     strength = Strength(covariance, base_columns(visits.poses[rows]))
     plain = _excess(rod_state, Physics())[rows]
@@ -118,7 +118,7 @@ def rod_table(
     return Made(build(poses, wrenches), build(quiet_poses, quiet_wrenches), found, covariance)
 
 
-def asked_of(plan: Table) -> Asked:
+def planned_visits(plan: Table) -> Planned:
     """The columns of a plan; actions other than measure, home and unload change what follows."""
     n = len(plan)
     action = [str(a) for a in plan.text("action")] if plan.has("action") else ["measure"] * n
@@ -145,7 +145,7 @@ def asked_of(plan: Table) -> Asked:
         runs.append(run)
     at = np.asarray(keep)
     dwell = plan.column("dwell_s")[at] if plan.has("dwell_s") else np.full(len(at), 2.0)
-    return Asked(
+    return Planned(
         poses=plan.poses[at],
         pose_id=plan.column("pose_id")[at].astype(np.int64),
         approach=[str(a) for a in plan.text("approach")[at]],
@@ -186,39 +186,39 @@ class _Build:
 
     def __init__(self, visits: Visits, rows: slice, meta: Meta, lens_azimuth_rad: float) -> None:
         self._rows = rows
-        asked = visits.asked
+        planned = visits.planned
         seen: dict[tuple[str, int], int] = {}
         repeat = []
-        for kind, id in zip(asked.kind, asked.pose_id, strict=True):
+        for kind, id in zip(planned.kind, planned.pose_id, strict=True):
             repeat.append(seen.get((kind, int(id)), 0))
             seen[kind, int(id)] = repeat[-1] + 1
         approach = [
             source if kind == "pose" else "initial"
-            for source, kind in zip(asked.approach, asked.kind, strict=True)
+            for source, kind in zip(planned.approach, planned.kind, strict=True)
         ]
         hidden = occluded(visits.poses, lens_azimuth_rad)
         self._columns: dict[str, Any] = {
-            "pose_id": asked.pose_id.astype(np.float64),
-            "run": asked.run.astype(np.float64),
+            "pose_id": planned.pose_id.astype(np.float64),
+            "run": planned.run.astype(np.float64),
             "repeat": np.asarray(repeat, dtype=np.float64),
             "time_s": visits.time_s,
             "dwell_s": visits.dwell_s,
             "approach": np.asarray(approach, dtype=object),
-            "kind": np.asarray(asked.kind, dtype=object),
+            "kind": np.asarray(planned.kind, dtype=object),
             "temperature_degC": visits.temperature_degC,
             "sensor_temperature_degC": visits.sensor_degC,
             "leds_visible": 9.0 - hidden,
         }
         runs: dict[int, dict[str, Any]] = {}
-        for i in range(*rows.indices(len(asked.run))):
-            run = asked.run[i]
+        for i in range(*rows.indices(len(planned.run))):
+            run = planned.run[i]
             different: dict[str, Any] = {}
-            if asked.mount_rad[i]:
-                different["mount_angle_rad"] = float(asked.mount_rad[i])
-            if not asked.payload_on[i]:
+            if planned.mount_rad[i]:
+                different["mount_angle_rad"] = float(planned.mount_rad[i])
+            if not planned.payload_on[i]:
                 different["payload_mass_kg"] = 0.0
-            if asked.dead_weight_kg[i]:
-                different["payload_mass_kg"] = float(asked.dead_weight_kg[i])
+            if planned.dead_weight_kg[i]:
+                different["payload_mass_kg"] = float(planned.dead_weight_kg[i])
             if different:
                 runs[int(run)] = different
         self._meta = Meta(

@@ -14,7 +14,7 @@ _SPEED_M_S, _SPEED_RAD_S = 0.025, 0.2
 
 
 @dataclass(frozen=True)
-class Asked:
+class Planned:
     """Columns of a plan."""
 
     poses: F
@@ -33,7 +33,7 @@ class Asked:
 class Visits:
     """What happened at each visit."""
 
-    asked: Asked
+    planned: Planned
     poses: F
     """Really reached, (N, 6)."""
     time_s: F
@@ -50,15 +50,15 @@ class Visits:
     @property
     def loaded(self) -> NDArray[np.bool_]:
         """Rows in which the mechanism hangs on the sensor."""
-        return np.asarray([kind != "unloaded" for kind in self.asked.kind])
+        return np.asarray([kind != "unloaded" for kind in self.planned.kind])
 
 
-def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Visits:
+def lay_out(planned: Planned, rest: F, random: np.random.Generator) -> Visits:
     """The visits one after another; home and free sensor stand at the rest pose."""
-    n = len(asked.poses)
-    first = {int(i): k for k, i in reversed(list(enumerate(asked.pose_id))) if i >= 0}
-    at_rest = np.asarray([kind != "pose" for kind in asked.kind])
-    target = np.where(at_rest[:, None], rest, asked.poses)
+    n = len(planned.poses)
+    first = {int(i): k for k, i in reversed(list(enumerate(planned.pose_id))) if i >= 0}
+    at_rest = np.asarray([kind != "pose" for kind in planned.kind])
+    target = np.where(at_rest[:, None], rest, planned.poses)
     clock, here = 120.0, rest
     time, dwell, travel = np.zeros(n), np.zeros(n), np.zeros(n)
     ways: list[tuple[tuple[int, float, float], ...]] = []
@@ -76,7 +76,7 @@ def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Visits:
 
     for i in range(n):
         legs: list[tuple[int, float, float]] = []
-        rested[i] = i == 0 or asked.run[i] != asked.run[i - 1]
+        rested[i] = i == 0 or planned.run[i] != planned.run[i - 1]
         if rested[i]:
             clock += 600.0 if i else 0.0
             here = rest
@@ -84,13 +84,13 @@ def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Visits:
             clock += 180.0
         if here is not rest:
             legs.append((-1, drive(rest), 0.3))
-        if asked.kind[i] == "unloaded":
+        if planned.kind[i] == "unloaded":
             clock += 60.0
-        source = asked.approach[i]
+        source = planned.approach[i]
         if not at_rest[i] and source not in ("", "initial"):
             k = first[int(float(source))]
             legs.append((k, drive(target[k]), 0.3))
-        rest_s = asked.dwell_s[i] * random.uniform(0.97, 1.05) + 0.1
+        rest_s = planned.dwell_s[i] * random.uniform(0.97, 1.05) + 0.1
         legs.append((-1 if at_rest[i] else i, drive(target[i]), rest_s))
         clock += sum(t + d for _, t, d in legs)
         time[i], dwell[i], travel[i] = clock + 0.1, rest_s, legs[-1][1]
@@ -99,15 +99,15 @@ def lay_out(asked: Asked, rest: F, random: np.random.Generator) -> Visits:
     error = random.standard_normal((n, 6)) * np.repeat([1.2e-4, 8e-4], 3)
     room, sensor = _weather(time, random)
     return Visits(
-        asked, target + error, time, dwell, travel, tuple(ways), rested, room, sensor, rest
+        planned, target + error, time, dwell, travel, tuple(ways), rested, room, sensor, rest
     )
 
 
 def gone_on(a: Visits, b: Visits, pause_s: float = 600.0) -> Visits:
     """The first campaign and a second one on the same rod, after a pause, in one sequence."""
     n = len(a.poses)
-    x, y = a.asked, b.asked
-    asked = Asked(
+    x, y = a.planned, b.planned
+    planned = Planned(
         poses=np.concatenate([x.poses, y.poses]),
         pose_id=np.concatenate([x.pose_id, y.pose_id]),
         approach=[*x.approach, *y.approach],
@@ -120,7 +120,7 @@ def gone_on(a: Visits, b: Visits, pause_s: float = 600.0) -> Visits:
     )
     ways = [tuple((k if k < 0 else k + n, t, d) for k, t, d in way) for way in b.ways]
     return Visits(
-        asked,
+        planned,
         np.concatenate([a.poses, b.poses]),
         np.concatenate([a.time_s, b.time_s + a.time_s[-1] + pause_s]),
         np.concatenate([a.dwell_s, b.dwell_s]),

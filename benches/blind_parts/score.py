@@ -306,16 +306,16 @@ def failing(results: Sequence[Result]) -> list[str]:
     }
     lines = []
     for r in results:
-        asked = r["set"]
-        if asked["tier"] in test and not test[asked["tier"]](r):
-            truth = " + ".join(f"{id} at {s:g}" for id, s in asked["hidden"])
-            truth = truth or asked["strange"] or f"nothing {asked['variant']}".strip()
+        case = r["set"]
+        if case["tier"] in test and not test[case["tier"]](r):
+            truth = " + ".join(f"{id} at {s:g}" for id, s in case["hidden"])
+            truth = truth or case["strange"] or f"nothing {case['variant']}".strip()
             said = " + ".join("|".join(c) for c in r["ours"]["answer"]) or r["ours"]["verdict"]
             if r.get("second"):
                 after = " + ".join("|".join(c) for c in r["second"]["answer"])
                 said += f", after `{r['second']['done']}`: {after or r['second']['verdict']}"
             lines.append(
-                f"tier {asked['tier']} set {asked['index']} ({asked['source']}): {truth} -> "
+                f"tier {case['tier']} set {case['index']} ({case['source']}): {truth} -> "
                 f"{r['ours']['verdict']}: {said}; first {', '.join(r['ours'].get('first', []))}"
             )
     return lines

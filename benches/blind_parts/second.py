@@ -43,7 +43,7 @@ _LEAST_ODDS = 6.0
 
 
 def second_answer(
-    asked: Set,
+    case: Set,
     data: Data,
     first: dict[str, Any],
     folder: Path,
@@ -59,14 +59,14 @@ def second_answer(
     """
     if first["verdict"] != "ambiguous":
         return None
-    told = [str(entry["action"]) for entry in first["next_experiment"]]
+    proposed = [str(entry["action"]) for entry in first["next_experiment"]]
     members = {id for one in first["answer"] for id in one}
-    for action in told:
+    for action in proposed:
         read = {id: tool for part in session_of(action) for id, tool in _read_by(part).items()}
         if can_be_run(action) or set(read) & members:
-            found = _after(asked, data, first, read, campaign=(action, folder), again=answer)
-            return {"proposed": told, "done": action, **found}
-    return {"verdict": "ambiguous", "answer": first["answer"], "proposed": told, "done": ""}
+            found = _after(case, data, first, read, campaign=(action, folder), again=answer)
+            return {"proposed": proposed, "done": action, **found}
+    return {"verdict": "ambiguous", "answer": first["answer"], "proposed": proposed, "done": ""}
 
 
 def _read_by(experiment: Experiment) -> dict[str, dict[str, float]]:
@@ -74,7 +74,7 @@ def _read_by(experiment: Experiment) -> dict[str, dict[str, float]]:
 
 
 def _after(
-    asked: Set,
+    case: Set,
     data: Data,
     first: dict[str, Any],
     read: Mapping[str, Mapping[str, float]],
@@ -83,14 +83,14 @@ def _after(
     again: Callable[..., dict[str, Any]],
 ) -> dict[str, Any]:
     """What the readings by hand show and rule out, and the data with those of the campaign."""
-    seen, absent = _readings(asked, data, first, read)
+    seen, absent = _readings(case, data, first, read)
     answer, (action, folder) = first["answer"], campaign
     if can_be_run(action):
         plan = follow_up_plan(data.table, action)
-        second = data_of(asked, folder, plan, data.truth)
+        second = data_of(case, folder, plan, data.truth)
         data = replace(data, table=_joined(data.table, second.table))
     if can_be_run(action) or (absent and not seen):
-        found = again(asked, data, without=absent)
+        found = again(case, data, without=absent)
         # What a reading shows does not explain what the joint data leave.
         if not seen or found["verdict"] == "unknown":
             return found
@@ -105,14 +105,14 @@ def _after(
 
 
 def _readings(
-    asked: Set, data: Data, first: dict[str, Any], read: Mapping[str, Mapping[str, float]]
+    case: Set, data: Data, first: dict[str, Any], read: Mapping[str, Mapping[str, float]]
 ) -> tuple[list[str], list[str]]:
     """Effects that readings show, and those that they rule out; some do neither.
 
     A reading is held against nothing and, in the same unit, against the size that the first
     analysis needs; of a need in another unit it says nothing.
     """
-    random = np.random.default_rng([asked.seed, 11])
+    random = np.random.default_rng([case.seed, 11])
     seen, absent = [], []
     for id, sd in read.items():
         # In deviations of the tool: the reading, and what the first analysis needs of the effect.

@@ -48,7 +48,7 @@ def _flat(problem: Problem) -> tuple[F, F, list[str], dict[int, int]]:
     return y - q @ (q.T @ y), rest - q @ (q.T @ rest), [ids[j] for j in own], place
 
 
-def sparse_regression(asked: Set, data: Data, work: Work) -> Answer:
+def sparse_regression(case: Set, data: Data, work: Work) -> Answer:
     """Sequentially thresholded least squares over all columns of the library.
 
     A column stays while its coefficient exceeds a threshold in standard errors; the threshold is
@@ -56,7 +56,7 @@ def sparse_regression(asked: Set, data: Data, work: Work) -> Answer:
     """
     y, z, ids, _ = _flat(work.problem)
     z = z / np.maximum(np.linalg.norm(z, axis=0), 1e-12)
-    fold = np.random.default_rng([asked.seed, 4]).permutation(len(y)) % 5
+    fold = np.random.default_rng([case.seed, 4]).permutation(len(y)) % 5
     whole = z.T @ z, z.T @ y
     parts = [(z[fold == k].T @ z[fold == k], z[fold == k].T @ y[fold == k]) for k in range(5)]
     thresholds = np.array([2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0])
@@ -93,7 +93,7 @@ def _thresholded(gram: F, vector: F, threshold: float) -> F:
     return w
 
 
-def bic_forward(asked: Set, data: Data, work: Work) -> Answer:
+def bic_forward(case: Set, data: Data, work: Work) -> Answer:
     """Forward selection while BIC falls; no class, no held-out error, no resampling."""
     problem = work.problem
     chosen: list[Any] = []
@@ -105,7 +105,7 @@ def bic_forward(asked: Set, data: Data, work: Work) -> Answer:
     return _named([item.id for item in chosen])
 
 
-def gaussian_process(asked: Set, data: Data, work: Work) -> Answer:
+def gaussian_process(case: Set, data: Data, work: Work) -> Answer:
     """A GP of the residual over pose, time and temperature; named is what is most like it."""
     problem, table = work.problem, work.problem.table
     columns = [*problem.rows.poses.T]
@@ -141,12 +141,12 @@ def gaussian_process(asked: Set, data: Data, work: Work) -> Answer:
     return _named([max(shares, key=lambda id: shares[id])] if shares else [])
 
 
-def random_folds(asked: Set, data: Data, work: Work) -> Answer:
+def random_folds(case: Set, data: Data, work: Work) -> Answer:
     """Our procedure with held-out rows drawn at random."""
     decision = find_missing(
         data.model,
         data.table,
-        effects=library(asked.removed),
+        effects=library(case.removed),
         settings=DiagnosisSettings(held_out="random"),
         stages=work.replaying(),
     )
@@ -172,7 +172,7 @@ class DiagonalNoise(Noise):
         return np.asarray(whole * np.eye(whole.shape[1]))
 
 
-def diagonal_noise(asked: Set, data: Data, work: Work) -> Answer:
+def diagonal_noise(case: Set, data: Data, work: Work) -> Answer:
     """Our procedure with the diagonal of each row's covariance, nothing off it."""
     base = choose_base(data.model, data.table)
     rows = Rows(data.table, base)
@@ -180,7 +180,7 @@ def diagonal_noise(asked: Set, data: Data, work: Work) -> Answer:
     decision = find_missing(
         data.model,
         data.table,
-        effects=library(asked.removed),
+        effects=library(case.removed),
         noise=diagonal(noise),
         stages=only_the_answer(Stages()),
     )
@@ -204,6 +204,6 @@ SIMPLE: dict[str, Callable[[Set, Data, Work], Answer]] = {
 }
 
 
-def simple_answers(asked: Set, data: Data, work: Work) -> dict[str, Answer]:
+def simple_answers(case: Set, data: Data, work: Work) -> dict[str, Answer]:
     """What each of the five says."""
-    return {name: method(asked, data, work) for name, method in SIMPLE.items()}
+    return {name: method(case, data, work) for name, method in SIMPLE.items()}

@@ -27,14 +27,14 @@ class Strength:
         left = white - self._basis @ (self._basis.T @ white)
         return float(np.sqrt(np.mean(left**2)))
 
-    def size(self, effect: Callable[[float], F], first: float, wanted: float) -> float:
-        """The size at which an effect has the wanted strength."""
+    def size(self, effect: Callable[[float], F], first: float, target: float) -> float:
+        """The size at which an effect has the target strength."""
         size = first
         for _ in range(15):
-            found = self(effect(size))
-            if found < 1e-9:
+            reached = self(effect(size))
+            if reached < 1e-9:
                 raise ValueError("the effect leaves no trace in this plan")
-            if abs(found / wanted - 1.0) < 1e-3:
+            if abs(reached / target - 1.0) < 1e-3:
                 return size
-            size *= min(max(wanted / found, 0.02), 20.0)
-        raise ValueError(f"strength {wanted:g} is not reached: {found:.3g} at size {size:.3g}")
+            size *= min(max(target / reached, 0.02), 20.0)
+        raise ValueError(f"strength {target:g} is not reached: {reached:.3g} at size {size:.3g}")

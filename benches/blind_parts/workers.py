@@ -28,7 +28,7 @@ def run_all(
     *,
     workers: int,
     seconds: float = float("inf"),
-    told: Callable[[int, float], None] = lambda done, left_s: None,
+    progress: Callable[[int, float], None] = lambda done, left_s: None,
 ) -> list[T]:
     """Call `work` once per task; the tasks that failed. Ctrl-C ends it, what is finished stays.
 
@@ -38,7 +38,7 @@ def run_all(
         A function that a process finds by name; it writes its own result.
     seconds
         No task is begun after that.
-    told
+    progress
         Called after each task with the number done and the seconds that are left.
     """
     began = time.perf_counter()
@@ -53,7 +53,7 @@ def run_all(
             failed.append(task)
             print(f"\n{task}: failed\n{error}", file=sys.stderr)
         spent = time.perf_counter() - began
-        told(done, spent / done * (len(todo) - done))
+        progress(done, spent / done * (len(todo) - done))
 
     def in_time() -> bool:
         return time.perf_counter() - began <= seconds

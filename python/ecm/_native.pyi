@@ -22,7 +22,9 @@ __all__ = [
     "PolynomialModel",
     "WarmStart",
     "__version__",
+    "check_rotations",
     "convert_stiffness",
+    "criteria",
     "d_optimal",
     "export_model",
     "left_jacobians",
@@ -50,11 +52,15 @@ class ModelError(EcmError): ...
 class DesignError(EcmError): ...
 
 # --- se3 ---------------------------------------------------------------
+# Rows that are not finite, or so large that an angle has no digits left, give NaN.
 def rotation_matrices(rotation_vectors: _F) -> _F:
-    """exp of (N, 3) rotation vectors: (N, 3, 3)."""
+    """exp of (N, 3) rotation vectors: (N, 3, 3); ModelError for one longer than pi."""
 
 def rotation_vectors(rotation_matrices: _F) -> _F:
-    """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi."""
+    """log of (N, 3, 3) rotations: (N, 3), |theta| <= pi; ModelError for a reflection."""
+
+def check_rotations(rotation_vectors: _F) -> None:
+    """ModelError, naming the row, where one of (N, 3) rotation vectors is longer than pi."""
 
 def left_jacobians(rotation_vectors: _F) -> _F:
     """J(theta) with dphi = J dtheta: (N, 3, 3)."""
@@ -423,6 +429,9 @@ def export_model(
     """Source files by path: C with golden vectors, or a const Rust crate; effects stay out."""
 
 # --- doe ---------------------------------------------------------------
+def criteria() -> list[tuple[str, str, bool]]:
+    """Name, meaning and whether it averages over a region, of every criterion."""
+
 @final
 class DesignResult:
     @property
@@ -459,7 +468,7 @@ def d_optimal(
     method: Literal["search", "fedorov", "rowwise"] = "search",
     exclude: _I | None = None,
     measured: _F | None = None,
-    criterion: Literal["d", "i", "a", "g", "di"] = "d",
+    criterion: str = "d",
     prior: _F | None = None,
     share: float = 0.5,
     region: _F | None = None,

@@ -32,7 +32,7 @@ from blind_parts.once import Work
 from blind_parts.plans import rod_samples
 from blind_parts.print_table import table_text
 from blind_parts.rod import Rod, Section, turn, turn_back
-from blind_parts.rod_tables import EFFECTS, asked_of, rod_table
+from blind_parts.rod_tables import EFFECTS, planned_visits, rod_table
 from blind_parts.score import all_right, clean_wrong, honest, one_named, one_right, tier_lines
 from blind_parts.second import BY_HAND, _joined, _readings, second_answer
 from blind_parts.sets import ALL_SETS, ARM, STRENGTHS, TIER_SETS, Set, balanced, hideable, sets_of
@@ -64,8 +64,8 @@ def folder(blind_folder: Path) -> Path:
 
 
 @lru_cache(maxsize=32)
-def _data(asked: Set, folder: Path) -> Data:
-    return data_of(asked, folder)
+def _data(case: Set, folder: Path) -> Data:
+    return data_of(case, folder)
 
 
 @pytest.fixture
@@ -75,25 +75,25 @@ def method() -> Method:
 
 
 @lru_cache(maxsize=64)
-def _worked(asked: Set, folder: Path, method: Method = OURS) -> tuple[dict[str, Any], Work]:
-    return worked_answer(asked, _data(asked, folder), method=method)
+def _worked(case: Set, folder: Path, method: Method = OURS) -> tuple[dict[str, Any], Work]:
+    return worked_answer(case, _data(case, folder), method=method)
 
 
-def result_of(asked: Set, folder: Path, method: Method = OURS) -> dict[str, Any]:
-    return {"set": asked.to_dict(), "ours": _worked(asked, folder, method)[0]}
+def result_of(case: Set, folder: Path, method: Method = OURS) -> dict[str, Any]:
+    return {"set": case.to_dict(), "ours": _worked(case, folder, method)[0]}
 
 
 # --- the procedure ------------------------------------------------------------------------------
 def test_one_effect_is_named_and_its_parameters_are_right(folder: Path, method: Method) -> None:
     right, ratios, inside, of = 0, [], 0, 0
     for i, id in enumerate(ONE):
-        asked = Set(1, 900 + i, "rod", hidden=((id, 1.0),))
-        result, data = result_of(asked, folder, method), _data(asked, folder)
+        case = Set(1, 900 + i, "rod", hidden=((id, 1.0),))
+        result, data = result_of(case, folder, method), _data(case, folder)
         right += one_right(result)
-        best = oracle(asked, _worked(asked, folder, method)[1].problem)
+        best = oracle(case, _worked(case, folder, method)[1].problem)
         assert best is not None
         ratios.append(result["ours"]["held_out"]["after"] / best)
-        for found in parameters(asked, data, result["ours"]):
+        for found in parameters(case, data, result["ours"]):
             inside, of = inside + found["inside"], of + found["of"]
             assert found["relative_error"] < 0.25, found
     assert right >= len(ONE) - 1
@@ -121,22 +121,22 @@ def test_weak_effects_bring_hardly_a_wrong_name(folder: Path) -> None:
 
 
 def test_two_effects_are_both_found(folder: Path) -> None:
-    asked = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
-    assert all_right(result_of(asked, folder))
+    case = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
+    assert all_right(result_of(case, folder))
 
 
 def test_what_is_not_in_the_library_is_unknown(folder: Path, method: Method) -> None:
     removed = Set(3, 920, "rod", hidden=(("hysteresis", 1.0),), removed=("hysteresis",))
     foreign = Set(3, 903, "rod", strange="mains_beat", strength=1.0)
-    for asked in (removed, foreign):
-        result = result_of(asked, folder, method)
+    for case in (removed, foreign):
+        result = result_of(case, folder, method)
         assert result["ours"]["verdict"] == "unknown", result["ours"]["answer"]
         assert not clean_wrong(result)
 
 
-def late(asked: Set, folder: Path) -> Data:
+def late(case: Set, folder: Path) -> Data:
     """A sensor that is off by a constant in the last fifth of the campaign."""
-    data = _data(replace(asked, removed=()), folder)
+    data = _data(replace(case, removed=()), folder)
     time = data.table.column("time_s")
     rows = Rows(data.table, shared_model("rod").base)
     shift = get_effect("fts_offset").correction(rows, 3.3 * np.repeat([0.3, 0.01], 3))
@@ -147,8 +147,8 @@ def late(asked: Set, folder: Path) -> Data:
 def test_what_held_out_rows_contradict_is_not_accepted(folder: Path, method: Method) -> None:
     """Fitted to all rows a constant explains much of it; no block of time tells it of another."""
     others = tuple(effect.id for effect in all_effects() if effect.id != "fts_offset")
-    asked = Set(0, 900, "rod", protocol="paper", removed=others)
-    answer = our_answer(asked, late(asked, folder), method=method)
+    case = Set(0, 900, "rod", protocol="paper", removed=others)
+    answer = our_answer(case, late(case, folder), method=method)
     assert answer["first"] == ["fts_offset"]
     assert answer["verdict"] == "unknown"
     assert answer["effects"] == []
@@ -157,11 +157,11 @@ def test_what_held_out_rows_contradict_is_not_accepted(folder: Path, method: Met
 
 def test_the_noise_of_a_row_is_the_generator_s(folder: Path, method: Method) -> None:
     """W Sigma W' of the rod's own covariance is 1 in every direction, not only on its diagonal."""
-    asked = Set(0, 900, "rod")
-    problem = _worked(asked, folder, method)[1].problem
+    case = Set(0, 900, "rod")
+    problem = _worked(case, folder, method)[1].problem
     base = shared_model("rod").base
     made = rod_table(
-        shared_plan("rod", "diagnosable", folder), (), asked.seed, base_columns=base.columns
+        shared_plan("rod", "diagnosable", folder), (), case.seed, base_columns=base.columns
     )
     whitener = problem.whitener[problem.scored]
     found = np.linalg.eigvalsh(whitener @ made.covariance @ np.swapaxes(whitener, 1, 2))
@@ -173,8 +173,8 @@ def test_the_noise_of_a_row_is_the_generator_s(folder: Path, method: Method) -> 
 
 
 def test_the_paper_s_protocol_cannot_test_hysteresis(folder: Path, method: Method) -> None:
-    asked = Set(4, 900, "rod", hidden=(("hysteresis", 1.0),), protocol="paper")
-    assert honest(result_of(asked, folder, method))
+    case = Set(4, 900, "rod", hidden=(("hysteresis", 1.0),), protocol="paper")
+    assert honest(result_of(case, folder, method))
 
 
 def test_the_rig_s_generator_on_a_closed_form(folder: Path) -> None:
@@ -196,29 +196,29 @@ def test_the_rig_s_generator_on_a_closed_form(folder: Path) -> None:
 
 
 def test_the_answer_does_not_look_at_the_truth(folder: Path) -> None:
-    asked = Set(1, 903, "rod", hidden=(("payload", 1.0),))
-    data = _data(asked, folder)
+    case = Set(1, 903, "rod", hidden=(("payload", 1.0),))
+    data = _data(case, folder)
     sealed = replace(data, quiet=data.table.select(np.arange(0)), truth={})
-    nobody = replace(asked, tier=0, index=0, hidden=())
-    told, blind = _worked(asked, folder)[0], our_answer(nobody, sealed)
-    assert {**told, "seconds": 0.0} == {**blind, "seconds": 0.0}
+    nobody = replace(case, tier=0, index=0, hidden=())
+    full, blind = _worked(case, folder)[0], our_answer(nobody, sealed)
+    assert {**full, "seconds": 0.0} == {**blind, "seconds": 0.0}
     clean = _data(Set(0, 900, "rod"), folder).table
     assert data.table.meta == clean.meta
     assert list(data.table.columns) == list(clean.columns)
 
 
 def test_simpler_methods_find_what_is_plain(folder: Path) -> None:
-    asked = Set(1, 900, "rod", hidden=((ONE[0], 1.0),))
-    data, (first, work) = _data(asked, folder), _worked(asked, folder)
-    assert ONE[0] in bic_forward(asked, data, work)["answer"][0]
-    assert ONE[0] in random_folds(asked, data, work)["answer"][0]
+    case = Set(1, 900, "rod", hidden=((ONE[0], 1.0),))
+    data, (first, work) = _data(case, folder), _worked(case, folder)
+    assert ONE[0] in bic_forward(case, data, work)["answer"][0]
+    assert ONE[0] in random_folds(case, data, work)["answer"][0]
     # Other seeds of the analysis on what the first one has worked out: nothing turns.
-    assert same_verdicts(asked, data, first, work) == 1.0
+    assert same_verdicts(case, data, first, work) == 1.0
 
 
 def test_what_is_replayed_is_what_a_whole_analysis_says(folder: Path) -> None:
-    asked = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
-    data, (_, work) = _data(asked, folder), _worked(asked, folder)
+    case = Set(2, 900, "rod", hidden=(("payload", 1.0), ("temperature_modulus", 1.0)))
+    data, (_, work) = _data(case, folder), _worked(case, folder)
     full = diagnose(data.model, data.table, seed=3)
     again = find_missing(data.model, data.table, seed=3, stages=work.replaying())
     assert (again.verdict, again.answer) == (full.verdict, full.answer)
@@ -240,13 +240,13 @@ def test_thresholds_keep_the_columns_that_count() -> None:
 def test_a_class_is_told_apart_by_the_experiment_that_is_proposed(
     folder: Path, method: Method
 ) -> None:
-    asked = Set(5, 900, "rod", hidden=(("face_tilt", 1.0),))
-    data = _data(asked, folder)
-    first = our_answer(asked, data, method=method)
+    case = Set(5, 900, "rod", hidden=(("face_tilt", 1.0),))
+    data = _data(case, folder)
+    first = our_answer(case, data, method=method)
     assert first["verdict"] == "ambiguous", first["answer"]
-    second = second_answer(asked, data, first, folder)
+    second = second_answer(case, data, first, folder)
     assert second is not None
-    assert one_named({"set": asked.to_dict(), "second": second}, "second"), second["answer"]
+    assert one_named({"set": case.to_dict(), "second": second}, "second"), second["answer"]
 
 
 @pytest.mark.parametrize(
@@ -254,23 +254,23 @@ def test_a_class_is_told_apart_by_the_experiment_that_is_proposed(
 )
 def test_a_name_needs_its_own_sign(hidden: str, wrong: str, folder: Path) -> None:
     """A spring is no bond that opens, and a softer body is no cable, which pulls to a side."""
-    asked = Set(3, 903, "rod", hidden=((hidden, 1.0),), removed=(hidden,))
-    report = our_answer(asked, _data(asked, folder))
+    case = Set(3, 903, "rod", hidden=((hidden, 1.0),), removed=(hidden,))
+    report = our_answer(case, _data(case, folder))
     assert report["first"][0] == wrong
-    assert not clean_wrong({"set": asked.to_dict(), "ours": report}), report["answer"]
+    assert not clean_wrong({"set": case.to_dict(), "ours": report}), report["answer"]
 
 
 @pytest.mark.parametrize("gap_m", [0.0, 4e-4])
 def test_a_measurement_by_hand_confirms_or_rules_out(folder: Path, gap_m: float) -> None:
     """A calliper reads the length's own error; what it does not show is out of question."""
-    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
-    data = replace(_data(asked, folder), truth={"length_error": gap_m})
+    case = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(case, folder), truth={"length_error": gap_m})
     first = {
         "verdict": "ambiguous",
         "answer": [["base_frame_misalignment", "length_error"]],
         "next_experiment": [{"action": "calliper"}],
     }
-    second = second_answer(asked, data, first, folder)
+    second = second_answer(case, data, first, folder)
     assert second is not None
     assert second["done"] == "calliper"
     if gap_m:
@@ -288,27 +288,27 @@ def test_read_by_hand_and_needed_in_another_unit_rules_nothing_out(
     folder: Path, turn_rad: float
 ) -> None:
     id = "base_frame_misalignment"
-    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
-    data = replace(_data(asked, folder), truth={id: turn_rad} if turn_rad else {})
+    case = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(case, folder), truth={id: turn_rad} if turn_rad else {})
     first = {"needed": {id: (1e-2, "m")}}
     read = BY_HAND["base_survey"]
-    assert _readings(asked, data, first, read) == ([id] if turn_rad else [], [])
+    assert _readings(case, data, first, read) == ([id] if turn_rad else [], [])
     first = {"needed": {id: (1e-2, "rad")}}
-    assert _readings(asked, data, first, read) == (([id], []) if turn_rad else ([], [id]))
+    assert _readings(case, data, first, read) == (([id], []) if turn_rad else ([], [id]))
 
 
 def test_unknown_of_the_joint_data_stays_whatever_is_read_by_hand(
     folder: Path,
 ) -> None:
-    asked = Set(5, 901, "rod", hidden=(("payload", 1.0),))
-    data = replace(_data(asked, folder), truth={"length_error": 4e-4})
+    case = Set(5, 901, "rod", hidden=(("payload", 1.0),))
+    data = replace(_data(case, folder), truth={"length_error": 4e-4})
     unknown = {"verdict": "unknown", "answer": []}
     first = {
         "verdict": "ambiguous",
         "answer": [["base_frame_misalignment", "length_error"]],
         "next_experiment": [{"action": "calliper + a pair of push and pull poses"}],
     }
-    second = second_answer(asked, data, first, folder, answer=lambda *_, **__: unknown)
+    second = second_answer(case, data, first, folder, answer=lambda *_, **__: unknown)
     assert second is not None
     assert (second["verdict"], second["answer"]) == ("unknown", [])
 
@@ -346,8 +346,8 @@ def test_rotation_vectors_come_back() -> None:
 
 def test_the_strength_is_that_of_the_definition(folder: Path) -> None:
     """s^2 is what the whitened effect adds to the residual's mean square beyond the base."""
-    asked = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
-    data = _data(asked, folder)
+    case = Set(1, 950, "rod", hidden=(("fts_offset", 2.0),))
+    data = _data(case, folder)
     base = shared_model("rod").base
     rows = Rows(data.quiet, base)
     is_pose = np.asarray(data.quiet.text("kind") == "pose")
@@ -369,26 +369,26 @@ def test_a_remount_turns_the_body_and_a_dead_weight_is_a_run_of_its_own(folder: 
     assert half == pytest.approx(plain * [1, -1, -1, 1, -1, -1], abs=1e-6)
     assert abs(plain[4]) > 0.01
     data = _data(Set(1, 951, "rod", hidden=(("hysteresis", 1.0),)), folder)
-    asked = asked_of(follow_up_plan(data.table, "dead weights"))
-    hung = asked.dead_weight_kg > 0.0
-    assert len(set(asked.run[hung].tolist())) == hung.sum() == 7
-    assert not set(asked.run[hung].tolist()) & set(asked.run[~hung].tolist())
+    case = planned_visits(follow_up_plan(data.table, "dead weights"))
+    hung = case.dead_weight_kg > 0.0
+    assert len(set(case.run[hung].tolist())) == hung.sum() == 7
+    assert not set(case.run[hung].tolist()) & set(case.run[~hung].tolist())
 
 
 @pytest.mark.parametrize("experiment", ["remount turned by 180 degrees", "dead weights"])
 def test_a_second_campaign_alone_gives_no_name(experiment: str, folder: Path) -> None:
     """Nothing hidden: the joined data of a remount or of weights are as clean as the first."""
-    asked = Set(5, 902, "rod", protocol="plain")
-    data = _data(asked, folder)
+    case = Set(5, 902, "rod", protocol="plain")
+    data = _data(case, folder)
     plan = follow_up_plan(data.table, experiment)
-    more = data_of(asked, folder, plan, data.truth)
+    more = data_of(case, folder, plan, data.truth)
     joined = replace(data, table=_joined(data.table, more.table))
-    assert our_answer(asked, joined)["answer"] == []
+    assert our_answer(case, joined)["answer"] == []
 
 
 def test_the_same_seed_gives_the_same_table(folder: Path) -> None:
-    asked = Set(1, 951, "rod", hidden=(("hysteresis", 1.0),))
-    first, again = data_of(asked, folder).table, data_of(asked, folder).table
+    case = Set(1, 951, "rod", hidden=(("hysteresis", 1.0),))
+    first, again = data_of(case, folder).table, data_of(case, folder).table
     assert np.array_equal(first.wrenches, again.wrenches)
     assert np.array_equal(first.poses, again.poses)
 
@@ -466,11 +466,13 @@ def test_any_number_of_processes_writes_the_same_files(
     tmp_path: Path, workers: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tasks = [(str(tmp_path), str(i)) for i in range(6)]
-    told: list[int] = []
-    failed = run_all(tasks, _write, workers=workers, told=lambda done, left_s: told.append(done))
+    calls: list[int] = []
+    failed = run_all(
+        tasks, _write, workers=workers, progress=lambda done, left_s: calls.append(done)
+    )
     assert failed == [tasks[2]]
     assert "ValueError: two" in capsys.readouterr().err
-    assert told == [1, 2, 3, 4, 5, 6]
+    assert calls == [1, 2, 3, 4, 5, 6]
     written = {f.name: f.read_text(encoding="utf-8") for f in tmp_path.iterdir()}
     assert written == {i: i * 3 for i in "01345"}
     assert run_all(tasks, _write, workers=workers, seconds=-1.0) == []

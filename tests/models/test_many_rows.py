@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,15 +38,21 @@ def slow_ramp(rows: int) -> Table:
 
 def test_the_memory_of_a_fit_does_not_grow_with_its_terms() -> None:
     """100 000 rows of a cubic's 84 terms are 67 MB; four copies of them were held."""
+    if not Path("/proc/self/status").exists():
+        pytest.skip("the largest memory of a process is read from /proc")
     program = """
-import resource
 import numpy as np
 from ecm._native import PolynomialModel
+
+def peak_MB():  # of this process alone: getrusage counts the one that started it
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) / 1024.0 for line in status if line.startswith("VmHWM"))
+
 x = np.random.default_rng(0).uniform(-1.0, 1.0, (100_000, 6))
 PolynomialModel.fit(x[:200], x[:200], 3)
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak_MB()
 PolynomialModel.fit(x, x, 3)
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0)
+print(peak_MB() - before)
 """
     ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
     assert float(ran.stdout) < 50.0
@@ -85,3 +93,32 @@ def test_a_threshold_fits_every_fold(monkeypatch: pytest.MonkeyPatch) -> None:
     anew = cross_validate(table, parse_model("quadratic", pcr="0.1"))
     monkeypatch.setattr(cross_validation_module, "MANY_ROWS", 100)
     assert cross_validate(table, parse_model("quadratic", pcr="0.1")).rmse == anew.rmse
+
+
+def test_any_number_of_threads_gives_the_same_bytes() -> None:
+    """A cubic of three turns of blocks, and an energy of three blocks of rows."""
+    program = """
+import os, sys
+from hashlib import sha256
+import numpy as np
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
+from models.test_many_rows import slow_ramp
+from ecm._native import PolynomialModel
+from ecm.models import fit_model
+x = np.random.default_rng(0).uniform(-1.0, 1.0, (60_000, 6))
+print(sha256(PolynomialModel.fit(x, x**4, 3).coefficients.tobytes()).hexdigest())
+print(sha256(fit_model(slow_ramp(9000), "energy4").base.coefficients.tobytes()).hexdigest())
+"""
+    tests = str(Path(__file__).parents[1])
+    paths = os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", program, threads],
+            check=True,
+            capture_output=True,
+            env=os.environ | {"PYTHONPATH": paths, "RAYON_NUM_THREADS": threads},
+        ).stdout
+        for threads in ("1", "2")
+    ]
+    assert found[0] == found[1]
+    assert len(found[0].split()) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Campaign, CampaignOptions, RigSettings, campaign_minutes, run_campaign
-from ecm.rig.journal import BESIDE
+from ecm.rig.journal import BESIDE, Journal
 from ecm.rig.measurement import residual
 from support.stand_in import StandIn, error_of, plan_of, some_poses, whitener_of
 
@@ -158,6 +159,23 @@ def test_what_belongs_to_a_table_is_kept_without_it(tmp_path: Path, suffix: str)
     with pytest.raises(InputError, match=rf"data\{suffix}: .* stands there.*overwrite=True"):
         run_campaign(plan_of(some_poses(12)), RigSettings(), tmp_path / "data.csv", **kept)
     assert theirs.read_text() == "sealed yesterday"
+
+
+def test_a_journal_that_cannot_be_written_again_keeps_its_readings(tmp_path: Path) -> None:
+    """It is written again when a campaign goes on: a kill or a full disk in that moment."""
+    path = tmp_path / "data.journal.csv"
+    with Journal(path, "key", "header", resume=True) as journal:
+        for _ in range(5):
+            journal.append("a reading of some length")
+    before = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40, limits[1]))
+    try:
+        with pytest.raises(ComputationError, match="kept"):
+            Journal(path, "key", "header", resume=True).__enter__()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert path.read_bytes() == before
 
 
 def test_the_journal_of_another_campaign_is_refused(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 /// How a search ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Status {
     /// The design is provably the best, or no exchange improves it.
     Converged,

@@ -2,6 +2,7 @@
 
 /// Wrong input of a design; each message names what was found, what is expected, and the next step.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DesignError {
     /// There is nothing to choose from.
     #[error(
@@ -163,6 +164,14 @@ pub enum DesignError {
         value: String,
         /// The allowed range.
         expected: &'static str,
+    },
+    /// A name that is no criterion of a model's designs.
+    #[error("criterion = {name:?}, expected one of {known}")]
+    Criterion {
+        /// The name found.
+        name: String,
+        /// The known names.
+        known: String,
     },
     /// The worker threads could not be started.
     #[error("could not start {threads} worker threads: {reason}; ask for fewer")]

@@ -40,7 +40,13 @@ pub use budget::{Control, ProgressFn, Status};
 pub use criterion::alphabetic::{a_optimal, compound_optimal, d_optimal, i_optimal};
 pub use criterion::maximin::{MaximinSettings, SpacingMethod, maximin};
 pub use criterion::minimax::g_optimal;
+pub use criterion::registry::{CRITERIA, Candidates, Criterion};
 pub use criterion::settings::{DSettings, Design, Method};
 pub use error::DesignError;
 pub use exchange::InformationMatrix;
 pub use problem::Problem;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

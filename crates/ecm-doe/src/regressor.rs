@@ -3,7 +3,8 @@
 use ecm_poly::ModelError;
 use ecm_poly::basis;
 use ecm_poly::energy::regressor::regressor;
-use ecm_poly::energy::{Symmetry, terms};
+use ecm_poly::energy::{EnergyTerms, Symmetry};
+use ecm_poly::error::{check_count, check_sizes};
 use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
@@ -62,7 +63,7 @@ impl Model {
     /// Regressor of a polynomial in `points` (N x columns) mapped from [lower, upper] to [-1, 1].
     ///
     /// # Errors
-    /// A degree with too many terms.
+    /// Wrong shapes, numbers that are not finite or too large, and a degree with too many terms.
     pub fn polynomial(
         points: &[f64],
         degree: usize,
@@ -71,7 +72,18 @@ impl Model {
     ) -> Result<Regressor, ModelError> {
         let columns = lower.len();
         let exponents = basis::exponents(columns, degree)?;
+        check_points(points, lower, upper)?;
         let terms = exponents.len() / columns.max(1);
+        if (points.len() / columns).saturating_mul(terms) > MOST_NUMBERS {
+            return Err(ModelError::Setting {
+                name: "degree",
+                found: format!(
+                    "{degree}: {terms} terms of {} poses",
+                    points.len() / columns
+                ),
+                expected: "a regressor of at most 5e8 numbers; take a lower degree or fewer poses",
+            });
+        }
         let mut rows = Vec::with_capacity(points.len() / columns.max(1) * terms);
         let mut powers = vec![1.0; columns * (degree + 1)];
         for point in points.chunks_exact(columns.max(1)) {
@@ -105,10 +117,10 @@ impl Model {
         symmetry: Symmetry,
         length_m: f64,
     ) -> Result<Regressor, ModelError> {
-        let exponents = terms::terms(symmetry, degree)?;
+        let energy_terms = EnergyTerms::new(symmetry, degree, &[])?;
         let scale = [length_m, 1.0];
-        let mut rows = regressor(poses, length_m, symmetry, (&exponents, &[]), scale)?;
-        let terms = exponents.len();
+        let mut rows = regressor(poses, length_m, &energy_terms, scale)?;
+        let terms = energy_terms.count();
         for (r, row) in rows.chunks_exact_mut(terms).enumerate() {
             for v in row {
                 *v /= COMPONENT_SD[r % 6];
@@ -133,14 +145,15 @@ impl Model {
 /// - `rows_of`: regressor of any points
 ///
 /// # Errors
-/// Those of `rows_of`.
-pub fn prediction_region<E>(
+/// Wrong shapes, numbers that are not finite or too large, and those of `rows_of`.
+pub fn prediction_region<E: From<ModelError>>(
     points: &[f64],
     lower: &[f64],
     upper: &[f64],
     rows_of: impl Fn(&[f64]) -> Result<Regressor, E>,
 ) -> Result<Vec<f64>, E> {
-    let columns = lower.len().max(1);
+    check_points(points, lower, upper)?;
+    let columns = lower.len();
     let stride = (points.len() / columns).div_ceil(REGION_POSES).max(1);
     let sample: Vec<f64> = points
         .chunks_exact(columns)
@@ -191,11 +204,35 @@ pub fn column_ranges(points: &[f64], columns: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Points mapped column by column from [lower, upper] to [-1, 1]; without width to 0.
-pub fn normalise(points: &[f64], lower: &[f64], upper: &[f64]) -> Vec<f64> {
-    let columns = lower.len().max(1);
-    points
-        .iter()
-        .enumerate()
-        .map(|(i, v)| to_unit(*v, lower[i % columns], upper[i % columns]))
-        .collect()
+///
+/// # Errors
+/// Wrong shapes, and numbers that are not finite or too large.
+pub fn normalise(points: &[f64], lower: &[f64], upper: &[f64]) -> Result<Vec<f64>, ModelError> {
+    check_points(points, lower, upper)?;
+    let ranges = lower.iter().zip(upper).cycle();
+    let mapped = points.iter().zip(ranges);
+    Ok(mapped
+        .map(|(v, (low, high))| to_unit(*v, *low, *high))
+        .collect())
+}
+
+/// Most numbers of a regressor: 4 GB.
+const MOST_NUMBERS: usize = 500_000_000;
+
+/// Refuses points that do not fit their ranges, and numbers that are not finite or too large.
+fn check_points(points: &[f64], lower: &[f64], upper: &[f64]) -> Result<(), ModelError> {
+    let columns = lower.len();
+    if columns == 0 {
+        return Err(ModelError::Setting {
+            name: "lower",
+            found: "no numbers".into(),
+            expected: "the lower end of each coordinate, of at least one",
+        });
+    }
+    check_count("upper", "numbers", upper.len(), columns)?;
+    let whole = points.len().div_ceil(columns) * columns;
+    check_count("points", "numbers", points.len(), whole)?;
+    check_sizes("points", points, columns)?;
+    check_sizes("lower", lower, columns)?;
+    check_sizes("upper", upper, columns)
 }

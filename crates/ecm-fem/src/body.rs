@@ -10,6 +10,7 @@ pub(crate) const PAD: usize = 12;
 
 /// How the pressure is represented; all with quadratic displacements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Formulation {
     /// P2/P1: continuous, linear, an unknown at every corner.
     #[default]

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// A wrong mesh, material, load or file: place, value found and value expected.
 #[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum FemError {
     /// A material whose parameters do not fit its model.
     #[error("material {model:?}: {problem}")]

@@ -74,3 +74,8 @@ pub use rod::Rod;
 pub use solve::{
     Fem, Finished, Load, Outcome, PrescribedResult, Settings, Timing, WarmStart, Watch,
 };
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -7,7 +7,7 @@
 
 use crate::mesh::Mesh;
 use crate::tensor::{Mat3, apply, cross, norm, product, skew, transpose};
-use ecm_se3::{Pose, rotation_matrix, rotation_vector};
+use ecm_se3::rotation_matrix;
 
 /// Where the platform is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,18 +29,22 @@ impl Platform {
 
     /// From (x, y, z, θx, θy, θz).
     pub fn from_pose(pose: &[f64; 6]) -> Self {
-        let pose = Pose::from_array(pose);
         Self {
-            position_m: pose.position,
-            rotation: pose.base_from_top(),
+            position_m: [pose[0], pose[1], pose[2]],
+            rotation: rotation_matrix(&[pose[3], pose[4], pose[5]]),
         }
     }
 
     /// (x, y, z, θx, θy, θz), |θ| ≤ π.
     pub fn pose(&self) -> [f64; 6] {
-        let t = rotation_vector(&self.rotation);
+        let t = self.rotation_vector();
         let r = self.position_m;
         [r[0], r[1], r[2], t[0], t[1], t[2]]
+    }
+
+    /// θ (rad), |θ| ≤ π; NaN where an iteration has lost the rotation.
+    pub fn rotation_vector(&self) -> [f64; 3] {
+        rotation_vector(&self.rotation)
     }
 
     /// R (X − X_top) of a node.
@@ -96,4 +100,9 @@ impl Platform {
 pub fn step_size(step: &[f64; 6], length_m: f64) -> f64 {
     let (r, phi) = ([step[0], step[1], step[2]], [step[3], step[4], step[5]]);
     (norm(r) / length_m).max(norm(phi))
+}
+
+/// θ = log R (rad) of a product of rotations; NaN where it is none any more.
+pub fn rotation_vector(rotation: &Mat3) -> [f64; 3] {
+    ecm_se3::rotation_vector(rotation).unwrap_or([f64::NAN; 3])
 }

@@ -4,6 +4,7 @@
 /// given load, every other status comes with the last stable state before it. Where there is none
 /// (a body that does not carry its own weight) the figures are not numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Status {
     /// Stable equilibrium at the load asked for.
     Solved,
@@ -33,6 +34,7 @@ impl Status {
 
 /// Why a load case is [`Status::Unstable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Reason {
     /// An eigenvalue of K_s reaches zero: the platform gives way under the dead wrench.
     Buckling,

@@ -7,8 +7,9 @@
 //! (Antman, Nonlinear Problems of Elasticity, ch. 8).
 
 use crate::FemError;
+use crate::platform::rotation_vector;
 use crate::tensor::{Mat3, apply, cross, norm, product, transpose};
-use ecm_se3::{rotation_matrix, rotation_vector};
+use ecm_se3::rotation_matrix;
 use nalgebra::{Matrix3, Vector3};
 
 /// Runge–Kutta steps along the rod.

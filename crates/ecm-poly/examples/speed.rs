@@ -8,8 +8,7 @@ use std::time::Instant;
 use ecm_poly::arithmetic::{Arithmetic, Plain, Task, dispatch};
 use ecm_poly::cubic::Cubic;
 use ecm_poly::dense::ThinSvd;
-use ecm_poly::energy::terms::terms;
-use ecm_poly::energy::{EnergyPlan, EnergyTables, SimdPlan, SimdTables};
+use ecm_poly::energy::{EnergyPlan, EnergyTerms};
 use ecm_poly::{EnergyModel, Method, PolynomialModel, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Pose, Real};
@@ -62,49 +61,25 @@ impl Task for CubicTask<'_, f32> {
     }
 }
 
-struct EnergyTask<'a> {
-    plan: EnergyPlan<'a, f64>,
-    points: &'a [[f64; 6]],
+/// The plan of an energy, the evaluation of an exported model.
+struct PlanTask<'a> {
+    plan: EnergyPlan<'a, f64, 512>,
+    poses: &'a [Pose<f64>],
     stiffness: bool,
 }
 
-impl Task for EnergyTask<'_> {
+impl Task for PlanTask<'_> {
     type Output = ();
     #[inline(always)]
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
-        for p in self.points {
-            let pose = Pose::from_array(p);
+        for pose in self.poses {
             if self.stiffness {
                 black_box(
                     self.plan
-                        .wrench_and_stiffness::<A, 256>(&pose, StiffnessKind::Partial),
+                        .wrench_and_stiffness::<A>(pose, StiffnessKind::Partial),
                 );
             } else {
-                black_box(self.plan.wrench::<A, 256>(&pose));
-            }
-        }
-    }
-}
-
-struct SimdTask<'a, const B: usize> {
-    plan: SimdPlan<'a, f64, B>,
-    points: &'a [[f64; 6]],
-    stiffness: bool,
-}
-
-impl<const B: usize> Task for SimdTask<'_, B> {
-    type Output = ();
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
-        for p in self.points {
-            let pose = Pose::from_array(p);
-            if self.stiffness {
-                black_box(
-                    self.plan
-                        .wrench_and_stiffness::<A>(&pose, StiffnessKind::Partial),
-                );
-            } else {
-                black_box(self.plan.wrench::<A>(&pose));
+                black_box(self.plan.wrench::<A>(pose));
             }
         }
     }
@@ -125,10 +100,6 @@ fn bulk() {
         .map(|p| std::array::from_fn(|k| p[k] * [0.01, 0.02, 0.02, 0.4, 0.4, 0.4][k]))
         .map(|p: [f64; 6]| [p[0] + 0.1034, p[1], p[2], p[3], p[4], p[5]])
         .collect();
-    let rows = terms(Symmetry::Alike, 6).unwrap();
-    let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
-    let energy =
-        EnergyModel::from_coefficients(0.1034, 6, Symmetry::Alike, [0.03, 0.8], &weights).unwrap();
     let measure = |name: &str, call: &dyn Fn()| {
         let mut best = f64::INFINITY;
         for _ in 0..200 {
@@ -141,10 +112,15 @@ fn bulk() {
     let flat = points.as_flattened();
     measure("cubic h", &|| drop(black_box(cubic.predict(flat))));
     measure("cubic K", &|| drop(black_box(cubic.jacobian(flat))));
-    measure("energy6 h", &|| drop(black_box(energy.predict(&poses))));
-    measure("energy6 K", &|| {
-        drop(black_box(energy.stiffness(&poses, StiffnessKind::Partial)));
-    });
+    for degree in [6, 7] {
+        let model = energy(Symmetry::Alike, degree);
+        measure(&format!("energy{degree} h"), &|| {
+            drop(black_box(model.predict(&poses)));
+        });
+        measure(&format!("energy{degree} K"), &|| {
+            drop(black_box(model.stiffness(&poses, StiffnessKind::Partial)));
+        });
+    }
 }
 
 /// A fit's decomposition, its Gram product, and what a fit no longer does: the product as a plain
@@ -191,13 +167,15 @@ fn decomposition() {
 
 /// V σ⁻² Vᵀ entry by entry, as the sum is written.
 fn plain_gram(factors: &ThinSvd) -> Vec<f64> {
-    let (v, sigma) = (&factors.v, &factors.singular_values);
-    let n = v.nrows();
+    let (v, sigma) = (factors.right_vectors(), &factors.singular_values);
+    let n = sigma.len();
     let mut gram = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
             let terms = sigma.iter().enumerate();
-            let sum = terms.map(|(r, s)| v[(i, r)] * v[(j, r)] / (s * s)).sum();
+            let sum = terms
+                .map(|(r, s)| v[n * i + r] * v[n * j + r] / (s * s))
+                .sum();
             gram[i * n + j] = sum;
             gram[j * n + i] = sum;
         }
@@ -220,6 +198,10 @@ fn main() {
                 ((i * 7 + k * 3) as f64 * 0.37).sin() * if k < 3 { 0.02 } else { 0.8 }
             })
         })
+        .collect();
+    let poses: Vec<Pose<f64>> = points
+        .iter()
+        .map(|p| Pose::from_array(p).unwrap())
         .collect();
     let single: Vec<[f32; 6]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
     let coefficients: Vec<f64> = (0..84 * 6).map(|i| (i as f64).sin()).collect();
@@ -258,68 +240,36 @@ fn main() {
         for (symmetry, degree) in [
             (Symmetry::Alike, 4),
             (Symmetry::Alike, 6),
+            (Symmetry::Alike, 7),
             (Symmetry::Revolution, 6),
+            (Symmetry::Revolution, 7),
+            (Symmetry::General, 4),
         ] {
-            let rows = terms(symmetry, degree).unwrap();
-            let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
-            let stiff = stiffness;
-            let name = format!("energy{degree} {} by simd, {what}", symmetry.name());
-            let few = SimdTables::<f64, 8>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
-            if let Some(tables) = &few {
-                let plan = tables.plan();
-                time(&name, || {
-                    dispatch(SimdTask {
-                        plan,
-                        points: &points,
-                        stiffness: stiff,
-                    })
-                });
-            } else {
-                let tables =
-                    SimdTables::<f64, 16>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1)
-                        .unwrap();
-                let plan = tables.plan();
-                time(&name, || {
-                    dispatch(SimdTask {
-                        plan,
-                        points: &points,
-                        stiffness: stiff,
-                    })
-                });
-            }
-        }
-        {
-            let tables = EnergyTables::<f64>::new(Symmetry::Alike, &[], &[], [0.03, 0.8], 0.1);
-            let plan = tables.plan();
-            time(&format!("geometry of an energy, {what}"), || {
-                dispatch(EnergyTask {
+            let model = energy(symmetry, degree);
+            let tables = model.tables().unwrap();
+            let plan = tables.plan().unwrap();
+            let name = format!("energy{degree} {}", symmetry.name());
+            time(&format!("{name}, plan, {what}"), || {
+                dispatch(PlanTask {
                     plan,
-                    points: &points,
+                    poses: &poses,
                     stiffness,
                 });
             });
-        }
-        for (symmetry, degree) in [
-            (Symmetry::Alike, 4),
-            (Symmetry::Alike, 6),
-            (Symmetry::Revolution, 6),
-            (Symmetry::General, 4),
-        ] {
-            let rows = terms(symmetry, degree).unwrap();
-            let weights: Vec<f64> = (0..rows.len()).map(|i| (i as f64).cos()).collect();
-            let tables = EnergyTables::<f64>::new(symmetry, &rows, &weights, [0.03, 0.8], 0.1);
-            let plan = tables.plan();
-            plan.check::<256>().unwrap();
-            time(
-                &format!("energy{degree} {}, {what}", symmetry.name()),
-                || {
-                    dispatch(EnergyTask {
-                        plan,
-                        points: &points,
-                        stiffness,
-                    });
-                },
-            );
+            if stiffness {
+                time(&format!("{name}, one pose, {what}"), || {
+                    for pose in &poses {
+                        black_box(model.wrench_and_stiffness(pose));
+                    }
+                });
+            }
         }
     }
+}
+
+/// An energy with coefficients of any size.
+fn energy(symmetry: Symmetry, degree: usize) -> EnergyModel {
+    let count = EnergyTerms::new(symmetry, degree, &[]).unwrap().count();
+    let weights: Vec<f64> = (0..count).map(|i| (i as f64).cos()).collect();
+    EnergyModel::from_coefficients(0.1034, degree, symmetry, [0.03, 0.8], &weights).unwrap()
 }

@@ -8,17 +8,17 @@ use std::vec::Vec;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 
-use crate::error::ModelError;
+use crate::error::{ModelError, check_count, check_finite};
 
 /// X = U diag(σ) Vᵀ, singular values falling.
 #[derive(Clone, Debug)]
 pub struct ThinSvd {
     /// (rows, r).
-    pub u: Mat<f64>,
+    pub(crate) u: Mat<f64>,
     /// (r).
     pub singular_values: Vec<f64>,
     /// (columns, r).
-    pub v: Mat<f64>,
+    pub(crate) v: Mat<f64>,
     /// Rows of the matrix, or of that whose triangle was decomposed.
     rows: usize,
 }
@@ -26,11 +26,7 @@ pub struct ThinSvd {
 impl ThinSvd {
     /// Decomposes a row-major matrix with `columns` columns.
     pub fn new(matrix: &[f64], columns: usize) -> Result<Self, ModelError> {
-        Self::of(MatRef::from_row_major_slice(
-            matrix,
-            matrix.len() / columns.max(1),
-            columns,
-        ))
+        Self::of(as_matrix(matrix, columns)?)
     }
 
     /// Decomposes the triangle of a matrix of `rows` rows.
@@ -60,6 +56,16 @@ impl ThinSvd {
             v: svd.V().to_owned(),
             rows,
         })
+    }
+
+    /// U (rows, r), row-major.
+    pub fn left_vectors(&self) -> Vec<f64> {
+        row_major(self.u.as_ref())
+    }
+
+    /// V (columns, r), row-major.
+    pub fn right_vectors(&self) -> Vec<f64> {
+        row_major(self.v.as_ref())
     }
 
     /// Singular values above rounding: σ > σ₁ ε max(rows, columns).
@@ -129,16 +135,42 @@ impl ThinSvd {
     }
 }
 
+fn row_major(matrix: MatRef<'_, f64>) -> Vec<f64> {
+    let rows = 0..matrix.nrows();
+    rows.flat_map(|i| (0..matrix.ncols()).map(move |j| matrix[(i, j)]))
+        .collect()
+}
+
 /// Singular values alone, falling.
 pub fn singular_values(matrix: &[f64], columns: usize) -> Result<Vec<f64>, ModelError> {
-    let rows = matrix.len() / columns.max(1);
-    MatRef::from_row_major_slice(matrix, rows, columns)
+    let matrix = as_matrix(matrix, columns)?;
+    matrix
         .singular_values()
-        .map_err(|_| ModelError::Decomposition { rows, columns })
+        .map_err(|_| ModelError::Decomposition {
+            rows: matrix.nrows(),
+            columns,
+        })
+}
+
+/// A row-major matrix; refuses another shape, no numbers, and numbers that are not finite.
+fn as_matrix(numbers: &[f64], columns: usize) -> Result<MatRef<'_, f64>, ModelError> {
+    let rows = numbers.len().checked_div(columns).unwrap_or(0);
+    check_count(
+        "matrix",
+        "numbers",
+        numbers.len(),
+        rows.max(1) * columns.max(1),
+    )?;
+    check_finite("matrix", numbers, columns)?;
+    Ok(MatRef::from_row_major_slice(numbers, rows, columns))
 }
 
 /// σ₁/σ_min of a row-major matrix; infinite where a singular value is zero.
 pub fn condition_number(matrix: &[f64], columns: usize) -> Result<f64, ModelError> {
+    // Powers of large inputs overflow: as far from a usable matrix as a singular one.
+    if matrix.iter().any(|x| !x.is_finite()) {
+        return Ok(f64::INFINITY);
+    }
     let values = singular_values(matrix, columns)?;
     Ok(match (values.first(), values.last()) {
         (Some(&first), Some(&last)) if last > 0.0 => first / last,

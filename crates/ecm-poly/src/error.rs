@@ -1,11 +1,15 @@
 //! Errors of model data and model files.
 
 use std::string::String;
+use std::vec::Vec;
+
+use ecm_se3::{Pose, PoseError, Vec6};
 
 use crate::shape::ShapeError;
 
 /// Wrong input to a fit, an evaluation or a model file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// An array of another shape than the call needs.
     #[error("{name} has {found} {unit}, expected {expected}")]
@@ -34,6 +38,30 @@ pub enum ModelError {
         /// Column, counted from 0.
         column: usize,
         /// NaN or an infinity.
+        value: f64,
+    },
+    /// A rotation by more than half a turn.
+    #[error("{name}: row {row}: {source}")]
+    Rotation {
+        /// The array.
+        name: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// What is wrong with it.
+        source: PoseError,
+    },
+    /// A number whose products overflow.
+    #[error(
+        "{name}: row {row}, column {column} is {value:e}, expected sizes of at most 1e100; give this column in another unit or leave the row out"
+    )]
+    TooLarge {
+        /// The array.
+        name: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// Column, counted from 0.
+        column: usize,
+        /// The value found.
         value: f64,
     },
     /// A setting out of its range.
@@ -106,8 +134,25 @@ pub enum ModelError {
     },
 }
 
+/// The poses of rows (x, y, z, θx, θy, θz), m and rad; the error names the first row that is none.
+pub fn checked_poses(name: &'static str, rows: &[Vec6<f64>]) -> Result<Vec<Pose<f64>>, ModelError> {
+    let mut poses = Vec::with_capacity(rows.len());
+    for (row, p) in rows.iter().enumerate() {
+        poses.push(Pose::from_array(p).map_err(|source| match source {
+            PoseError::NotFinite { component, value } => ModelError::NotFinite {
+                name,
+                row,
+                column: component,
+                value,
+            },
+            PoseError::BeyondPi { .. } => ModelError::Rotation { name, row, source },
+        })?);
+    }
+    Ok(poses)
+}
+
 /// `Ok` where `found` is `expected`.
-pub(crate) fn check_count(
+pub fn check_count(
     name: &'static str,
     unit: &'static str,
     found: usize,
@@ -127,9 +172,28 @@ pub(crate) fn check_count(
 
 /// `Ok` where every number of a row-major array is finite.
 pub fn check_finite(name: &'static str, values: &[f64], columns: usize) -> Result<(), ModelError> {
+    // Without a branch the sum runs in vector registers: predictions pass here as well.
+    if values.iter().fold(true, |good, x| good & x.is_finite()) {
+        return Ok(());
+    }
     match values.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(place) => Err(ModelError::NotFinite {
+            name,
+            row: place / columns.max(1),
+            column: place % columns.max(1),
+            value: values[place],
+        }),
+    }
+}
+
+/// `Ok` where every number of a row-major array is finite and at most 1e100 in size, so that squares
+/// stay finite.
+pub fn check_sizes(name: &'static str, values: &[f64], columns: usize) -> Result<(), ModelError> {
+    check_finite(name, values, columns)?;
+    match values.iter().position(|x| x.abs() > 1e100) {
+        None => Ok(()),
+        Some(place) => Err(ModelError::TooLarge {
             name,
             row: place / columns.max(1),
             column: place % columns.max(1),

@@ -31,20 +31,32 @@ pub mod metrics;
 #[cfg(feature = "std")]
 pub mod model_file;
 #[cfg(feature = "std")]
+mod parallel;
+#[cfg(feature = "std")]
 pub mod polynomial_model;
+#[cfg(feature = "std")]
+pub mod pose_model;
 #[cfg(feature = "std")]
 pub mod regression;
 
+pub use ecm_se3::{Pose, PoseError, Wrench};
+pub use energy::Symmetry;
 #[cfg(feature = "std")]
 pub use energy::{EnergyFit, EnergyModel};
-pub use energy::{EnergyMap, Symmetry};
 #[cfg(feature = "std")]
-pub use error::ModelError;
+pub use error::{ModelError, checked_poses};
 #[cfg(feature = "std")]
 pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;
 #[cfg(feature = "std")]
 pub use polynomial_model::PolynomialModel;
 #[cfg(feature = "std")]
+pub use pose_model::{PoseModel, PosePolynomial};
+#[cfg(feature = "std")]
 pub use regression::Method;
 pub use shape::ShapeError;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

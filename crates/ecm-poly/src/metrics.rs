@@ -5,7 +5,7 @@ use std::vec::Vec;
 use ecm_se3::Mat6;
 
 use crate::dense::singular_values;
-use crate::error::{ModelError, check_count};
+use crate::error::{ModelError, check_count, check_sizes};
 
 /// e_rel = (ĥ − h)/h, the paper's eq. (7); infinite or NaN where h is 0.
 pub fn relative_errors(predicted: &[f64], observed: &[f64]) -> Result<Vec<f64>, ModelError> {
@@ -14,9 +14,14 @@ pub fn relative_errors(predicted: &[f64], observed: &[f64]) -> Result<Vec<f64>, 
     Ok(pairs.map(|(&a, &b)| (a - b) / b).collect())
 }
 
-/// Root mean square of ĥ − h, per output of row-major (N, outputs).
+/// Root mean square of ĥ − h, per output of row-major (N, outputs); empty without rows.
 pub fn rmse(predicted: &[f64], observed: &[f64], outputs: usize) -> Result<Vec<f64>, ModelError> {
     check_count("predicted", "numbers", predicted.len(), observed.len())?;
+    let rows = observed.len().checked_div(outputs).unwrap_or(0);
+    check_count("observed", "numbers", observed.len(), rows * outputs)?;
+    if rows == 0 {
+        return Ok(Vec::new());
+    }
     let mut sums = std::vec![0.0; outputs];
     let mut count = 0.0_f64;
     for (a, b) in predicted
@@ -31,13 +36,20 @@ pub fn rmse(predicted: &[f64], observed: &[f64], outputs: usize) -> Result<Vec<f
     Ok(sums.into_iter().map(|s| (s / count).sqrt()).collect())
 }
 
-/// ‖K_sym‖₂/‖K‖₂ of the paper's eq. (10): 1 for a symmetric matrix.
+/// ‖K_sym‖₂/‖K‖₂ of the paper's eq. (10): 1 for a symmetric matrix, NaN for zeros.
 pub fn symmetric_share(stiffness: &Mat6<f64>) -> Result<f64, ModelError> {
-    let whole: Vec<f64> = stiffness.iter().flatten().copied().collect();
+    let mut whole: Vec<f64> = stiffness.iter().flatten().copied().collect();
+    check_sizes("stiffness", &whole, 6)?;
+    // In units of the largest entry: halves of the smallest numbers would vanish.
+    let largest = whole.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    whole.iter_mut().for_each(|x| *x /= largest);
+    if largest == 0.0 {
+        return Ok(f64::NAN);
+    }
     let mut half = whole.clone();
     for i in 0..6 {
         for j in 0..6 {
-            half[6 * i + j] = 0.5 * (stiffness[i][j] + stiffness[j][i]);
+            half[6 * i + j] = 0.5 * (whole[6 * i + j] + whole[6 * j + i]);
         }
     }
     let norm = |m: &[f64]| -> Result<f64, ModelError> {

@@ -2,6 +2,9 @@
 
 use ecm_se3::Real;
 
+/// Width (m or rad) below which a range has no width: a picometre is no motion, whatever its digits.
+const SMALLEST_WIDTH: f64 = 1e-12;
+
 /// u = (p − centre) / half of one input; a range without width maps to 0.
 #[inline(always)]
 pub fn to_unit<R: Real>(value: R, lower: R, upper: R) -> R {
@@ -9,10 +12,21 @@ pub fn to_unit<R: Real>(value: R, lower: R, upper: R) -> R {
 }
 
 /// du/dp = 2 / (upper − lower); 0 for a range without width, whose input has no effect.
+///
+/// A width of rounding, eight units in the last place of its ends or below 1e-12, counts as none: it
+/// would make a polynomial that predicts 1e20 N one nanometre beside its data.
+///
+/// ```
+/// use ecm_poly::normalise::unit_slope;
+/// assert_eq!(unit_slope(0.09, 0.11), 100.0);
+/// assert_eq!(unit_slope(0.1, 0.1 + 1.4e-17), 0.0);
+/// ```
 #[inline(always)]
 pub fn unit_slope<R: Real>(lower: R, upper: R) -> R {
     let width = upper - lower;
-    if width > R::ZERO {
+    let size = |x: R| if x < R::ZERO { -x } else { x };
+    let rounding = R::from_u16(8) * R::EPSILON * (size(lower) + size(upper)) * R::HALF;
+    if width > rounding && width > R::from_f64(SMALLEST_WIDTH) {
         R::TWO / width
     } else {
         R::ZERO
@@ -53,5 +67,21 @@ mod tests {
     fn a_constant_input_maps_to_zero() {
         assert_eq!(to_unit(3.0, 3.0, 3.0), 0.0);
         assert_eq!(unit_slope(3.0, 3.0), 0.0);
+    }
+
+    #[test]
+    fn a_width_of_rounding_is_no_width() {
+        let next = |x: f64| f64::from_bits(x.to_bits() + 1);
+        for (lower, upper) in [
+            (0.1034, next(0.1034)),
+            (-7e-18, 7e-18),
+            (1e6, next(1e6)),
+            (0.0, 5e-324),
+        ] {
+            assert_eq!(unit_slope(lower, upper), 0.0, "{lower} {upper}");
+            assert_eq!(to_unit(lower + 1e-9, lower, upper), 0.0);
+        }
+        assert_eq!(unit_slope(0.1_f32, 0.1 + 2.0 * f32::EPSILON), 0.0);
+        assert!(unit_slope(-1e-9, 1e-9) > 0.0 && unit_slope(0.1, 0.1 + 1e-9) > 0.0);
     }
 }

@@ -8,8 +8,9 @@ use crate::basis::exponents;
 use crate::cubic::Cubic;
 use crate::cubic_bulk;
 use crate::dense::{ThinSvd, condition_number};
-use crate::error::{ModelError, check_count, check_finite};
+use crate::error::{ModelError, check_count, check_finite, check_sizes};
 use crate::normalise::ranges;
+use crate::parallel::fill_pieces;
 use crate::polynomial::Polynomial;
 use crate::regression::Method;
 use crate::regression::leave_one_out::LeaveOneOut;
@@ -183,7 +184,7 @@ impl PolynomialModel {
         degree: usize,
     ) -> Result<f64, ModelError> {
         let table = exponents(inputs, degree)?;
-        check_finite("inputs", points, inputs)?;
+        check_sizes("inputs", points, inputs)?;
         let (lower, upper) = (std::vec![-1.0; inputs], std::vec![1.0; inputs]);
         condition_number(
             &regressor(points, &table, &lower, &upper)?,
@@ -218,8 +219,8 @@ impl PolynomialModel {
         check_count("upper", "numbers", upper.len(), inputs)?;
         let exponents = exponents(inputs, degree)?;
         let k = exponents.len() / inputs;
-        check_finite("lower", lower, inputs)?;
-        check_finite("upper", upper, inputs)?;
+        check_sizes("lower", lower, inputs)?;
+        check_sizes("upper", upper, inputs)?;
         let outputs = coefficients.len() / k;
         if outputs == 0 || coefficients.len() != k * outputs {
             return Err(ModelError::Setting {
@@ -269,14 +270,24 @@ impl PolynomialModel {
         let map = self.map()?;
         let rows = self.rows_of(points)?;
         if let Some(cubic) = &self.cubic {
-            return Ok(cubic_bulk::values(cubic, points));
+            let values = cubic_bulk::values(cubic, points);
+            check_finite("the prediction", &values, self.outputs)?;
+            return Ok(values);
         }
-        let mut scratch = std::vec![0.0; map.scratch_len()];
         let mut values = std::vec![0.0; rows * self.outputs];
-        let lines = values.chunks_exact_mut(self.outputs);
-        for (point, value) in points.chunks_exact(self.inputs()).zip(lines) {
-            map.value(point, value, &mut scratch)?;
-        }
+        fill_pieces(
+            points,
+            self.inputs(),
+            &mut values,
+            self.outputs,
+            |points, values| {
+                let mut scratch = std::vec![0.0; map.scratch_len()];
+                let lines = values.chunks_exact_mut(self.outputs);
+                let mut rows = points.chunks_exact(self.inputs()).zip(lines);
+                rows.try_for_each(|(point, value)| map.value(point, value, &mut scratch))
+            },
+        )?;
+        check_finite("the prediction", &values, self.outputs)?;
         Ok(values)
     }
 
@@ -285,20 +296,35 @@ impl PolynomialModel {
         let map = self.map()?;
         let rows = self.rows_of(points)?;
         if let Some(cubic) = &self.cubic {
-            return Ok(cubic_bulk::jacobians(cubic, points));
+            let jacobians = cubic_bulk::jacobians(cubic, points);
+            check_finite("the stiffness", &jacobians, 36)?;
+            return Ok(jacobians);
         }
         let size = self.outputs * self.inputs();
-        let mut scratch = std::vec![0.0; map.scratch_len()];
-        let mut value = std::vec![0.0; self.outputs];
         let mut jacobians = std::vec![0.0; rows * size];
-        let blocks = jacobians.chunks_exact_mut(size);
-        for (point, block) in points.chunks_exact(self.inputs()).zip(blocks) {
-            map.value_and_jacobian(point, &mut value, block, &mut scratch)?;
-        }
+        fill_pieces(
+            points,
+            self.inputs(),
+            &mut jacobians,
+            size,
+            |points, jacobians| {
+                let mut scratch = std::vec![0.0; map.scratch_len()];
+                let mut value = std::vec![0.0; self.outputs];
+                let blocks = jacobians.chunks_exact_mut(size);
+                let mut rows = points.chunks_exact(self.inputs()).zip(blocks);
+                rows.try_for_each(|(p, k)| map.value_and_jacobian(p, &mut value, k, &mut scratch))
+            },
+        )?;
+        check_finite("the stiffness", &jacobians, size)?;
         Ok(jacobians)
     }
 
-    fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {
+    /// The one-pass evaluation of a cubic from six to six columns.
+    pub(crate) fn cubic(&self) -> Option<&Cubic<f64>> {
+        self.cubic.as_deref()
+    }
+
+    pub(crate) fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {
         let rows = points.len() / self.inputs();
         check_count("inputs", "numbers", points.len(), rows * self.inputs())?;
         check_finite("inputs", points, self.inputs())?;
@@ -381,8 +407,16 @@ pub fn polynomial_regressor(
     upper: &[f64],
 ) -> Result<Vec<f64>, ModelError> {
     check_count("upper", "numbers", upper.len(), lower.len())?;
-    check_finite("inputs", points, lower.len())?;
-    regressor(points, &exponents(lower.len(), degree)?, lower, upper)
+    let inputs = lower.len();
+    let table = exponents(inputs, degree)?;
+    let rows = points.len() / inputs;
+    check_count("inputs", "numbers", points.len(), rows * inputs)?;
+    for (name, values) in [("inputs", points), ("lower", lower), ("upper", upper)] {
+        check_sizes(name, values, inputs)?;
+    }
+    let matrix = regressor(points, &table, lower, upper)?;
+    check_finite("the regressor", &matrix, table.len() / inputs)?;
+    Ok(matrix)
 }
 
 /// Number of rows of finite `points` (N, inputs) and `observations` (N, outputs).
@@ -400,15 +434,24 @@ fn check_pairs(
             expected: "at least one column to fit",
         });
     }
+    if rows == 0 {
+        return Err(ModelError::TooFewRows {
+            equations: 0,
+            coefficients: 1,
+        });
+    }
     check_count("inputs", "numbers", points.len(), rows * inputs)?;
-    check_count("outputs", "numbers", observations.len(), rows * outputs)?;
-    check_finite("inputs", points, inputs)?;
-    check_finite("outputs", observations, outputs)?;
+    let expected = rows.saturating_mul(outputs);
+    check_count("outputs", "numbers", observations.len(), expected)?;
+    check_sizes("inputs", points, inputs)?;
+    check_sizes("outputs", observations, outputs)?;
     Ok(rows)
 }
 
 fn check_weights(weights: &[f64]) -> Result<(), ModelError> {
-    let bad = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite()));
+    // The mean of the weights, and each in units of it, must not overflow or vanish.
+    let usable = |w: f64| w == 0.0 || (1e-100..=1e100).contains(&w);
+    let bad = weights.iter().position(|w| !usable(*w));
     if bad.is_none() && weights.iter().any(|w| *w > 0.0) {
         return Ok(());
     }
@@ -419,7 +462,7 @@ fn check_weights(weights: &[f64]) -> Result<(), ModelError> {
     Err(ModelError::Setting {
         name: "weights",
         found,
-        expected: "finite numbers, 0 or above, not all 0",
+        expected: "0 or numbers from 1e-100 to 1e100, not all 0",
     })
 }
 

@@ -5,7 +5,7 @@ use std::vec::Vec;
 use ecm_se3::{Mat6, Vec6};
 
 use crate::energy::model::EnergyModel;
-use crate::error::{ModelError, check_count};
+use crate::error::{ModelError, check_count, check_finite};
 use crate::polynomial_model::{PolynomialModel, regressor};
 
 impl PolynomialModel {
@@ -17,8 +17,11 @@ impl PolynomialModel {
         let covariance = &self.facts().unscaled_covariance;
         let k = self.exponents().len() / self.inputs();
         check_count("covariance of the fit", "numbers", covariance.len(), k * k)?;
+        self.rows_of(points)?;
         let x = regressor(points, self.exponents(), self.lower(), self.upper())?;
-        Ok(x.chunks_exact(k).map(|row| form(row, covariance)).collect())
+        let leverage: Vec<f64> = x.chunks_exact(k).map(|row| form(row, covariance)).collect();
+        check_finite("the leverage", &leverage, 1)?;
+        Ok(leverage)
     }
 
     /// Standard deviation (N, outputs) of a new measurement around ĥ: s √(1 + leverage).
@@ -54,6 +57,7 @@ impl EnergyModel {
             }
             results.push(wrench);
         }
+        check_finite("the covariance", results.as_flattened().as_flattened(), 36)?;
         Ok(results)
     }
 }

@@ -1,10 +1,10 @@
 //! Energies: recovered coefficients, symmetric Hessian, stiffness by finite differences, invariances.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ecm_poly::energy::groups::{Group, group_terms};
+use ecm_poly::arithmetic::Plain;
 use ecm_poly::energy::terms::terms;
-use ecm_poly::{EnergyFit, EnergyMap, EnergyModel, Symmetry};
-use ecm_se3::Pose;
+use ecm_poly::energy::{EnergyTerms, Group};
+use ecm_poly::{EnergyFit, EnergyModel, Pose, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -61,7 +61,7 @@ proptest! {
                 }
                 let lower = |s: f64| { let mut x = p; x[j] += s * e; m.energy(&[x]).unwrap()[0] };
                 let slope = (lower(-2.0) - 8.0 * lower(-1.0) + 8.0 * lower(1.0) - lower(2.0)) / (12.0 * e);
-                let g = ecm_se3::Wrench::from_array(&wrench).generalised(&ecm_se3::Pose::from_array(&p));
+                let g = ecm_se3::Wrench::from_array(&wrench).generalised(&ecm_se3::Pose::from_array(&p).unwrap());
                 prop_assert!((slope - g[j]).abs() < 1e-7 * (1.0 + g[j].abs()), "{slope} {}", g[j]);
             }
             for i in 0..6 { for j in 0..6 {
@@ -134,7 +134,9 @@ fn closed_loops_need_no_work() {
     // left of the work is rounding.
     let broken = ["anisotropy", "face_tilt", "handedness"];
     let groups = Group::from_names(&broken, Symmetry::Revolution).unwrap();
-    let count = terms(Symmetry::Revolution, 6).unwrap().len() + group_terms(&groups, 6).len();
+    let count = EnergyTerms::new(Symmetry::Revolution, 6, &groups)
+        .unwrap()
+        .count();
     let weights: Vec<f64> = (0..count).map(|i| 0.1 * (i as f64).cos()).collect();
     let uneven =
         EnergyModel::with_groups(LENGTH, 6, Symmetry::Revolution, &groups, SCALE, &weights)
@@ -163,7 +165,7 @@ fn closed_loops_need_no_work() {
                 -0.5 * (t + 0.7).sin(),
             ];
             let h = m.predict(&[p]).unwrap()[0];
-            let g = ecm_se3::Wrench::from_array(&h).generalised(&Pose::from_array(&p));
+            let g = ecm_se3::Wrench::from_array(&h).generalised(&Pose::from_array(&p).unwrap());
             let power: f64 = (0..6).map(|k| g[k] * rate[k]).sum();
             work += power;
             turnover += power.abs();
@@ -341,7 +343,9 @@ fn prediction_covariance_is_that_of_the_coefficients() {
 fn groups_add_their_wrench_and_stay_an_energy() {
     let names = ["anisotropy", "face_tilt", "handedness", "unlike_ends"];
     let groups = Group::from_names(&names, Symmetry::Alike).unwrap();
-    let count = terms(Symmetry::Alike, 6).unwrap().len() + group_terms(&groups, 6).len();
+    let count = EnergyTerms::new(Symmetry::Alike, 6, &groups)
+        .unwrap()
+        .count();
     let weights: Vec<f64> = (0..count)
         .map(|i| ((i as f64 + 1.0) * 12.9898).sin())
         .collect();
@@ -378,14 +382,126 @@ fn groups_add_their_wrench_and_stay_an_energy() {
             h[1]
         );
     }
-    // Written out in (c, θ) it is the same energy.
-    let (symmetry, exponents, coefficients) = model.written_out();
-    assert_eq!(symmetry, Symmetry::General);
-    let map = EnergyMap::new(symmetry, &exponents, &coefficients, [0.03, 0.9], LENGTH).unwrap();
-    for (pose, u) in poses.iter().zip(&energies) {
-        let other = map.energy(&Pose::from_array(pose));
+    // The plan holds the whole energy, not its symmetric part alone.
+    let tables = model.tables::<f64>().unwrap();
+    assert_eq!(tables.symmetry(), Symmetry::General);
+    let plan = tables.plan::<1024>().unwrap();
+    for (p, (u, h)) in poses.iter().zip(energies.iter().zip(&wrenches)) {
+        let pose = Pose::from_array(p).unwrap();
+        let other = plan.energy::<Plain>(&pose);
         assert!((other - u).abs() < 1e-12 * u.abs().max(1.0));
+        for (a, b) in plan.wrench::<Plain>(&pose).to_array().iter().zip(h) {
+            assert!((a - b).abs() < 1e-10 * b.abs().max(1.0), "{a} {b}");
+        }
     }
     assert!(Group::from_names(&["anisotropy"], Symmetry::General).is_err());
     assert!(Group::from_names(&["crooked"], Symmetry::Alike).is_err());
+}
+
+#[test]
+fn general_takes_no_groups() {
+    // Its monomials hold all that a group could add: each coefficient would be there twice.
+    let groups = [Group::Anisotropy];
+    let count = terms(Symmetry::General, 4).unwrap().len();
+    for more in [0, 28] {
+        let weights = vec![0.1; count + more];
+        let model =
+            EnergyModel::with_groups(LENGTH, 4, Symmetry::General, &groups, SCALE, &weights);
+        let message = model.unwrap_err().to_string();
+        assert!(
+            message.contains("\"anisotropy\" with symmetry general"),
+            "{message}"
+        );
+    }
+    let fit = EnergyFit {
+        length_m: LENGTH,
+        degree: 4,
+        symmetry: Symmetry::General,
+        groups: &groups,
+        covariance: None,
+    };
+    let poses = vec![[LENGTH, 0.0, 0.0, 0.0, 0.0, 0.1]; 60];
+    assert!(fit.run(&poses, &vec![[0.0; 6]; 60]).is_err());
+}
+
+#[test]
+fn poses_beyond_half_a_turn_are_refused_with_their_row() {
+    let m = model(Symmetry::Alike, 4, 1.0);
+    let rest = [LENGTH, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let far = [LENGTH, 0.0, 0.0, 0.0, 3.0, 1.0];
+    let poses = [rest, rest, far];
+    let partial = StiffnessKind::Partial;
+    let fit = EnergyFit {
+        length_m: LENGTH,
+        degree: 1,
+        symmetry: Symmetry::Alike,
+        groups: &[],
+        covariance: None,
+    };
+    let messages = [
+        m.predict(&poses).unwrap_err(),
+        m.energy(&poses).unwrap_err(),
+        m.stiffness(&poses, partial).unwrap_err(),
+        m.regressor(&poses).unwrap_err(),
+        m.prediction_covariance(&poses).unwrap_err(),
+        fit.run(&poses, &[[0.0; 6]; 3]).unwrap_err(),
+    ];
+    for message in messages.map(|error| error.to_string()) {
+        assert!(
+            message.contains("row 2") && message.contains("longer than pi"),
+            "{message}"
+        );
+    }
+    let half = [LENGTH, 0.0, 0.0, 0.0, std::f64::consts::PI, 0.0];
+    assert!(m.predict(&[half]).is_ok());
+}
+
+#[test]
+fn one_pose_is_as_many() {
+    let groups = Group::from_names(&["anisotropy", "face_tilt"], Symmetry::Alike).unwrap();
+    for degree in [3, 6, 7] {
+        let count = EnergyTerms::new(Symmetry::Alike, degree, &groups)
+            .unwrap()
+            .count();
+        let weights: Vec<f64> = (0..count).map(|i| (i as f64).cos()).collect();
+        let m = EnergyModel::with_groups(LENGTH, degree, Symmetry::Alike, &groups, SCALE, &weights)
+            .unwrap();
+        let p = [0.1, 0.004, -0.003, 0.2, 0.1, -0.3];
+        let (h, k) = m.wrench_and_stiffness(&Pose::from_array(&p).unwrap());
+        assert_eq!(h.to_array(), m.predict(&[p]).unwrap()[0]);
+        assert_eq!(k, m.stiffness(&[p], StiffnessKind::Partial).unwrap()[0]);
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let m = model(Symmetry::Revolution, 6, 1.0);
+    let poses: Vec<[f64; 6]> = (0..3000)
+        .map(|i| {
+            let wave = |k: usize| ((6 * i + k) as f64 * 0.37).sin();
+            [
+                LENGTH + 0.01 * wave(0),
+                0.02 * wave(1),
+                0.02 * wave(2),
+                wave(3),
+                wave(4),
+                wave(5),
+            ]
+        })
+        .collect();
+    let of_threads = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(n)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let k = m.stiffness(&poses, StiffnessKind::Partial).unwrap();
+            (m.predict(&poses).unwrap(), k, m.energy(&poses).unwrap())
+        })
+    };
+    let one = of_threads(1);
+    assert_eq!(one, of_threads(3));
+    for (p, h) in poses.iter().zip(&one.0).step_by(499) {
+        assert_eq!(*h, m.predict(&[*p]).unwrap()[0]);
+    }
 }

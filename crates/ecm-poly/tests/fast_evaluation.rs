@@ -3,7 +3,7 @@
 
 use ecm_poly::arithmetic::Plain;
 use ecm_poly::cubic::Cubic;
-use ecm_poly::energy::EnergyTables;
+use ecm_poly::energy::plan::{EnergyPlan, ROWS};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::{EnergyModel, Polynomial, PolynomialModel, Symmetry};
 use ecm_se3::mid_frame::MidFrame;
@@ -122,17 +122,20 @@ proptest! {
     #[test]
     fn planned_energy(p in point(), seed in 0.0..9.0_f64) {
         let cases = [
-            (Symmetry::Alike, 4), (Symmetry::Alike, 6), (Symmetry::Alike, 8), (Symmetry::Revolution, 5),
-            (Symmetry::Revolution, 6), (Symmetry::General, 4), (Symmetry::General, 6),
+            (Symmetry::Alike, 3), (Symmetry::Alike, 4), (Symmetry::Alike, 5), (Symmetry::Alike, 6),
+            (Symmetry::Alike, 7), (Symmetry::Alike, 8), (Symmetry::Revolution, 4), (Symmetry::Revolution, 5),
+            (Symmetry::Revolution, 6), (Symmetry::Revolution, 7), (Symmetry::Revolution, 8), (Symmetry::General, 4), (Symmetry::General, 6),
         ];
         for (symmetry, degree) in cases {
             let rows = terms(symmetry, degree).unwrap();
             let coefficients = wave(rows.len(), seed);
             let scale = [0.03, 0.9];
             let model = EnergyModel::from_coefficients(0.1, degree, symmetry, scale, &coefficients).unwrap();
-            let pose = Pose::from_array(&p);
+            let pose = Pose::from_array(&p).unwrap();
             for kind in [StiffnessKind::Partial, StiffnessKind::Generalised, StiffnessKind::Screw] {
-                let (_, h, k) = term_by_term(&model, &pose, kind);
+                let (u, h, k) = term_by_term(&model, &pose, kind);
+                let fast_u = model.energy(&[p]).unwrap()[0];
+                prop_assert!((fast_u - u).abs() < 1e-12 * (1.0 + u.abs()), "{symmetry:?} {degree}");
                 let fast_h = model.predict(&[p]).unwrap()[0];
                 let fast_k = model.stiffness(&[p], kind).unwrap()[0];
                 for j in 0..6 {
@@ -144,11 +147,10 @@ proptest! {
                 }
             }
             if degree <= 6 && symmetry != Symmetry::General {
-                let tables = EnergyTables::<f32>::new(symmetry, &rows, &coefficients, scale, 0.1);
-                let plan = tables.plan();
-                plan.check::<128>().unwrap();
-                let single = Pose::from_array(&p.map(|x| x as f32));
-                let (h32, k32) = plan.wrench_and_stiffness::<Plain, 128>(&single, StiffnessKind::Partial);
+                let tables = model.tables::<f32>().unwrap();
+                let plan = tables.plan::<128>().unwrap();
+                let single = Pose::from_array(&p.map(|x| x as f32)).unwrap();
+                let (h32, k32) = plan.wrench_and_stiffness::<Plain>(&single, StiffnessKind::Partial);
                 let (u, h, k) = term_by_term(&model, &pose, StiffnessKind::Partial);
                 for j in 0..6 {
                     let (a, b) = (f64::from(h32.to_array()[j]), h[j]);
@@ -157,7 +159,7 @@ proptest! {
                         prop_assert!((f64::from(k32[j][i]) - k[j][i]).abs() < 2e-4 * largest(k.as_flattened()));
                     }
                 }
-                let energy = f64::from(plan.energy::<Plain, 128>(&single));
+                let energy = f64::from(plan.energy::<Plain>(&single));
                 prop_assert!((energy - u).abs() < 1e-3 * (1.0 + energy.abs()));
             }
         }
@@ -167,14 +169,44 @@ proptest! {
 #[test]
 fn too_small_a_memory_is_refused() {
     let rows = terms(Symmetry::Alike, 6).unwrap();
-    let tables = EnergyTables::<f64>::new(
-        Symmetry::Alike,
-        &rows,
-        &wave(rows.len(), 1.0),
-        [0.03, 0.9],
-        0.1,
+    let weights = wave(rows.len(), 1.0);
+    let model =
+        EnergyModel::from_coefficients(0.1, 6, Symmetry::Alike, [0.03, 0.9], &weights).unwrap();
+    let tables = model.tables::<f64>().unwrap();
+    assert!(tables.plan::<16>().is_err());
+    assert!(tables.plan::<64>().is_err());
+    assert!(tables.plan::<127>().is_err());
+    assert!(tables.plan::<128>().is_ok());
+}
+
+#[test]
+fn tables_that_do_not_fit_together_are_no_plan() {
+    let mut ends = [1; ROWS];
+    type Tables<'a> = (&'a [(u16, u8)], [u16; ROWS], &'a [u16], &'a [f64]);
+    let plan = |(products, ends, columns, weights): Tables<'_>| {
+        EnergyPlan::<f64, 4>::new(Symmetry::Alike, 0.1, products, ends, columns, weights).map(drop)
+    };
+    assert!(plan((&[(0, 0)], ends, &[1], &[2.0])).is_ok());
+    assert!(
+        plan((&[(1, 0)], ends, &[1], &[2.0])).is_err(),
+        "its own factor"
     );
-    assert!(tables.plan().check::<64>().is_err());
-    assert!(tables.plan().check::<127>().is_err());
-    assert!(tables.plan().check::<128>().is_ok());
+    assert!(
+        plan((&[(0, 6)], ends, &[1], &[2.0])).is_err(),
+        "a seventh variable"
+    );
+    assert!(
+        plan((&[(0, 0)], ends, &[2], &[2.0])).is_err(),
+        "no such monomial"
+    );
+    assert!(plan((&[(0, 0)], ends, &[1], &[])).is_err(), "no weight");
+    ends[3] = 0;
+    assert!(
+        plan((&[(0, 0)], ends, &[1], &[2.0])).is_err(),
+        "rows not in order"
+    );
+    assert!(
+        plan((&[(0, 0)], [2; ROWS], &[1], &[2.0])).is_err(),
+        "beyond the entries"
+    );
 }

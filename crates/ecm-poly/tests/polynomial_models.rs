@@ -302,10 +302,11 @@ fn leave_one_out_curves_are_those_of_leaving_out() {
         PolynomialModel::fit(&points, 6, &values, 2, 2, Method::LeastSquares, None).unwrap();
     let x = polynomial_regressor(&points, 2, model.lower(), model.upper()).unwrap();
     let svd = ecm_poly::dense::ThinSvd::new(&x, 28).unwrap();
+    let u = svd.left_vectors();
     for rank in [1, 5, 17, 28] {
         let score = |row: usize| -> Vec<f64> {
             (0..rank)
-                .map(|j| svd.u[(row, j)] * svd.singular_values[j])
+                .map(|j| u[28 * row + j] * svd.singular_values[j])
                 .collect()
         };
         for output in 0..2 {
@@ -372,4 +373,28 @@ fn ninety_five_percent_of_new_measurements_fall_into_the_interval() {
     let model = PolynomialModel::fit(&train, 6, &values, 1, 2, Method::LeastSquares, None).unwrap();
     let sum: f64 = model.leverage(&train).unwrap().iter().sum();
     assert!((sum - 28.0).abs() < 1e-9, "{sum}");
+}
+
+#[test]
+fn a_column_that_is_constant_up_to_rounding_has_no_effect() {
+    let next = f64::from_bits(0.1034_f64.to_bits() + 1);
+    let rows: Vec<[f64; 2]> = (0..30)
+        .map(|i| [f64::from(i), if i % 2 == 0 { 0.1034 } else { next }])
+        .collect();
+    let values: Vec<f64> = (0..30)
+        .map(|i| 3.0 + f64::from(i) + 0.1 * f64::from(i % 2))
+        .collect();
+    let model = PolynomialModel::fit(
+        rows.as_flattened(),
+        2,
+        &values,
+        1,
+        3,
+        Method::LeastSquares,
+        None,
+    )
+    .unwrap();
+    let beside = model.predict(&[15.0, 0.1034 + 1e-9]).unwrap()[0];
+    assert!((beside - 18.0).abs() < 0.1, "{beside}");
+    assert_eq!(model.jacobian(&[15.0, 0.1034]).unwrap()[1], 0.0);
 }

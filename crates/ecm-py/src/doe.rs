@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use ecm_doe::{
-    Control, DSettings, Design, MaximinSettings, Method, SpacingMethod, a_optimal,
-    compound_optimal, d_optimal as search_d, g_optimal, i_optimal, maximin as search_maximin,
+    CRITERIA, Candidates, Control, Criterion, DSettings, Design, MaximinSettings, Method,
+    SpacingMethod, maximin as search_maximin,
 };
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -177,14 +177,9 @@ pub fn d_optimal(
             )));
         }
     };
-    if !["d", "i", "a", "g", "di"].contains(&criterion) {
-        return Err(DesignError::new_err(format!(
-            "criterion = {criterion:?}, expected \"d\", \"i\", \"a\", \"g\" or \"di\""
-        )));
-    }
+    let criterion = Criterion::of_model(criterion).map_err(design_error)?;
     let (rows, _, terms) = matrix(&regressor);
     let region = same_columns("region", region, terms)?;
-    let region = region.as_deref();
     let settings = DSettings {
         n,
         starts,
@@ -198,27 +193,22 @@ pub fn d_optimal(
         prior: prior.map(|p| matrix(&p).0),
         ..DSettings::default()
     };
-    search(
-        py,
-        threads,
-        time_limit_s,
-        progress,
-        |control| match criterion {
-            "i" => i_optimal(&rows, rows_per_pose, terms, region, &settings, control),
-            "a" => a_optimal(&rows, rows_per_pose, terms, &settings, control),
-            "g" => g_optimal(&rows, rows_per_pose, terms, &settings, control),
-            "di" => compound_optimal(
-                &rows,
-                rows_per_pose,
-                terms,
-                share,
-                region,
-                &settings,
-                control,
-            ),
-            _ => search_d(&rows, rows_per_pose, terms, &settings, control),
-        },
-    )
+    let candidates = Candidates {
+        regressor: &rows,
+        block: rows_per_pose,
+        terms,
+        share,
+        region: region.as_deref(),
+    };
+    search(py, threads, time_limit_s, progress, |control| {
+        criterion.search(&candidates, &settings, control)
+    })
+}
+
+/// Name, meaning and whether it averages over a region, of every criterion.
+#[pyfunction]
+pub fn criteria() -> Vec<(&'static str, &'static str, bool)> {
+    CRITERIA.map(|c| (c.name, c.meaning, c.averaged)).to_vec()
 }
 
 /// The subset whose closest two points are farthest apart; distances of the points as given.

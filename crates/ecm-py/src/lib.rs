@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::doe::{DesignResult, d_optimal, maximin};
+    use crate::doe::{DesignResult, criteria, d_optimal, maximin};
 
     #[pymodule_export]
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
@@ -33,7 +33,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::se3::{
-        convert_stiffness, left_jacobians, mid_frame, rotation_matrices, rotation_vectors,
+        check_rotations, convert_stiffness, left_jacobians, mid_frame, rotation_matrices,
+        rotation_vectors,
     };
 
     #[pymodule_export]

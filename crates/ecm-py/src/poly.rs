@@ -3,9 +3,8 @@
 use std::borrow::Cow;
 
 use ecm_poly::basis::exponents;
-use ecm_poly::energy::groups::{Group, group_terms};
 use ecm_poly::energy::regressor::regressor;
-use ecm_poly::energy::terms::terms;
+use ecm_poly::energy::{EnergyTerms, Group};
 use ecm_poly::export::Precision;
 use ecm_poly::regression::triangle::Triangle;
 use ecm_poly::{EnergyFit, Method, Symmetry};
@@ -438,7 +437,7 @@ impl EnergyModel {
         length_m: f64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let poses = poses_of(&poses)?;
-        let scale = ecm_poly::energy::fit::scale_of(&poses, length_m);
+        let scale = ecm_poly::energy::fit::scale_of(&poses, length_m).map_err(error)?;
         Ok(PyArray1::from_slice(py, &scale))
     }
 
@@ -551,13 +550,12 @@ impl EnergyModel {
         let symmetry = symmetry_of(symmetry)?;
         let scale = scale_of(&scale)?;
         let poses = poses_of(&poses)?;
-        let table = terms(symmetry, degree).map_err(error)?;
         let groups = Group::from_names(&groups, symmetry).map_err(error)?;
-        let broken = group_terms(&groups, degree);
+        let terms = EnergyTerms::new(symmetry, degree, &groups).map_err(error)?;
         let flat = py
-            .detach(|| regressor(&poses, length_m, symmetry, (&table, &broken), scale))
+            .detach(|| regressor(&poses, length_m, &terms, scale))
             .map_err(error)?;
-        PyArray1::from_vec(py, flat).reshape([poses.len(), 6, table.len() + broken.len()])
+        PyArray1::from_vec(py, flat).reshape([poses.len(), 6, terms.count()])
     }
 
     #[pyo3(name = "energy_J")]

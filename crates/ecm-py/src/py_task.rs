@@ -12,6 +12,9 @@ use pyo3::prelude::*;
 
 use crate::errors::EcmError;
 
+/// Most worker threads that are started.
+const MOST_THREADS: usize = 1024;
+
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Progress counter and cancel flag that the work and the calling thread share.
@@ -52,6 +55,11 @@ where
     T: Send,
     W: FnOnce(&TaskState) -> T + Send,
 {
+    if threads > MOST_THREADS {
+        return Err(EcmError::new_err(format!(
+            "threads = {threads}, expected at most {MOST_THREADS}, 0 for all cores"
+        )));
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()

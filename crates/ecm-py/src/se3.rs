@@ -8,26 +8,38 @@ use pyo3::prelude::*;
 use crate::arrays::{from_matrices, from_rows, rows};
 use crate::errors::ModelError;
 
-/// exp of (N, 3) rotation vectors: (N, 3, 3).
+/// exp of (N, 3) rotation vectors: (N, 3, 3); refuses those longer than pi.
 #[pyfunction]
 pub fn rotation_matrices<'py>(
     py: Python<'py>,
     rotation_vectors: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
+    checked_rotations("rotation_vectors", &vectors)?;
     let results: Vec<_> = vectors.iter().map(ecm_se3::rotation_matrix).collect();
     from_matrices(py, &results)
 }
 
-/// log of (N, 3, 3) rotations: (N, 3), |theta| <= pi.
+/// log of (N, 3, 3) rotations: (N, 3), |theta| <= pi; refuses reflections.
 #[pyfunction]
 pub fn rotation_vectors<'py>(
     py: Python<'py>,
     rotation_matrices: PyReadonlyArray3<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rotations = matrices::<3, 3>("rotation_matrices", &rotation_matrices)?;
-    let results: Vec<_> = rotations.iter().map(ecm_se3::rotation_vector).collect();
-    from_rows(py, &results)
+    let vector = |(row, rotation)| {
+        ecm_se3::rotation_vector(rotation)
+            .map_err(|error| ModelError::new_err(format!("rotation_matrices: row {row}: {error}")))
+    };
+    let results = rotations.iter().enumerate().map(vector);
+    from_rows(py, &results.collect::<PyResult<Vec<_>>>()?)
+}
+
+/// Refuses (N, 3) rotation vectors longer than pi, naming the row.
+#[pyfunction]
+pub fn check_rotations(rotation_vectors: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+    let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
+    checked_rotations("rotation_vectors", &vectors)
 }
 
 /// J(theta) with dphi = J dtheta: (N, 3, 3).
@@ -37,6 +49,7 @@ pub fn left_jacobians<'py>(
     rotation_vectors: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
+    checked_rotations("rotation_vectors", &vectors)?;
     let results: Vec<_> = vectors.iter().map(ecm_se3::left_jacobian).collect();
     from_matrices(py, &results)
 }
@@ -48,10 +61,10 @@ pub fn mid_frame<'py>(
     poses: PyReadonlyArray2<'py, f64>,
     length_m: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let poses = rows::<6>("poses", &poses)?;
+    let poses = checked_poses("poses", &rows::<6>("poses", &poses)?)?;
     let results: Vec<_> = poses
         .iter()
-        .map(|p| ecm_se3::mid_frame::coordinates(&Pose::from_array(p), length_m))
+        .map(|p| ecm_se3::mid_frame::coordinates(p, length_m))
         .collect();
     from_rows(py, &results)
 }
@@ -69,7 +82,7 @@ pub fn convert_stiffness<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let (source, target) = (stiffness_kind(source)?, stiffness_kind(target)?);
     let stiffness = matrices::<6, 6>("stiffness", &stiffness)?;
-    let poses = rows::<6>("poses", &poses)?;
+    let poses = checked_poses("poses", &rows::<6>("poses", &poses)?)?;
     let wrenches = rows::<6>("wrenches", &wrenches)?;
     if stiffness.len() != poses.len() || wrenches.len() != poses.len() {
         return Err(ModelError::new_err(format!(
@@ -82,12 +95,23 @@ pub fn convert_stiffness<'py>(
     let results: Vec<_> = stiffness
         .iter()
         .zip(poses.iter().zip(&wrenches))
-        .map(|(k, (p, h))| {
-            let (pose, wrench) = (Pose::from_array(p), Wrench::from_array(h));
-            convert(k, &pose, &wrench, source, target)
-        })
+        .map(|(k, (pose, h))| convert(k, pose, &Wrench::from_array(h), source, target))
         .collect();
     from_matrices(py, &results)
+}
+
+/// Poses of rows; the error names the first that has a number that is not finite or turns by more
+/// than pi.
+fn checked_poses(name: &'static str, rows: &[[f64; 6]]) -> PyResult<Vec<Pose<f64>>> {
+    ecm_poly::checked_poses(name, rows).map_err(|error| ModelError::new_err(error.to_string()))
+}
+
+fn checked_rotations(name: &'static str, vectors: &[[f64; 3]]) -> PyResult<()> {
+    let poses: Vec<_> = vectors
+        .iter()
+        .map(|t| [0.0, 0.0, 0.0, t[0], t[1], t[2]])
+        .collect();
+    checked_poses(name, &poses).map(drop)
 }
 
 /// The stiffness kind of a name.

@@ -6,12 +6,13 @@
 //! δφ = J(θ) δθ, so the generalised force to θ is J(θ)ᵀ τ.
 //!
 //! Sines and cosines enter only through the entire functions of |θ|² of [`stumpff`]; they
-//! are accurate to 1e-14 up to |θ| = π. Only the logarithm needs `std`.
+//! are accurate to 1e-14 up to |θ| = π, and NaN beyond |θ| = 4. Only the logarithm needs `std`.
 #![no_std]
 
 #[cfg(feature = "std")]
 extern crate std;
 
+pub mod error;
 pub mod jacobian;
 pub mod linear;
 #[cfg(feature = "std")]
@@ -25,6 +26,7 @@ pub mod source;
 pub mod stiffness;
 pub mod stumpff;
 
+pub use error::{PoseError, RotationError};
 pub use jacobian::{
     left_jacobian, left_jacobian_derivatives, left_jacobian_inverse, torque_derivative,
 };
@@ -35,3 +37,8 @@ pub use pose::{Pose, Wrench};
 pub use real::Real;
 pub use rotation::{RotationForm, half_rotation, rotation_matrix};
 pub use stumpff::Stumpff;
+
+/// The examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

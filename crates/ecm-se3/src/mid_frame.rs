@@ -32,12 +32,12 @@ impl<R: Real> MidFrame<R> {
     /// The mid frame of a pose, for a mechanism of undeformed length `length_m` (m).
     #[inline]
     pub fn new(pose: &Pose<R>, length_m: R) -> Self {
-        let theta = pose.rotation_vector;
+        let theta = *pose.rotation_vector();
         let half_theta = scaled(R::HALF, &theta);
         let whole = Stumpff::new(dot(&theta, &theta));
         let half = Stumpff::new(dot(&half_theta, &half_theta));
         Self {
-            position: pose.position,
+            position: *pose.position(),
             theta,
             base_from_mid: rotation_matrix_from(&half_theta, &half),
             half_jacobian: times(R::HALF, &left_jacobian_from(&half_theta, &half)),

@@ -33,8 +33,16 @@ pub trait Real:
     const HALF: Self;
     /// 2.
     const TWO: Self;
+    /// π.
+    const PI: Self;
+    /// The gap between 1 and the next number.
+    const EPSILON: Self;
+    /// Not a number.
+    const NAN: Self;
     /// Terms of the series of [`crate::Stumpff`] that reach this type's precision at |θ| = π.
     const SERIES_TERMS: usize;
+    /// Whether it is neither NaN nor infinite.
+    fn is_finite(self) -> bool;
     /// 1/n! for n = 0 … 34.
     const INVERSE_FACTORIALS: [Self; 35];
     /// A whole number, without double precision on the way.
@@ -50,11 +58,18 @@ impl Real for f64 {
     const ONE: Self = 1.0;
     const HALF: Self = 0.5;
     const TWO: Self = 2.0;
+    const PI: Self = core::f64::consts::PI;
+    const EPSILON: Self = f64::EPSILON;
+    const NAN: Self = f64::NAN;
     const SERIES_TERMS: usize = 13;
     const INVERSE_FACTORIALS: [Self; 35] = inverse_factorials();
     #[inline(always)]
     fn from_u16(value: u16) -> Self {
         f64::from(value)
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f64::is_finite(self)
     }
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -71,11 +86,18 @@ impl Real for f32 {
     const ONE: Self = 1.0;
     const HALF: Self = 0.5;
     const TWO: Self = 2.0;
+    const PI: Self = core::f32::consts::PI;
+    const EPSILON: Self = f32::EPSILON;
+    const NAN: Self = f32::NAN;
     const SERIES_TERMS: usize = 7;
     const INVERSE_FACTORIALS: [Self; 35] = single(inverse_factorials());
     #[inline(always)]
     fn from_u16(value: u16) -> Self {
         f32::from(value)
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f32::is_finite(self)
     }
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

@@ -3,6 +3,7 @@
 /// File name and content, below `src`.
 pub const FILES: &[(&str, &str)] = &[
     ("lib.rs", include_str!("lib.rs")),
+    ("error.rs", include_str!("error.rs")),
     ("jacobian.rs", include_str!("jacobian.rs")),
     ("linear.rs", include_str!("linear.rs")),
     ("mid_frame.rs", include_str!("mid_frame.rs")),

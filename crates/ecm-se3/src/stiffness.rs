@@ -29,13 +29,15 @@ pub enum StiffnessKind {
 /// ```
 /// use ecm_se3::stiffness::{StiffnessKind, convert};
 /// use ecm_se3::{Pose, Wrench};
-/// let pose = Pose::from_array(&[0.1, 0.0, 0.01, 0.0, 0.3, 0.0]);
+/// # fn main() -> Result<(), ecm_se3::PoseError> {
+/// let pose = Pose::from_array(&[0.1, 0.0, 0.01, 0.0, 0.3, 0.0])?;
 /// let wrench = Wrench::from_array(&[0.0, 0.0, 20.0, 0.0, 1.0, 0.0]);
 /// let k: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 9.0 } else { 1.0 }));
 /// let (partial, screw) = (StiffnessKind::Partial, StiffnessKind::Screw);
 /// let k_s = convert(&k, &pose, &wrench, partial, screw);
 /// let back = convert(&k_s, &pose, &wrench, screw, partial);
 /// assert!((0..36).all(|n| (back[n / 6][n % 6] - k[n / 6][n % 6]).abs() < 1e-12));
+/// # Ok(()) }
 /// ```
 pub fn convert<R: Real>(
     stiffness: &Mat6<R>,
@@ -47,7 +49,7 @@ pub fn convert<R: Real>(
     if source == target {
         return *stiffness;
     }
-    let theta = &pose.rotation_vector;
+    let theta = pose.rotation_vector();
     let functions = Stumpff::new(dot(theta, theta));
     let j = left_jacobian_from(theta, &functions);
     let inverse = left_jacobian_inverse_from(theta, &functions);

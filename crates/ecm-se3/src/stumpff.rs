@@ -6,6 +6,9 @@
 
 use crate::real::Real;
 
+/// Largest s = |θ|².
+const LARGEST: u16 = 16;
+
 /// c₀ … c₇ at one s = |θ|².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stumpff<R> {
@@ -17,9 +20,11 @@ impl<R: Real> Stumpff<R> {
     /// c_k at `s` = |θ|² (rad²).
     ///
     /// c₆ and c₇ by their series, the others by c_k = 1/k! − s c_{k+2}, which loses no digit
-    /// that counts up to |θ| = π; the precision falls off beyond |θ| = 4.
+    /// that counts up to |θ| = π. Beyond |θ| = 4, where the series are too short, all are NaN: no
+    /// wrong rotation passes for a right one.
     #[inline]
     pub fn new(s: R) -> Self {
+        let s = if s <= R::from_u16(LARGEST) { s } else { R::NAN };
         let mut c = [R::ZERO; 8];
         c[6] = series(6, s);
         c[7] = series(7, s);
@@ -88,6 +93,15 @@ mod tests {
                 assert!((double.c[k] - f64::from(single.c[k])).abs() < 1e-6);
             }
         }
+    }
+
+    #[test]
+    fn beyond_the_series_there_is_no_number() {
+        for s in [16.1, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(Stumpff::new(s).c.iter().all(|c| c.is_nan()), "{s}");
+            assert!(Stumpff::new(s as f32).c.iter().all(|c| c.is_nan()), "{s}");
+        }
+        assert!(Stumpff::new(16.0).c.iter().all(|c| c.is_finite()));
     }
 
     #[test]

@@ -24,9 +24,8 @@ fn rotation() -> impl Strategy<Value = [f64; 3]> {
 }
 
 fn pose() -> impl Strategy<Value = Pose<f64>> {
-    (vector(0.03), rotation()).prop_map(|(c, theta)| Pose {
-        position: [c[0] + LENGTH, c[1], c[2]],
-        rotation_vector: theta,
+    (vector(0.03), rotation()).prop_map(|(c, t)| {
+        Pose::from_array(&[c[0] + LENGTH, c[1], c[2], t[0], t[1], t[2]]).unwrap()
     })
 }
 
@@ -42,7 +41,7 @@ fn distance<const A: usize, const B: usize>(a: &[[f64; B]; A], b: &[[f64; B]; A]
 fn shifted(pose: &Pose<f64>, index: usize, step: f64) -> Pose<f64> {
     let mut p = pose.to_array();
     p[index] += step;
-    Pose::from_array(&p)
+    Pose::from_array(&p).unwrap()
 }
 
 /// A quartic energy without any symmetry: gradient and Hessian in q.
@@ -89,7 +88,7 @@ proptest! {
 
     #[test]
     fn logarithm_inverts_the_exponential(theta in rotation()) {
-        let back = rotation_vector(&rotation_matrix(&theta));
+        let back = rotation_vector(&rotation_matrix(&theta)).unwrap();
         prop_assert!(back.iter().zip(theta).all(|(x, y)| (x - y).abs() < 1e-13), "{theta:?} {back:?}");
     }
 
@@ -154,17 +153,17 @@ proptest! {
         w in wrench(), one in pose(), two in pose(), twist in (vector(1.0), vector(1.0)),
     ) {
         let (r1, r2) = (one.base_from_top(), two.base_from_top());
-        let direct = w.moved(&r1, &one.position).moved(&r2, &two.position);
-        let t: [f64; 3] = linear::add(&apply(&r2, &one.position), &two.position);
+        let direct = w.moved(&r1, one.position()).moved(&r2, two.position());
+        let t: [f64; 3] = linear::add(&apply(&r2, one.position()), two.position());
         let at_once = w.moved(&product(&r2, &r1), &t);
         for (x, y) in direct.to_array().iter().zip(at_once.to_array()) {
             prop_assert!((x - y).abs() < 1e-11);
         }
         // Power f·v + τ·ω of the same motion seen in both frames.
         let (v, omega) = twist;
-        let moved = w.moved(&r1, &one.position);
+        let moved = w.moved(&r1, one.position());
         let omega_new = apply(&r1, &omega);
-        let v_new = sub(&apply(&r1, &v), &cross(&omega_new, &one.position));
+        let v_new = sub(&apply(&r1, &v), &cross(&omega_new, one.position()));
         let here = dot(&w.force, &v) + dot(&w.torque, &omega);
         let there = dot(&moved.force, &v_new) + dot(&moved.torque, &omega_new);
         prop_assert!((here - there).abs() < 1e-11);
@@ -238,17 +237,12 @@ proptest! {
 #[test]
 fn swapping_alike_ends_turns_the_mid_frame() {
     // Seen from the other end: r' = −Rᵀ r, R' = Rᵀ; both turned by π about z, θ' = θ mirrored.
-    let p = Pose {
-        position: [0.1, 0.02, -0.015],
-        rotation_vector: [0.3, -0.5, 0.4_f64],
-    };
+    let p = Pose::from_array(&[0.1, 0.02, -0.015, 0.3, -0.5, 0.4_f64]).unwrap();
     let r = p.base_from_top();
-    let seen = linear::apply_transposed(&r, &p.position).map(|x| -x);
+    let seen = linear::apply_transposed(&r, p.position()).map(|x| -x);
     let turn = |v: [f64; 3]| [-v[0], -v[1], v[2]];
-    let swapped = Pose {
-        position: turn(seen),
-        rotation_vector: turn(p.rotation_vector.map(|x| -x)),
-    };
+    let (r, t) = (turn(seen), turn(p.rotation_vector().map(|x| -x)));
+    let swapped = Pose::from_array(&[r[0], r[1], r[2], t[0], t[1], t[2]]).unwrap();
     let (q, s) = (
         mid_frame::coordinates(&p, LENGTH),
         mid_frame::coordinates(&swapped, LENGTH),
@@ -262,10 +256,48 @@ fn swapping_alike_ends_turns_the_mid_frame() {
 #[test]
 fn single_precision_agrees() {
     let p = [0.1, 0.02, -0.015, 0.3, -0.5, 0.4];
-    let double = MidFrame::new(&Pose::from_array(&p), LENGTH).coordinates();
-    let single =
-        MidFrame::new(&Pose::from_array(&p.map(|x| x as f32)), LENGTH as f32).coordinates();
+    let (pose, rounded) = (Pose::from_array(&p), Pose::from_array(&p.map(|x| x as f32)));
+    let double = MidFrame::new(&pose.unwrap(), LENGTH).coordinates();
+    let single = MidFrame::new(&rounded.unwrap(), LENGTH as f32).coordinates();
     for k in 0..6 {
         assert!((double[k] - f64::from(single[k])).abs() < 2e-7);
+    }
+}
+
+#[test]
+fn reflections_and_shears_have_no_rotation_vector() {
+    let r = rotation_matrix(&[0.3, -0.5, 0.4]);
+    let mirrored: Mat3<f64> = std::array::from_fn(|i| r[i].map(|x| -x));
+    let mut sheared = r;
+    sheared[0][1] += 0.01;
+    let mut rounded = r;
+    rounded[0][1] += 1e-4;
+    let mut lost = r;
+    lost[2][2] = f64::NAN;
+    assert_eq!(
+        rotation_vector(&mirrored).unwrap_err().determinant.round(),
+        -1.0
+    );
+    assert!(rotation_vector(&sheared).is_err() && rotation_vector(&lost).is_err());
+    assert!(rotation_vector(&[[0.0; 3]; 3]).is_err());
+    assert!(rotation_vector(&rounded).is_ok());
+}
+
+#[test]
+fn poses_are_finite_and_turn_by_at_most_pi() {
+    let pi = std::f64::consts::PI;
+    assert!(Pose::from_array(&[0.1, 0.0, 0.0, pi, 0.0, 0.0]).is_ok());
+    assert!(Pose::from_array(&[0.1_f32, 0.0, 0.0, 0.0, pi as f32, 0.0]).is_ok());
+    assert!(Pose::from_array(&[0.1, 0.0, 0.0, pi + 1e-9, 0.0, 0.0]).is_err());
+    assert!(Pose::from_array(&[0.1, 0.0, 0.0, 2.0, 2.0, 2.0]).is_err());
+    for k in 0..6 {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let mut p = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0];
+            p[k] = bad;
+            assert!(matches!(
+                Pose::from_array(&p),
+                Err(PoseError::NotFinite { component, .. }) if component == k
+            ));
+        }
     }
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +13,15 @@ from ecm._native import d_optimal, maximin
 from ecm.designs.nominal import NominalModel
 from ecm.designs.prediction import prediction_region
 from ecm.designs.regressors import regressor
-from ecm.designs.settings import CRITERIA, DesignSettings
+from ecm.designs.settings import AVERAGED, CRITERIA, DesignSettings
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 
 Progress = Callable[[int, int], object] | None
 _DEFAULT = DesignSettings()
+
+_MOST_SIZE = 1e100
+"""Largest coordinate: squares and products of larger ones overflow."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Design:
 
     def sentence(self) -> str:
         """The design in one line."""
-        least = "at least " if self.criterion in ("g", "maximin") else ""
+        least = "" if self.criterion in ("d", "i", "a", "di") else "at least "
         return (
             f"{len(self.indices)} poses, {CRITERIA[self.criterion]} {least}"
             f"{100.0 * self.efficiency:.1f} % of what is possible"
@@ -101,7 +104,8 @@ def optimal_design(
     Raises
     ------
     InputError
-        All candidates are the same, or the model lacks its length or its nominal model.
+        No candidates, or all the same; a coordinate that is not finite or above 1e100 in size; a
+        model that lacks its length or its nominal model.
     DesignError
         The candidates or `n` do not determine the model.
 
@@ -114,11 +118,13 @@ def optimal_design(
     >>> [int(row) for row in chosen.indices]
     [0, 4, 8]
     """
+    poses = _checked(poses, "candidates")
+    if measured is not None:
+        measured = _checked(measured, "measured")
     inside = np.unique(np.asarray(include, dtype=np.int64))
     outside = np.asarray(exclude, dtype=np.int64)
     if not settings.replicates:
         outside = np.union1d(outside, repeated(poses, inside, outside)).astype(np.int64)
-    poses = np.ascontiguousarray(poses, dtype=np.float64)
     if not (np.ptp(poses, axis=0) > 0.0).any():
         raise InputError("design: all candidate poses are the same")
     paper = settings.method == "paper"
@@ -145,12 +151,12 @@ def optimal_design(
         )
     else:
         rows = regressor(poses, settings, measured=measured, base=base)
-        averaged = settings.criterion in ("i", "di")
+        averaged = settings.criterion in AVERAGED
         terms = rows.rows.shape[1]
         result = d_optimal(
             rows.rows,
             n + len(inside),
-            criterion=cast(Any, settings.criterion),
+            criterion=settings.criterion,
             rows_per_pose=rows.rows_per_pose,
             measured=rows.measured,
             prior=rows.prior,
@@ -168,6 +174,24 @@ def optimal_design(
         efficiency=result.efficiency,
         status=result.status,
     )
+
+
+def _checked(poses: F, name: str) -> F:
+    """(N, d) finite numbers whose squares do not overflow."""
+    poses = np.ascontiguousarray(poses, dtype=np.float64)
+    if poses.ndim != 2 or 0 in poses.shape:
+        raise InputError(
+            f"design: {name} has shape {poses.shape}, expected rows of coordinates (N, d); "
+            "give at least one pose"
+        )
+    bad = np.argwhere(~(np.abs(poses) <= _MOST_SIZE))
+    if len(bad):
+        row, column = (int(i) for i in bad[0])
+        raise InputError(
+            f"design: {name}: row {row}, column {column} is {poses[row, column]:g}, expected a "
+            f"number of at most {_MOST_SIZE:g} in size; correct or leave out this row"
+        )
+    return poses
 
 
 def repeated(poses: F, include: I, exclude: I) -> I:

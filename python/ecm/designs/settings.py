@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ecm._native import criteria
 from ecm.effects import Effect
 from ecm.io.columns import POSE
 from ecm.io.settings import Checked, setting
 
-CRITERIA = {
-    "d": "D-efficiency",
-    "i": "average variance of h and K",
-    "a": "summed coefficient variance",
-    "g": "largest prediction variance",
-    "di": "D- and I-efficiency together",
-    "maximin": "smallest distance",
-}
+CRITERIA = {name: meaning for name, meaning, _ in criteria()}
 """Criteria by name, with what a design's sentence says of them."""
+
+AVERAGED = tuple(name for name, _, averaged in criteria() if averaged)
+"""Criteria that average over a region."""
 
 
 @dataclass(frozen=True)

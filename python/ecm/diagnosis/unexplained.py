@@ -88,7 +88,9 @@ def _terms(problem: Problem, left: F, values: F) -> list[tuple[int, int, float]]
     chosen: list[int] = []
     rest = y
     for _ in range(problem.settings.most_terms):
-        gains = np.where(usable, (columns.T @ rest) ** 2 / np.maximum(sizes, 1e-300) ** 2, 0.0)
+        if not usable.any():
+            break
+        gains = np.where(usable, ((columns.T @ rest) / np.where(usable, sizes, 1.0)) ** 2, 0.0)
         best = int(np.argmax(gains))
         if chosen and gains[best] < problem.settings.least_term_gain * max(
             total - float(rest @ rest), 1e-300

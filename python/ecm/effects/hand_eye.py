@@ -122,6 +122,9 @@ def _gauss_newton(
         a = (design * root[:, :, None]).reshape(-1, 12)
         normal = a.T @ a + np.eye(12)  # A step of 1 m or 1 rad weighs like one row: never singular.
         step = np.linalg.solve(normal, a.T @ (residual * root).ravel())
+        # A linear step means nothing beyond half a turn.
+        turn = float(np.linalg.norm([step[:3], step[6:9]], axis=1).max())
+        step *= min(1.0, 3.0 / max(turn, 1e-300))
         mounting = _updated(mounting, step)
         if np.abs(step).max() < _TOLERANCE:
             break

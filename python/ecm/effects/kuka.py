@@ -46,11 +46,12 @@ def forward_kinematics(joints_rad: F) -> Chain:
     rotation: F = np.broadcast_to(np.eye(3), (n, 3, 3))
     position: F = np.zeros((n, 3))
     axes, origins = [], []
+    within_half_a_turn = joints_rad - 2.0 * np.pi * np.round(joints_rad / (2.0 * np.pi))
     for j, (axis, offset) in enumerate(zip(_AXES, _OFFSETS_M, strict=True)):
         position = position + offset * rotation[:, :, 2]
         axes.append(rotation @ axis)
         origins.append(position)
-        rotation = rotation @ rotation_matrices(joints_rad[:, j : j + 1] * axis)
+        rotation = rotation @ rotation_matrices(within_half_a_turn[:, j : j + 1] * axis)
     flange = position + _LINKS_M[-1] * rotation[:, :, 2]
     return Chain(np.stack(axes, axis=1), np.stack(origins, axis=1), flange, rotation)
 

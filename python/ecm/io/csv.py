@@ -3,55 +3,126 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.cache import atomic
 from ecm.io.columns import TEXT, WHOLE
-from ecm.io.raw_table import RawTable
+from ecm.io.raw_table import Cells, RawTable
 from ecm.io.toml import read_text
 
+_BLOCK = 4096
+"""Lines that are held as text at a time."""
 
-def read_csv(path: Path, header_rows: int = 1) -> RawTable:
+
+def read_csv(path: Path, header_rows: int = 1, text: Collection[str | int] = TEXT) -> RawTable:
     """Read names and cells of a CSV file (UTF-8, comma).
 
     With `header_rows` = 0 the columns are called column_1, column_2, ...; with 2 the upper line
-    names groups. InputError for a missing, binary or empty file, another separator, and repeated
-    names.
+    names groups. Cells become numbers block by block where all of them are, except in the columns
+    of `text` (names, or numbers from 1). InputError for a missing, binary or empty file, another
+    separator, and repeated names.
     """
-    text = read_text(path, "table (CSV)")
-    if not text.strip():
-        raise InputError(f"{path}: the file is empty, expected a header row and rows of numbers.")
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    lines: list[tuple[int, list[str]]] = []
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            if "\0" not in file.read(65536):
+                file.seek(0)
+                return _read(_filled_lines(file, path), path, header_rows, text)
+    except (OSError, UnicodeDecodeError):
+        pass
+    read_text(path, "table (CSV)")  # raises what is wrong, in words
+    raise InputError(f"{path}: the file changed while it was read. Read it again.")
+
+
+def _filled_lines(file: Iterable[str], path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line that is not empty."""
+    reader = csv.reader(file, strict=True)
     try:
         for cells in reader:
             if len(cells) > 1 or "".join(cells).strip():
-                lines.append((reader.line_num, cells))
+                yield reader.line_num, cells
     except csv.Error as error:
         raise InputError(
             f"{path}: line {reader.line_num} is no CSV: {error}. Look for a stray quote there."
         ) from None
-    header = [[cell.strip() for cell in cells] for _, cells in lines[:header_rows]]
-    rows = lines[header_rows:]
-    names = _names(header, path) if header else _numbered(rows[0][1] if rows else [])
+
+
+def _read(
+    lines: Iterator[tuple[int, list[str]]],
+    path: Path,
+    header_rows: int,
+    text: Collection[str | int],
+) -> RawTable:
+    header = [[cell.strip() for cell in cells] for _, cells in islice(lines, header_rows)]
+    block = list(islice(lines, _BLOCK))
+    if not header and not block:
+        raise InputError(f"{path}: the file is empty, expected a header row and rows of numbers.")
+    names = _names(header, path) if header else _numbered(block[0][1])
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         separators = "semicolons" if ";" in names[0] else "tabs"
         raise InputError(
             f"{path}: the columns are separated by {separators}, expected commas (and a decimal "
             "point). Save it again with commas."
         )
-    width = len(names)
-    good = [(line, cells) for line, cells in rows if len(cells) == width]
-    ragged = tuple((line, len(cells)) for line, cells in rows if len(cells) != width)
-    columns = tuple(zip(*(cells for _, cells in good), strict=True)) if good else ((),) * width
-    return RawTable(names, columns, [line for line, _ in good], "line", ragged)
+    columns = [_Column(name in text or i in text) for i, name in enumerate(names, 1)]
+    numbers: list[NDArray[np.int64]] = []
+    ragged: list[tuple[int, int]] = []
+    while block:
+        good = [(line, cells) for line, cells in block if len(cells) == len(names)]
+        ragged += [(line, len(cells)) for line, cells in block if len(cells) != len(names)]
+        numbers.append(np.array([line for line, _ in good], dtype=np.int64))
+        if good:
+            for column, *own in zip(columns, *(cells for _, cells in good), strict=True):
+                column.add(own)
+        block = list(islice(lines, _BLOCK))
+    places = np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
+    return RawTable(names, tuple(c.cells() for c in columns), places, "line", tuple(ragged))
+
+
+class _Column:
+    """Cells of a column: a block of numbers is kept as numbers, any other as text."""
+
+    def __init__(self, text: bool) -> None:
+        self._text = text
+        self._blocks: list[NDArray[np.float64] | list[str]] = []
+        self._seen: dict[str, str] = {}
+
+    def add(self, cells: Sequence[str]) -> None:
+        """Add a block of cells."""
+        numbers = None if self._text else _finite_numbers(cells)
+        if numbers is None:
+            # The same few words, each held once.
+            self._blocks.append([self._seen.setdefault(cell, cell) for cell in cells])
+        else:
+            self._blocks.append(numbers)
+
+    def cells(self) -> Cells:
+        """All cells: an array where every block holds numbers."""
+        arrays = [block for block in self._blocks if isinstance(block, np.ndarray)]
+        if arrays and len(arrays) == len(self._blocks):
+            return np.concatenate(arrays)
+        return [cell for block in self._blocks for cell in _listed(block)]
+
+
+def _listed(block: NDArray[np.float64] | list[str]) -> list[Any]:
+    return block.tolist() if isinstance(block, np.ndarray) else block
+
+
+def _finite_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
+    """(N,) numbers; None where a cell is none, or one that a message must quote as written."""
+    try:
+        numbers = np.fromiter(map(float, cells), np.float64, len(cells))
+    except ValueError:
+        return None
+    # Python reads 1_000, other programs do not.
+    return numbers if np.isfinite(numbers).all() and "_" not in "".join(cells) else None
 
 
 def _numbered(cells: list[str]) -> tuple[str, ...]:

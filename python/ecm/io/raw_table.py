@@ -21,7 +21,7 @@ class RawTable:
     names: tuple[str, ...]
     columns: tuple[Cells, ...]
     """The cells of each name."""
-    numbers: Sequence[int]
+    numbers: Sequence[int] | NDArray[np.int64]
     """Line of the file (CSV, from 1) or number of each row, for messages."""
     word: str
     """What the numbers count: `line` or `row`."""

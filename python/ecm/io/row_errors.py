@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 _SHOWN = 10
 
 
@@ -24,7 +27,7 @@ class RowErrors:
     """All bad cells and rows of one table."""
 
     source: str
-    numbers: Sequence[int]
+    numbers: Sequence[int] | NDArray[np.int64]
     """Line of the file (or number) of each data row."""
     word: str
     """What the numbers count: line or row."""

@@ -404,7 +404,8 @@ def _read_one(path: Path, meta: Meta | None, skip_bad_rows: bool) -> Table:
     if path.suffix.lower() in (".parquet", ".pq"):
         raw = read_parquet(path)
     else:
-        raw = read_csv(path, meta.file.header_rows)
+        text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
+        raw = read_csv(path, meta.file.header_rows, text)
     return _checked(raw, meta, str(path), skip_bad_rows)
 
 

@@ -28,12 +28,15 @@ from ecm.io.unit_checks import check_pose_units
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
 
+_MOST_SIZE = 1e100
+"""Largest size of a number in a table: squares and products of larger ones overflow."""
+
 
 def validated_columns(
     raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
 ) -> tuple[Columns, tuple[str, ...]]:
     """Return standard columns and warnings; InputError for wrong input."""
-    if not raw.numbers and not raw.ragged:
+    if len(raw.numbers) == 0 and not raw.ragged:
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []
     mapping = _mapping(raw, meta, source)
@@ -125,15 +128,16 @@ def _position(raw: RawTable, name: str, entry: ColumnSource, where: str, source:
 
 
 def _numbers(name: str, own: str, cells: Cells, errors: RowErrors) -> F:
-    """Return numbers (N,); an empty cell, text, NaN or an infinite number is an error."""
+    """Return numbers (N,); an empty cell, text, NaN, or a number above 1e100 is an error."""
     try:
         values = np.asarray(_plain_numbers(cells), dtype=np.float64)
         unread = np.zeros(len(values), dtype=bool)
     except (TypeError, ValueError):
         values, unread = _parse_cells(name, own, cells, errors)
-    for row in np.flatnonzero(~np.isfinite(values) & ~unread):
+    for row in np.flatnonzero(~(np.abs(values) <= _MOST_SIZE) & ~unread):
         if not (name in MAY_BE_EMPTY and np.isnan(values[row])):
-            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", "a finite number")
+            wanted = "a number of at most 1e100" if np.isfinite(values[row]) else "a finite number"
+            errors.add(int(row), own, f"'{str(cells[int(row)]).strip()}'", wanted)
     return values
 
 
@@ -222,16 +226,34 @@ def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> None:
 
 def _repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:
     """Return (row, the earlier row that it equals in every column) among good rows."""
+    alike = np.flatnonzero(good & _seen_twice(columns, len(good)))
     lists = [
-        column.tolist() if name in TEXT else np.nan_to_num(column, nan=-1.0).tolist()
+        column[alike].tolist() if name in TEXT else np.nan_to_num(column[alike], nan=-1.0).tolist()
         for name, column in columns.items()
     ]
     first_rows: dict[tuple[Any, ...], int] = {}
     repeated: list[tuple[int, int]] = []
-    for row, values in enumerate(zip(*lists, strict=True)):
-        if good[row] and first_rows.setdefault(values, row) != row:
+    for row, values in zip(alike.tolist(), zip(*lists, strict=True), strict=True):
+        if first_rows.setdefault(values, row) != row:
             repeated.append((row, first_rows[values]))
     return repeated
+
+
+def _seen_twice(columns: Columns, size: int) -> B:
+    """(N,) whether another row has the same sum over all columns, as every equal row has."""
+    key = np.zeros(size, dtype=np.uint64)
+    for name, column in columns.items():
+        if name in TEXT:
+            _, codes = np.unique(column.astype(str), return_inverse=True)
+            bits = codes.ravel().astype(np.uint64)
+        else:
+            # One pattern of bits for both zeros, and one for NaN.
+            bits = (np.nan_to_num(column, nan=-1.0) + 0.0).view(np.uint64)
+        # Knuth's odd multiplier, TAOCP 6.4; the shift carries high bits into low ones.
+        key = (key ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(29)
+    _, codes, counts = np.unique(key, return_inverse=True, return_counts=True)
+    return np.asarray(counts[codes.ravel()] > 1)
 
 
 def _covariate_warnings(columns: Columns, source: str) -> list[str]:

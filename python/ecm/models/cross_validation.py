@@ -97,6 +97,8 @@ def cross_validate(
     True
     """
     specification, measured = parse_model(model), table.measured()
+    if not measured.wrench_columns:
+        raise InputError(f"{table.source}: no wrench column to predict; name one such as fx_N")
     groups = row_groups(measured) if grouped else np.arange(len(measured), dtype=np.int64)
     fold = random_folds(measured, groups, folds, seed)
     outputs = measured.wrench_columns

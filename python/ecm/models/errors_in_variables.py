@@ -114,7 +114,7 @@ def fit_with_pose_noise(
     change = np.inf
     if near:
         rows = rows.moved(base, noise)
-    for _ in range(_MAX_ITERATIONS):
+    for step in range(_MAX_ITERATIONS):
         frame = family.frame(rows.poses)
 
         def reduced(block: slice) -> Any:
@@ -126,7 +126,9 @@ def fit_with_pose_noise(
         changes = np.abs(base.coefficients - before) / np.where(sd > 0.0, sd, np.inf)
         before, last = base.coefficients, change
         change = float(changes.max())
-        if change < _TOLERANCE or (change > last and change < 0.1):
+        # Near the end each change is the same share of the one before, and the next one is known.
+        ahead = change * min(1.0, change / last) if near and step > 1 else change
+        if ahead < _TOLERANCE or (change > last and change < 0.1):
             break
         rows = rows.moved(base, noise)
     return NoisyPoseFit(base, covariance, variance, rows.poses, change < 0.1)
@@ -150,7 +152,7 @@ def fits_without_folds(
     fold
         (N,) number of each row's fold, from 0.
     """
-    rows = _NoisyRows.of(table, fitted).moved(fitted, noise).moved(fitted, noise)
+    rows = _NoisyRows.of(table, fitted).moved(fitted, noise)
     frame = family.frame(rows.poses)
 
     def triangle(own: I) -> F:

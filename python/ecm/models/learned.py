@@ -16,7 +16,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.io.table import Table
-from ecm.models.maps import MapDefaults, StiffnessMap, partial_to
+from ecm.models.maps import MapDefaults, StiffnessMap, partial_to, refuse_long_rotations
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import (
     FittedMap,
@@ -56,12 +56,14 @@ class _Learned(MapDefaults):
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); other kinds need all six columns on both sides."""
+        refuse_long_rotations(poses, self.inputs)
         slope = self._slope(self._scaled(poses))
         slope = slope * self.output_scale[1][:, None] / self.input_scale[1]
         return partial_to(kind, slope, poses, cast(StiffnessMap, self))
 
     def predict(self, poses: F) -> F:
         """(N, n) to (N, m)."""
+        refuse_long_rotations(poses, self.inputs)
         value = self._value(self._scaled(poses))
         return np.asarray(value * self.output_scale[1] + self.output_scale[0])
 

@@ -9,48 +9,72 @@ hold the misfit of the polynomial too.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
 from ecm.io.table import Table
-from ecm.models.maps import StiffnessMap
+from ecm.models.maps import PolynomialMap, StiffnessMap
+from ecm.regression.blocks import in_blocks
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.rows import Rows
-
-_BLOCK = 500
 
 
 def leverages(base: StiffnessMap, covariance: F, noise: Noise, poses: F) -> F:
     """(N,) leverage of poses (N, 6)."""
-    free = base.kind == "polynomial"
-    # P = R R', so that only the columns' images are needed, block by block.
-    values, vectors = (np.zeros(0), np.zeros(0)) if free else np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
     known = {} if base.length_m is None else {"length_m": base.length_m}
-    blocks: list[F] = [np.zeros(0)]
-    for start in range(0, len(poses), _BLOCK):
-        part = np.ascontiguousarray(poses[start : start + _BLOCK])
+    shares = _OwnVariances.of(base, covariance) if isinstance(base, PolynomialMap) else None
+    # P = R R', so that only the columns' images are needed, block by block.
+    values, vectors = (np.zeros(0), np.zeros(0)) if shares else np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+
+    def of_block(block: slice) -> F:
+        part = np.ascontiguousarray(poses[block])
         table = Table(dict(zip(POSE, part.T, strict=True)), Meta(mechanism=known), "poses")
-        columns, row_covariance = base.columns(part), noise.covariance(Rows(table, base))
-        if free:
-            shares = _own_variances(columns, covariance) / np.einsum("njj->nj", row_covariance)
-            blocks.append(np.asarray(shares.max(axis=1)))
-        else:
-            whitened = whiteners(row_covariance) @ (columns @ root)
-            products = whitened @ np.swapaxes(whitened, 1, 2)
-            blocks.append(np.asarray(np.linalg.eigvalsh(products)[:, -1]))
-    return np.concatenate(blocks)
+        row_covariance = noise.covariance(Rows(table, base))
+        if shares is not None:
+            own = shares.at(part) / np.einsum("njj->nj", row_covariance)
+            return np.asarray(own.max(axis=1))
+        whitened = whiteners(row_covariance) @ (base.columns(part) @ root)
+        products = whitened @ np.swapaxes(whitened, 1, 2)
+        return np.asarray(np.linalg.eigvalsh(products)[:, -1])
+
+    return np.concatenate([np.zeros(0), *in_blocks(len(poses), of_block)])
 
 
-def _own_variances(columns: F, covariance: F) -> F:
-    """(N, m) x' P_jj x: each output has coefficients of its own, in blocks."""
-    m = columns.shape[1]
-    k = columns.shape[2] // m
-    variances = np.empty(columns.shape[:2])
-    for j in range(m):
-        block = slice(j * k, (j + 1) * k)
-        x = columns[:, j, block]
-        variances[:, j] = np.einsum("nk,nk->n", x @ covariance[block, block], x)
-    return variances
+@dataclass(frozen=True)
+class _OwnVariances:
+    """Variance of each output of a polynomial: each has coefficients of its own, in blocks."""
+
+    base: PolynomialMap
+    blocks: tuple[F, ...]
+    """(k, k) covariances that are no multiple of one before."""
+    outputs: tuple[tuple[int, float], ...]
+    """Of each output: number of its block, and the factor on it."""
+
+    @staticmethod
+    def of(base: PolynomialMap, covariance: F) -> _OwnVariances:
+        """Outputs fitted by ordinary least squares share their block up to a factor."""
+        k = len(covariance) // len(base.outputs)
+        blocks: list[F] = []
+        outputs: list[tuple[int, float]] = []
+        for j in range(len(base.outputs)):
+            own = covariance[j * k : (j + 1) * k, j * k : (j + 1) * k]
+            for i, block in enumerate(blocks):
+                factor = float(np.trace(own) / max(np.trace(block), 1e-300))
+                if np.allclose(own, factor * block, rtol=1e-12, atol=0.0):
+                    outputs.append((i, factor))
+                    break
+            else:
+                outputs.append((len(blocks), 1.0))
+                blocks.append(own)
+        return _OwnVariances(base, tuple(blocks), tuple(outputs))
+
+    def at(self, poses: F) -> F:
+        """(N, m) x' P_jj x."""
+        x = self.base.regressor(poses)
+        forms = [np.einsum("nk,nk->n", x @ block, x) for block in self.blocks]
+        return np.stack([factor * forms[i] for i, factor in self.outputs], axis=1)

@@ -12,7 +12,13 @@ from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
-from ecm._native import EnergyModel, PolynomialModel, convert_stiffness, polynomial_regressor
+from ecm._native import (
+    EnergyModel,
+    PolynomialModel,
+    check_rotations,
+    convert_stiffness,
+    polynomial_regressor,
+)
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -165,15 +171,18 @@ class PolynomialMap(MapDefaults):
 
     def predict(self, poses: F) -> F:
         """(N, n) to (N, m)."""
+        refuse_long_rotations(poses, self.inputs)
         return self.model.predict(np.ascontiguousarray(poses))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); kinds other than `partial` need all six columns on both sides."""
+        refuse_long_rotations(poses, self.inputs)
         partial = self.model.jacobian(np.ascontiguousarray(poses))
         return partial_to(kind, partial, poses, self)
 
     def regressor(self, poses: F) -> F:
         """(N, k / m) terms of one output at poses (N, n), normalised as in the fit."""
+        refuse_long_rotations(poses, self.inputs)
         return polynomial_regressor(
             np.ascontiguousarray(poses), self.model.degree, self.model.lower, self.model.upper
         )
@@ -301,6 +310,24 @@ class EnergyMap(SixAxisMap):
                 groups=list(document.get("groups", ())),
             )
         )
+
+
+def refuse_long_rotations(poses: F, inputs: tuple[str, ...]) -> None:
+    """Refuse poses (N, n) beyond half a turn, of which no model knows anything.
+
+    Energies refuse them on their own; this is for maps of any columns.
+
+    Raises
+    ------
+    ModelError
+        A rotation vector longer than pi, with its row.
+
+    Examples
+    --------
+    >>> refuse_long_rotations(np.array([[0.1, 0.0, 0.0, 0.0, 3.1, 0.0]]), POSE)
+    """
+    if inputs[-3:] == POSE[3:]:
+        check_rotations(poses[:, -3:])
 
 
 def central_differences(function: Callable[[F], F], poses: F, step: float) -> list[F]:

@@ -71,7 +71,7 @@ def _stretches(table: Table) -> I:
 def is_pose_row(table: Table) -> B:
     """(N,) rows that measure a pose: neither home checks nor unloaded readings."""
     kind = table.text("kind")
-    return np.array([value in ("", "pose") for value in kind], dtype=np.bool_)
+    return np.asarray((kind == "") | (kind == "pose"), dtype=np.bool_)
 
 
 def without_zero_readings(table: Table) -> Table:

@@ -78,9 +78,12 @@ class Noise:
         if self.components is not None:
             covariance = np.broadcast_to(np.diag(np.square(self.components)), (len(rows), m, m))
             return np.array(covariance)
-        parts = covariance_parts(rows)
-        squares = self.parameters() ** 2
-        covariance = np.einsum("q,qnij->nij", squares, parts)
+        inputs, outputs = rows.base.inputs, rows.base.outputs
+        of_pose = [self.position_sd_m if n in POSE[:3] else self.rotation_sd_rad for n in inputs]
+        of_wrench = [self.force_sd_N if n in WRENCH[:3] else self.torque_sd_Nm for n in outputs]
+        acting = _acting_stiffness(rows) * np.array(of_pose)
+        covariance = acting @ np.swapaxes(acting, 1, 2)
+        covariance += np.diag(np.square(of_wrench))
         if self.growth_per_N > 0.0 or self.growth_per_Nm > 0.0:
             covariance += self._grown(rows)
         if base_error is not None:
@@ -123,7 +126,7 @@ class Noise:
 def covariance_parts(rows: Rows) -> F:
     """(4, N, m, m) covariance per unit variance of position, rotation, force, torque."""
     inputs, outputs = rows.base.inputs, rows.base.outputs
-    stiffness = rows.screw_stiffness if inputs == POSE else rows.stiffness
+    stiffness = _acting_stiffness(rows)
     position = np.array([name in POSE[:3] for name in inputs])
     force = np.array([name in WRENCH[:3] for name in outputs])
     along, about = stiffness[:, :, position], stiffness[:, :, ~position]
@@ -134,6 +137,11 @@ def covariance_parts(rows: Rows) -> F:
     parts[2] = np.diag(force.astype(np.float64))
     parts[3] = np.diag((~force).astype(np.float64))
     return parts
+
+
+def _acting_stiffness(rows: Rows) -> F:
+    """(N, m, n) stiffness through which the pose noise acts."""
+    return rows.screw_stiffness if rows.base.inputs == POSE else rows.stiffness
 
 
 _ALL = (*POSE, *WRENCH)

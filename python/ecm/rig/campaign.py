@@ -53,27 +53,16 @@ class Campaign:
 
     Examples
     --------
-    A linear spring in place of FEM; nothing is hidden, and every reading can be taken again.
+    Two poses of the paper's neck, solved by FEM; every reading can be taken again.
 
-    >>> import numpy as np
+    >>> from ecm.io.columns import POSE
+    >>> from ecm.io.description import Meta
+    >>> from ecm.io.mechanism import Mechanism
     >>> from ecm.io.table import as_table
-    >>> from ecm.rig.elastic import Anchors
-    >>> class Spring:
-    ...     length_m = 0.1
-    ...     def key(self):
-    ...         return "spring"
-    ...     def solve(self, poses, grade, progress):
-    ...         k = np.diag([2e4, 3e3, 3e3, 4.0, 7.0, 7.0])
-    ...         h = (poses - [0.1, 0, 0, 0, 0, 0]) @ k
-    ...         return Anchors(poses, h, np.tile(k, (len(h), 1, 1)), ("solved",) * len(h))
-    ...     def surrogate(self, anchors):
-    ...         return None
-    >>> bend = np.linspace(-0.2, 0.2, 5)
-    >>> plan = as_table({
-    ...     "x_m": 0.1 + 0 * bend, "y_m": 0.05 * bend, "z_m": 0 * bend,
-    ...     "theta_x_rad": 0 * bend, "theta_y_rad": 0 * bend, "theta_z_rad": bend,
-    ... })
-    >>> campaign = Campaign(plan, RigSettings(), Spring(), seed=1)
+    >>> poses = dict.fromkeys(POSE, [0.0, 0.0]) | {"x_m": [0.1034, 0.102]}
+    >>> plan = as_table(poses, meta=Meta(mechanism=Mechanism().to_dict()))
+    >>> from ecm.rig.fem_source import FemSource
+    >>> campaign = Campaign(plan, RigSettings(), FemSource(Mechanism()), seed=1)
     >>> bool((campaign.run().wrenches == campaign.run().wrenches).all())
     True
     """
@@ -94,30 +83,30 @@ class Campaign:
         self.settings = settings
         self.seed = seed
         length = source.length_m
-        kept, self.skipped = split_by_limits(
+        remaining, self.skipped = split_by_limits(
             requests(plan, settings.rig, length), settings.rig, length
         )
-        commanded = [r.pose for r in kept if r.action.name == "measure"]
+        commanded = [r.pose for r in remaining if r.action.name == "measure"]
         poses, _ = unique_poses(np.stack([rest_pose(length), *commanded]))
         anchors = solve_cached(source, poses, UNIFORM, folder, progress)
         if anchors.status[0] != "solved":
             raise InputError(
                 f"[mechanism]: FEM ends `{anchors.status[0]}` at the rest pose; check its figures"
             )
-        kept, self.skipped = reachable(kept, self.skipped, anchors, settings)
-        if not any(r.action.name == "measure" for r in kept):
+        remaining, self.skipped = reachable(remaining, self.skipped, anchors, settings)
+        if not any(r.action.name == "measure" for r in remaining):
             reasons = "; ".join(s.reason for s in self.skipped[:3])
             raise InputError(f"{plan.source}: no pose of the plan can be visited: {reasons}")
-        self.timeline: Timeline = timeline_of(kept, settings.rig, length)
+        self.timeline: Timeline = timeline_of(remaining, settings.rig, length)
         smooth = source.surrogate(anchors)
         self._solve = partial(solve_cached, source, grade=UNIFORM, folder=folder, progress=progress)
         self._raw: tuple[Plant, RawStream] | None = None
         draws = stream(seed, "hidden effect")
         self._hide: list[Hidden] = []
         named = tuple(h.effect for h in hide if h.effect != "random")
-        for wanted in hide:
+        for hidden in hide:
             taken = (*named, *(h.effect for h in self._hide))
-            self._hide.append(wanted.drawn(draws, taken, streamed=settings.rig.stream_Hz > 0.0))
+            self._hide.append(hidden.drawn(draws, taken, streamed=settings.rig.stream_Hz > 0.0))
         elastic = Elastic(anchors, smooth)
 
         def plant() -> Plant:
@@ -227,12 +216,12 @@ class Campaign:
 
     def key(self, source: Source) -> str:
         """Hash of all that the readings depend on."""
-        asked = [
+        visits = [
             [v.kind, v.row, v.pose.tolist(), v.pose_id, v.repeat, v.run, v.approach, v.time_s]
             for v in self.timeline.visits
         ]
         hide = [[h.effect, h.strength, *([list(h.shape)] if h.shape else [])] for h in self._hide]
-        document = [1, source.key(), self.settings.to_dict(), self.seed, hide, asked]
+        document = [1, source.key(), self.settings.to_dict(), self.seed, hide, visits]
         return hashlib.sha256(json.dumps(document).encode()).hexdigest()
 
     def _inject(
@@ -244,7 +233,7 @@ class Campaign:
     ) -> None:
         """Puts what was drawn into the plant; `random` is drawn again where it cannot be."""
         named = tuple(h.effect for h in hide if h.effect != "random")
-        for i, wanted in enumerate(hide):
+        for i, hidden in enumerate(hide):
             impossible: tuple[str, ...] = ()
             while self._hide[i].effect != NOTHING:
                 in_motion = TRUE_EFFECTS[self._hide[i].effect].only_in_motion
@@ -255,11 +244,11 @@ class Campaign:
                 try:
                     effect = inject(self._hide[i], rig, self.seed)
                 except CannotHide:
-                    if wanted.effect != "random":
+                    if hidden.effect != "random":
                         raise
                     impossible = (*impossible, self._hide[i].effect)
                     taken = tuple(h.effect for k, h in enumerate(self._hide) if k != i)
-                    self._hide[i] = wanted.drawn(
+                    self._hide[i] = hidden.drawn(
                         draws,
                         (*named, *taken),
                         impossible,

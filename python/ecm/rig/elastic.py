@@ -146,10 +146,10 @@ def solve_cached(
     if folder is not None:
         name = array_key(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)
         path = folder / f"anchors-{name[:32]}.npz"
-        found = read_arrays(path)
-        if found is not None:
-            status = tuple(str(s) for s in found["status"])
-            return Anchors(poses, found["wrenches"], found["stiffness"], status)
+        stored = read_arrays(path)
+        if stored is not None:
+            status = tuple(str(s) for s in stored["status"])
+            return Anchors(poses, stored["wrenches"], stored["stiffness"], status)
     anchors = source.solve(poses, grade, progress)
     if path is not None:
         write_arrays(

@@ -49,8 +49,8 @@ class FemSource:
             if progress is not None:
                 progress(done, total, word)
 
-        found = fem.solve_poses(poses, threads=self._threads, progress=report)
-        return Anchors(poses, found.wrenches, found.stiffness, tuple(found.status))
+        results = fem.solve_poses(poses, threads=self._threads, progress=report)
+        return Anchors(poses, results.wrenches, results.stiffness, tuple(results.status))
 
     def surrogate(self, anchors: Anchors) -> Smooth | None:
         """A symmetric energy model of the anchors that moved."""

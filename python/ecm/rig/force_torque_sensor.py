@@ -83,8 +83,11 @@ def zero_at(
     ):
         with_time = len(readings) >= _ENOUGH_FOR_TIME
         own = _columns(reading_time_s, reading_temperature_degC, with_time)
-        found = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
-        model, at_readings = _columns(time_s, temperature_degC, with_time) @ found, own @ found
+        coefficients = np.linalg.lstsq(own, readings, rcond=1e-9)[0]
+        model, at_readings = (
+            _columns(time_s, temperature_degC, with_time) @ coefficients,
+            own @ coefficients,
+        )
     left = readings - at_readings
     line = np.stack([np.interp(time_s, reading_time_s, axis) for axis in left.T], axis=1)
     zero: F = model + line

@@ -37,9 +37,9 @@ BESIDE = {
 """Suffixes of what belongs to a table, and goes when another takes its place."""
 
 
-def clear_beside(out: Path, kept: Iterable[str]) -> None:
+def clear_beside(out: Path, keep: Iterable[str]) -> None:
     """Takes away what belonged to the table that was replaced."""
-    for suffix in set(BESIDE) - set(kept):
+    for suffix in set(BESIDE) - set(keep):
         out.with_suffix(suffix).unlink(missing_ok=True)
 
 

@@ -103,10 +103,10 @@ def run_campaigns(
     for i, path in enumerate(paths):
         # A journal that is there is a single campaign's, never this job's.
         keep_data(path, overwrite=overwrite or i in ledger.own, resume=False)
-    asked = set(range(rigs))
-    if overwrite and ledger.done >= asked:
-        ledger.done -= asked  # nothing is unfinished: all of it is to be measured again
-    ledger.own |= asked
+    numbers = set(range(rigs))
+    if overwrite and ledger.done >= numbers:
+        ledger.done -= numbers  # nothing is unfinished: all of it is to be measured again
+    ledger.own |= numbers
     ledger.save()
     done = ledger.done
     open_ = [i for i, path in enumerate(paths) if i not in done or not path.exists()]
@@ -123,7 +123,7 @@ def run_campaigns(
         done.add(i)
         ledger.save()
         if progress is not None:
-            progress(len(done & asked), rigs, "rigs")
+            progress(len(done & numbers), rigs, "rigs")
 
     work = ((i, (text, meta, settings, hide, seed + i, threads)) for i in open_)
     if options.scheduler is None:
@@ -178,10 +178,10 @@ class _Ledger:
         if not path.exists():
             return _Ledger(path, key)
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            done = {int(i) for i in found["done"]}
-            own = {int(i) for i in found["own"]}
-            if found["key"] == key:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+            done = {int(i) for i in stored["done"]}
+            own = {int(i) for i in stored["own"]}
+            if stored["key"] == key:
                 return _Ledger(path, key, own, done)
         except (OSError, ValueError, KeyError, TypeError):
             pass

@@ -278,7 +278,7 @@ class RawStream:
         """FEM less the smooth map at the nodes of all legs: (legs, 4, 6) and (legs, 4, 6, 6)."""
         known = self._plant.elastic.anchors
         inner, index = unique_poses(np.concatenate([leg.inner() for leg in self.legs]))
-        found = solve(inner)
+        between = solve(inner)
 
         def miss(anchors: Anchors) -> tuple[F, F]:
             return (
@@ -287,9 +287,9 @@ class RawStream:
             )
 
         ends = np.asarray([leg.anchors for leg in self.legs])
-        ok = np.asarray([s == "solved" for s in found.status])[index].reshape(-1, 2).all(axis=1)
+        ok = np.asarray([s == "solved" for s in between.status])[index].reshape(-1, 2).all(axis=1)
         parts = []
-        for at_ends, at_inner in zip(miss(known), miss(found), strict=True):
+        for at_ends, at_inner in zip(miss(known), miss(between), strict=True):
             a, b = at_ends[ends[:, 0]], at_ends[ends[:, 1]]
             c, d = np.moveaxis(at_inner[index].reshape(-1, 2, *at_inner.shape[1:]), 1, 0)
             solved = ok.reshape(-1, *(1,) * (a.ndim - 1))

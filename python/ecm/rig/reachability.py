@@ -25,13 +25,13 @@ class Skipped:
 
 
 def split_by_limits(
-    wanted: list[Request], procedure: Procedure, length_m: float
+    requests: list[Request], procedure: Procedure, length_m: float
 ) -> tuple[list[Request], list[Skipped]]:
     """Split requests into poses within the rig's limits and the others with the reason."""
-    kept: list[Request] = []
+    remaining: list[Request] = []
     skipped: list[Skipped] = []
     rest = rest_pose(length_m)
-    for request in wanted:
+    for request in requests:
         turn = float(np.linalg.norm(request.pose[3:]))
         shift = float(np.linalg.norm(request.pose[:3] - rest[:3])) / length_m
         reason = ""
@@ -48,26 +48,26 @@ def split_by_limits(
         if reason:
             skipped.append(Skipped(request.row, request.pose_id, reason))
         else:
-            kept.append(request)
-    return without_approach(kept, skipped)
+            remaining.append(request)
+    return without_approach(remaining, skipped)
 
 
 def without_approach(
-    kept: list[Request], skipped: list[Skipped]
+    remaining: list[Request], skipped: list[Skipped]
 ) -> tuple[list[Request], list[Skipped]]:
     """Skip also the poses that are approached from one that is skipped."""
     while True:
-        known = {str(r.pose_id) for r in kept if r.action.name == "measure"} | {"", HOME}
-        lost = [r for r in kept if r.approach not in known]
+        known = {str(r.pose_id) for r in remaining if r.action.name == "measure"} | {"", HOME}
+        lost = [r for r in remaining if r.approach not in known]
         if not lost:
-            return kept, skipped
+            return remaining, skipped
         reason = "is approached from pose {}, which is skipped"
         skipped = [*skipped, *(Skipped(r.row, r.pose_id, reason.format(r.approach)) for r in lost)]
-        kept = [r for r in kept if r.approach in known]
+        remaining = [r for r in remaining if r.approach in known]
 
 
 def reachable(
-    wanted: list[Request], skipped: list[Skipped], anchors: Anchors, settings: RigSettings
+    requests: list[Request], skipped: list[Skipped], anchors: Anchors, settings: RigSettings
 ) -> tuple[list[Request], list[Skipped]]:
     """Skip poses without a stable solution, beyond the sensor's range or out of sight."""
     index = {pose.tobytes(): i for i, pose in enumerate(anchors.poses)}
@@ -83,7 +83,7 @@ def reachable(
     felt = turn_wrench(back, anchors.wrenches) @ sensor_from_top.T
     leds = Optics(instrument).visible(anchors.poses).sum(axis=1)
     ok: list[Request] = []
-    for request in wanted:
+    for request in requests:
         i = index[request.pose.tobytes()]
         reason = ""
         if anchors.status[i] != "solved":

@@ -105,29 +105,16 @@ def run_campaign(
 
     Examples
     --------
-    Five poses of a soft bar in memory, without FEM: the solver is a linear spring here.
+    Two poses of the paper's neck, solved by FEM, in memory.
 
-    >>> import numpy as np
+    >>> from ecm.io.columns import POSE
+    >>> from ecm.io.description import Meta
+    >>> from ecm.io.mechanism import Mechanism
     >>> from ecm.io.table import as_table
-    >>> from ecm.rig.elastic import Anchors
-    >>> class Spring:
-    ...     length_m = 0.1
-    ...     def key(self):
-    ...         return "spring"
-    ...     def solve(self, poses, grade, progress):
-    ...         k = np.diag([2e4, 3e3, 3e3, 4.0, 7.0, 7.0])
-    ...         h = (poses - [0.1, 0, 0, 0, 0, 0]) @ k
-    ...         return Anchors(poses, h, np.tile(k, (len(h), 1, 1)), ("solved",) * len(h))
-    ...     def surrogate(self, anchors):
-    ...         return None
-    >>> bend = np.linspace(-0.2, 0.2, 5)
-    >>> plan = as_table({
-    ...     "x_m": 0.1 + 0 * bend, "y_m": 0.05 * bend, "z_m": 0 * bend,
-    ...     "theta_x_rad": 0 * bend, "theta_y_rad": 0 * bend, "theta_z_rad": bend,
-    ... })
-    >>> table = run_campaign(plan, RigSettings(), options=CampaignOptions(source=Spring()))
-    >>> len(table)
-    5
+    >>> poses = dict.fromkeys(POSE, [0.0, 0.0]) | {"x_m": [0.1034, 0.102]}
+    >>> plan = as_table(poses, meta=Meta(mechanism=Mechanism().to_dict()))
+    >>> len(run_campaign(plan, RigSettings()))
+    2
     """
     options = options or CampaignOptions()
     source, folder, resume = options.source, options.folder, options.resume
@@ -152,14 +139,14 @@ def run_campaign(
             plan, rig, source, hide=hide, seed=seed, folder=folder,
             progress=progress,
         )  # fmt: skip
-        table, kept = run_robot(
+        table, journal = run_robot(
             arm, source, out, progress=progress, resume=resume, threads=options.threads
         )
-        if out is not None and kept is not None:
+        if out is not None and journal is not None:
             table = _written(arm, table, out)
             write_record(arm, out)
             kept_sorties(arm, out).remove()
-            kept.remove()
+            journal.remove()
         return table
     campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)
     raw = campaign.raw_stream()  # where a plan has too few poses for one it is said now
@@ -229,8 +216,8 @@ def campaign_minutes(plan: Table, rig: RigSettings) -> float:
     length = plan.meta.length_m
     if length is None:
         raise InputError(f"{plan.source}: its TOML names no [mechanism] length_m; add it")
-    kept, _ = split_by_limits(requests(plan, rig.rig, length), rig.rig, length)
-    planned = timeline_of(kept, rig.rig, length)
+    inside, _ = split_by_limits(requests(plan, rig.rig, length), rig.rig, length)
+    planned = timeline_of(inside, rig.rig, length)
     seconds = planned.end_s
     if rig.rig.mode == "robot":
         seconds += sum(extra_s(v, rig.rig) for v in planned.visits)

@@ -30,9 +30,9 @@ class Timeline:
     end_s: float = 0.0
 
 
-def timeline_of(wanted: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
+def timeline_of(requests: Iterable[Request], procedure: Procedure, length_m: float) -> Timeline:
     """The timeline of a plan; poses that cannot be visited have been taken out before."""
-    return _Rig(procedure, length_m).through(list(wanted))
+    return _Rig(procedure, length_m).through(list(requests))
 
 
 def travel_s(way: F, procedure: Procedure) -> float:
@@ -63,14 +63,14 @@ class _Rig:
         self._poses_since_offset = 0
         self._poses: dict[int, F] = {}
 
-    def through(self, wanted: list[Request]) -> Timeline:
+    def through(self, requests: list[Request]) -> Timeline:
         procedure = self._procedure
-        self._poses = {r.pose_id: r.pose for r in wanted if r.action.name == "measure"}
-        if wanted:
-            self._run = wanted[0].run
+        self._poses = {r.pose_id: r.pose for r in requests if r.action.name == "measure"}
+        if requests:
+            self._run = requests[0].run
         self._offset()
         previous = self._run
-        for request in wanted:
+        for request in requests:
             if request.run != previous:
                 previous = request.run
                 self._new_run(procedure.unload_s)

@@ -274,12 +274,10 @@ pub fn continuous(
             expected,
         })
     };
-    if !(cap > 0.0) {
-        return refused(
-            "cap",
-            cap.to_string(),
-            "a weight above 0, infinite for repeats",
-        );
+    let most = problem.available.iter().filter(|a| **a).count() as f64;
+    if !(cap > 0.0 && cap * most >= n as f64) {
+        let expected = "a weight of at least n / candidates, infinite for repeats";
+        return refused("cap", cap.to_string(), expected);
     }
     if !(settings.tolerance > 0.0 && settings.tolerance.is_finite()) {
         let value = settings.tolerance.to_string();

@@ -16,6 +16,7 @@ use crate::{Control, DesignError, Status};
 
 /// Algorithm of the search for a space-filling design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum SpacingMethod {
     /// Exchange of a point of the closest pair (the paper's), the best of all starts.
     Exchange,

@@ -3,5 +3,6 @@
 pub mod alphabetic;
 pub mod maximin;
 pub mod minimax;
+pub(crate) mod registry;
 pub(crate) mod search;
 pub mod settings;

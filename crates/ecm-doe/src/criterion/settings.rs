@@ -4,6 +4,7 @@ use crate::{DesignError, Problem, Status};
 
 /// Algorithm of the search for the best design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Method {
     /// Fedorov's exchange of the best pair, from random starts (the paper's).
     Fedorov,

@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 
 /// Fineness of a structured mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Quality {
     /// Pose error below 1 % of the converged solution, about 1200 nodes: for batches.
     #[default]

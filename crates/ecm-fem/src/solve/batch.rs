@@ -279,7 +279,10 @@ impl Fem {
             }
             Load::Pose(p) => *p,
         };
-        let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(&pose), length);
+        let Ok(pose) = Pose::from_array(&pose) else {
+            return [f64::NAN; 6]; // A wrench under which the rod has no equilibrium.
+        };
+        let q = ecm_se3::mid_frame::coordinates(&pose, length);
         std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
     }
 }

@@ -9,7 +9,7 @@ use super::{Fem, State};
 use crate::pattern::NONE;
 use crate::platform::Platform;
 use crate::tensor::{Mat3, apply, transpose};
-use ecm_se3::{rotation_matrix, rotation_vector};
+use ecm_se3::rotation_matrix;
 
 /// The bent frame of a pose.
 struct BentFrame {
@@ -25,7 +25,7 @@ impl BentFrame {
             length_m,
             end_m: platform.position_m,
             end_slope_m: apply(&platform.rotation, [length_m, 0.0, 0.0]),
-            theta: rotation_vector(&platform.rotation),
+            theta: platform.rotation_vector(),
         }
     }
 

@@ -37,6 +37,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// The load on the platform: a wrench or a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Load {
     /// Dead wrench (fx, fy, fz, τx, τy, τz) about the platform's origin, base axes, N and N m.
     Wrench([f64; 6]),

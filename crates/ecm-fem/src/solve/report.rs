@@ -36,7 +36,10 @@ impl Fem {
         let pose = state.platform.pose();
         let wrench = work.balance.wrench;
         let (at, h) = (Pose::from_array(&pose), Wrench::from_array(&wrench));
-        let stiffness_of_kind = |kind| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
+        let stiffness_of_kind = |kind| {
+            let of_pose = |at| convert(&k_s, &at, &h, StiffnessKind::Screw, kind);
+            at.map_or([[f64::NAN; 6]; 6], of_pose)
+        };
         let strain = self.strain(state);
         let result = CaseResult {
             status: Status::Solved,

@@ -1,4 +1,4 @@
-//! Evaluation of many poses, with the SIMD instructions of this machine.
+//! Evaluation of one pose or many, with the SIMD instructions of this machine and on all its cores.
 
 use std::vec::Vec;
 
@@ -6,123 +6,123 @@ use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6, Wrench};
 
 use crate::arithmetic::{Arithmetic, Task, dispatch};
-use crate::energy::plan::EnergyPlan;
-use crate::energy::simd::SimdPlan;
-use crate::error::ModelError;
+use crate::energy::evaluator::{Evaluate, Evaluator, Work};
+use crate::parallel::{PIECE, fill};
 
-/// An evaluator of one energy.
-trait Evaluator: Copy {
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64>;
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64>;
+/// U at each pose.
+struct Energies<'a>(&'a [Pose<f64>], &'a mut [f64]);
+
+/// h at each pose.
+struct Wrenches<'a>(&'a [Pose<f64>], &'a mut [Vec6<f64>]);
+
+/// h and a stiffness at each pose.
+struct Stiffnesses<'a> {
+    kind: StiffnessKind,
+    poses: &'a [Pose<f64>],
+    wrenches: &'a mut [Wrench<f64>],
+    stiffnesses: &'a mut [Mat6<f64>],
 }
 
-/// A plan with memory for `S` monomials.
-#[derive(Clone, Copy)]
-struct WithMemory<'a, const S: usize>(EnergyPlan<'a, f64>);
+/// Work with one evaluation, compiled for this machine.
+struct With<W, E>(W, E);
 
-impl<const S: usize> Evaluator for WithMemory<'_, S> {
-    #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.0.wrench::<A, S>(pose)
-    }
-    #[inline(always)]
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
-        self.0.wrench_and_stiffness::<A, S>(pose, kind).1
-    }
-}
-
-impl<const B: usize> Evaluator for SimdPlan<'_, f64, B> {
-    #[inline(always)]
-    fn wrench<A: Arithmetic<f64>>(&self, pose: &Pose<f64>) -> Wrench<f64> {
-        self.wrench::<A>(pose)
-    }
-    #[inline(always)]
-    fn stiffness<A: Arithmetic<f64>>(&self, pose: &Pose<f64>, kind: StiffnessKind) -> Mat6<f64> {
-        self.wrench_and_stiffness::<A>(pose, kind).1
+impl Work for Energies<'_> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(With(self, evaluation));
     }
 }
 
-/// h of each pose.
-struct Wrenches<'a, E>(E, &'a [Vec6<f64>]);
-
-impl<E: Evaluator> Task for Wrenches<'_, E> {
-    type Output = Vec<Vec6<f64>>;
+impl<E: Evaluate> Task for With<Energies<'_>, E> {
+    type Output = ();
     #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.1.len());
-        for pose in self.1 {
-            results.push(self.0.wrench::<A>(&Pose::from_array(pose)).to_array());
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let Energies(poses, energies) = self.0;
+        for (energy, pose) in energies.iter_mut().zip(poses) {
+            *energy = self.1.energy::<A>(pose);
         }
-        results
     }
 }
 
-/// The stiffness of each pose.
-struct Stiffnesses<'a, E>(E, &'a [Vec6<f64>], StiffnessKind);
-
-impl<E: Evaluator> Task for Stiffnesses<'_, E> {
-    type Output = Vec<Mat6<f64>>;
-    #[inline(always)]
-    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output {
-        let mut results = Vec::with_capacity(self.1.len());
-        for pose in self.1 {
-            results.push(self.0.stiffness::<A>(&Pose::from_array(pose), self.2));
-        }
-        results
+impl Work for Wrenches<'_> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(With(self, evaluation));
     }
+}
+
+impl<E: Evaluate> Task for With<Wrenches<'_>, E> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let Wrenches(poses, wrenches) = self.0;
+        for (wrench, pose) in wrenches.iter_mut().zip(poses) {
+            *wrench = self.1.wrench::<A>(pose).to_array();
+        }
+    }
+}
+
+impl Work for Stiffnesses<'_> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(With(self, evaluation));
+    }
+}
+
+impl<E: Evaluate> Task for With<Stiffnesses<'_>, E> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let work = self.0;
+        let results = work.wrenches.iter_mut().zip(work.stiffnesses);
+        for (pose, (wrench, stiffness)) in work.poses.iter().zip(results) {
+            (*wrench, *stiffness) = self.1.wrench_and_stiffness::<A>(pose, work.kind);
+        }
+    }
+}
+
+/// U of each pose (J).
+pub(crate) fn energies(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<f64> {
+    let of_piece = |poses: &[_], energies: &mut [_]| evaluator.run(Energies(poses, energies));
+    fill(poses, 0.0, of_piece)
 }
 
 /// h of each pose (N, N m).
-///
-/// # Errors
-/// More monomials than the largest memory holds.
-pub fn wrenches(
-    plan: EnergyPlan<'_, f64>,
-    poses: &[Vec6<f64>],
-) -> Result<Vec<Vec6<f64>>, ModelError> {
-    Ok(match plan.products.len() {
-        0..128 => dispatch(Wrenches(checked::<128>(plan)?, poses)),
-        128..256 => dispatch(Wrenches(checked::<256>(plan)?, poses)),
-        256..1024 => dispatch(Wrenches(checked::<1024>(plan)?, poses)),
-        _ => dispatch(Wrenches(checked::<4096>(plan)?, poses)),
-    })
+pub(crate) fn wrenches(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<Vec6<f64>> {
+    let of_piece = |poses: &[_], wrenches: &mut [_]| evaluator.run(Wrenches(poses, wrenches));
+    fill(poses, [0.0; 6], of_piece)
 }
 
 /// The stiffness of each pose.
-///
-/// # Errors
-/// More monomials than the largest memory holds.
-pub fn stiffnesses(
-    plan: EnergyPlan<'_, f64>,
-    poses: &[Vec6<f64>],
+pub(crate) fn stiffnesses(
+    evaluator: &Evaluator,
+    poses: &[Pose<f64>],
     kind: StiffnessKind,
-) -> Result<Vec<Mat6<f64>>, ModelError> {
-    Ok(match plan.products.len() {
-        0..128 => dispatch(Stiffnesses(checked::<128>(plan)?, poses, kind)),
-        128..256 => dispatch(Stiffnesses(checked::<256>(plan)?, poses, kind)),
-        256..1024 => dispatch(Stiffnesses(checked::<1024>(plan)?, poses, kind)),
-        _ => dispatch(Stiffnesses(checked::<4096>(plan)?, poses, kind)),
+) -> Vec<Mat6<f64>> {
+    fill(poses, [[0.0; 6]; 6], |poses, stiffnesses| {
+        let mut wrenches = [Wrench::default(); PIECE];
+        evaluator.run(Stiffnesses {
+            kind,
+            poses,
+            wrenches: &mut wrenches,
+            stiffnesses,
+        });
     })
 }
 
-fn checked<const S: usize>(plan: EnergyPlan<'_, f64>) -> Result<WithMemory<'_, S>, ModelError> {
-    plan.check::<S>()?;
-    Ok(WithMemory(plan))
-}
-
-/// h of each pose (N, N m) by SIMD.
-pub fn simd_wrenches<const B: usize>(
-    plan: SimdPlan<'_, f64, B>,
-    poses: &[Vec6<f64>],
-) -> Vec<Vec6<f64>> {
-    dispatch(Wrenches(plan, poses))
-}
-
-/// The stiffness of each pose by SIMD.
-pub fn simd_stiffnesses<const B: usize>(
-    plan: SimdPlan<'_, f64, B>,
-    poses: &[Vec6<f64>],
+/// h and the stiffness of one pose, without allocation.
+#[inline]
+pub(crate) fn one(
+    evaluator: &Evaluator,
+    pose: &Pose<f64>,
     kind: StiffnessKind,
-) -> Vec<Mat6<f64>> {
-    dispatch(Stiffnesses(plan, poses, kind))
+) -> (Wrench<f64>, Mat6<f64>) {
+    let (mut wrench, mut stiffness) = (Wrench::default(), [[0.0; 6]; 6]);
+    evaluator.run(Stiffnesses {
+        kind,
+        poses: std::slice::from_ref(pose),
+        wrenches: std::slice::from_mut(&mut wrench),
+        stiffnesses: std::slice::from_mut(&mut stiffness),
+    });
+    (wrench, stiffness)
 }

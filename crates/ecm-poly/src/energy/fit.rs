@@ -2,14 +2,14 @@
 
 use std::vec::Vec;
 
-use ecm_se3::{Mat6, Pose, Vec6};
+use ecm_se3::{Mat6, Vec6};
 
-use crate::energy::groups::{Group, group_terms};
+use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::energy::regressor::{check_length, regressor};
-use crate::energy::terms::terms;
-use crate::error::{ModelError, check_count, check_finite};
+use crate::energy::terms::EnergyTerms;
+use crate::error::{ModelError, check_count, check_finite, check_sizes, checked_poses};
 use crate::regression::Method;
 use crate::regression::triangle::Triangle;
 
@@ -70,11 +70,15 @@ impl EnergyFit<'_> {
     ) -> Result<EnergyModel, ModelError> {
         check_length(self.length_m)?;
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("poses", poses.as_flattened(), 6)?;
-        check_finite("wrenches", wrenches.as_flattened(), 6)?;
-        let scale = scale_of(poses, self.length_m);
+        check_sizes("poses", poses.as_flattened(), 6)?;
+        check_sizes("wrenches", wrenches.as_flattened(), 6)?;
+        let scale = scale_of(poses, self.length_m)?;
         let triangle = self.triangle(poses, wrenches, scale)?;
         self.of_triangle(triangle, scale, self.covariance.is_some())
+    }
+
+    fn terms(&self) -> Result<EnergyTerms, ModelError> {
+        EnergyTerms::new(self.symmetry, self.degree, self.groups)
     }
 
     /// Triangle of the weighted rows [Φ | h], six a pose: all rows of a fit, or a part of those
@@ -89,18 +93,16 @@ impl EnergyFit<'_> {
         scale: [f64; 2],
     ) -> Result<Triangle, ModelError> {
         check_count("wrenches", "rows", wrenches.len(), poses.len())?;
-        check_finite("wrenches", wrenches.as_flattened(), 6)?;
+        check_sizes("wrenches", wrenches.as_flattened(), 6)?;
         if let Some(covariance) = self.covariance {
             check_count("covariance", "rows", covariance.len(), poses.len())?;
         }
-        let table = terms(self.symmetry, self.degree)?;
-        let broken = group_terms(self.groups, self.degree);
-        let k = table.len() + broken.len();
+        checked_poses("poses", poses)?;
+        let terms = self.terms()?;
+        let k = terms.count();
         let spreads = spreads(wrenches);
         Triangle::of_rows(poses.len(), 6, k + 1, |range| {
-            let tables = (table.as_slice(), broken.as_slice());
-            let own = &poses[range.clone()];
-            let phi = regressor(own, self.length_m, self.symmetry, tables, scale)?;
+            let phi = regressor(&poses[range.clone()], self.length_m, &terms, scale)?;
             let sides = wrenches[range.clone()].as_flattened();
             let mut block = Vec::with_capacity(sides.len() * (k + 1));
             for (row, side) in phi.chunks_exact(k).zip(sides) {
@@ -128,8 +130,8 @@ impl EnergyFit<'_> {
         scale: [f64; 2],
         stated: bool,
     ) -> Result<EnergyModel, ModelError> {
-        let k =
-            terms(self.symmetry, self.degree)?.len() + group_terms(self.groups, self.degree).len();
+        let terms = self.terms()?;
+        let k = terms.count();
         check_count("triangle", "columns", triangle.columns(), k + 1)?;
         let equations = triangle.rows();
         if equations < k {
@@ -159,14 +161,8 @@ impl EnergyFit<'_> {
                 covariance[i * k + j] *= variance / (lengths[i] * lengths[j]);
             }
         }
-        let mut model = EnergyModel::with_groups(
-            self.length_m,
-            self.degree,
-            self.symmetry,
-            self.groups,
-            scale,
-            &coefficients,
-        )?;
+        check_finite("the covariance of the coefficients", &covariance, k)?;
+        let mut model = EnergyModel::of_terms(self.length_m, terms, scale, &coefficients)?;
         model.set_fit(
             covariance,
             rank,
@@ -182,10 +178,13 @@ impl EnergyFit<'_> {
 }
 
 /// The largest |c| and |θ| of the poses; a tenth of the length and 1 rad where they are 0.
-pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
+///
+/// # Errors
+/// A pose with a number that is not finite, or a rotation beyond π.
+pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> Result<[f64; 2], ModelError> {
     let mut largest = [0.0_f64; 2];
-    for pose in poses {
-        let q = ecm_se3::mid_frame::coordinates(&Pose::from_array(pose), length_m);
+    for pose in &checked_poses("poses", poses)? {
+        let q = ecm_se3::mid_frame::coordinates(pose, length_m);
         for part in 0..2 {
             let v = &q[3 * part..3 * part + 3];
             let square: f64 = v.iter().map(|x| x * x).sum();
@@ -199,7 +198,7 @@ pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> [f64; 2] {
             otherwise
         }
     };
-    [usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)]
+    Ok([usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)])
 }
 
 /// Multiplies the six rows of each pose by L⁻¹, Σ = L Lᵀ; `first` is the number of the first pose.

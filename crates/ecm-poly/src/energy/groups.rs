@@ -26,6 +26,7 @@ pub const GROUP_DEGREE: usize = 4;
 
 /// A broken symmetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Group {
     /// The two ends differ, as the base of a cone: K(y, θz) ≠ −(L/2) K(y, y).
     UnlikeEnds,
@@ -61,6 +62,9 @@ impl Group {
     }
 
     /// The groups of a list of names, in a fixed order and each once.
+    ///
+    /// # Errors
+    /// An unknown name, or a group whose terms the symmetry has already.
     pub fn from_names<S: AsRef<str>>(
         names: &[S],
         symmetry: Symmetry,
@@ -69,25 +73,33 @@ impl Group {
         for name in names {
             let name = name.as_ref();
             let found = Self::ALL.into_iter().find(|g| g.name() == name);
-            let group = found.ok_or_else(|| ModelError::Setting {
+            groups.push(found.ok_or_else(|| ModelError::Setting {
                 name: "group",
                 found: format!("{name:?}"),
                 expected: "unlike_ends, handedness, precurvature, face_tilt or anisotropy",
-            })?;
-            let inside = match symmetry {
-                Symmetry::Alike => false,
-                Symmetry::Revolution => group == Group::UnlikeEnds,
-                Symmetry::General => true,
-            };
-            if inside {
-                return Err(ModelError::Setting {
-                    name: "group",
-                    found: format!("{name:?} with symmetry {}", symmetry.name()),
-                    expected: "a group whose terms the symmetry does not have already: leave it out",
-                });
-            }
-            groups.push(group);
+            })?);
         }
+        Self::in_order(&groups, symmetry)
+    }
+
+    /// Groups in a fixed order and each once.
+    ///
+    /// # Errors
+    /// A group whose terms the symmetry has already.
+    pub(crate) fn in_order(groups: &[Self], symmetry: Symmetry) -> Result<Vec<Self>, ModelError> {
+        let inside = |group: &Self| match symmetry {
+            Symmetry::Alike => false,
+            Symmetry::Revolution => *group == Group::UnlikeEnds,
+            Symmetry::General => true,
+        };
+        if let Some(group) = groups.iter().find(|group| inside(group)) {
+            return Err(ModelError::Setting {
+                name: "group",
+                found: format!("{:?} with symmetry {}", group.name(), symmetry.name()),
+                expected: "a group whose terms the symmetry does not have already: leave it out",
+            });
+        }
+        let mut groups = groups.to_vec();
         groups.sort_unstable();
         groups.dedup();
         Ok(groups)
@@ -220,7 +232,7 @@ fn expanded(powers: [u8; 6], imaginary: bool) -> Vec<([u8; 6], f64)> {
 }
 
 /// A body of revolution's monomial as a sum of monomials in (c, θ).
-pub fn in_coordinates(exponents: &[u8; 6]) -> Vec<([u8; 6], f64)> {
+pub(crate) fn in_coordinates(exponents: &[u8; 6]) -> Vec<([u8; 6], f64)> {
     let monomial = |pairs: &[usize], sign: f64| {
         let mut e = [0; 6];
         pairs.iter().for_each(|&i| e[i] += 1);

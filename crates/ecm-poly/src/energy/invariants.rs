@@ -8,6 +8,7 @@ use ecm_se3::{Mat6, Real, Vec6};
 
 /// Symmetry of the shape and material of a mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Symmetry {
     /// Body of revolution with equal ends: even joint powers of θ_x and a, no b.
     Alike,

@@ -1,13 +1,12 @@
 //! Energy models U(q) in mid-frame coordinates: symmetric Hessian by construction.
 
 pub mod invariants;
-pub mod mid_frame;
 pub mod plan;
-pub mod potential;
-pub mod simd;
 
 #[cfg(feature = "std")]
 mod bulk;
+#[cfg(feature = "std")]
+mod evaluator;
 #[cfg(feature = "std")]
 pub mod fit;
 #[cfg(feature = "std")]
@@ -16,6 +15,10 @@ pub mod groups;
 pub mod model;
 #[cfg(feature = "std")]
 pub mod regressor;
+#[cfg(feature = "std")]
+mod simd;
+#[cfg(feature = "std")]
+mod simd_tables;
 #[cfg(feature = "std")]
 pub mod tables;
 #[cfg(feature = "std")]
@@ -26,10 +29,10 @@ pub use fit::EnergyFit;
 #[cfg(feature = "std")]
 pub use groups::Group;
 pub use invariants::Symmetry;
-pub use mid_frame::EnergyMap;
 #[cfg(feature = "std")]
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
-pub use simd::SimdPlan;
 #[cfg(feature = "std")]
-pub use tables::{EnergyTables, SimdTables};
+pub use tables::EnergyTables;
+#[cfg(feature = "std")]
+pub use terms::EnergyTerms;

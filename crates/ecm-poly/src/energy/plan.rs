@@ -16,71 +16,142 @@ use crate::shape::ShapeError;
 /// Rows of the sparse matrix: U, six slopes, 21 curvatures (upper triangle, row by row).
 pub const ROWS: usize = 28;
 
-/// Tables of one energy; monomial 0 is 1, and scales are folded into the weights.
+/// Tables of one energy with memory for `S` monomials, checked once where it is made.
+///
+/// Monomial 0 is 1; scales are folded into the weights.
 #[derive(Clone, Copy, Debug)]
-pub struct EnergyPlan<'a, R> {
-    /// Symmetry of the mechanism.
-    pub symmetry: Symmetry,
-    /// Undeformed length (m).
-    pub length_m: R,
-    /// Monomial t + 1 is monomial `.0` times variable `.1`.
-    pub products: &'a [(u16, u8)],
-    /// End of the entries of each row.
-    pub ends: [u16; ROWS],
-    /// Monomial of each entry.
-    pub columns: &'a [u16],
-    /// Weight of each entry (J and powers of 1/m).
-    pub weights: &'a [R],
+pub struct EnergyPlan<'a, R, const S: usize> {
+    symmetry: Symmetry,
+    length_m: R,
+    products: &'a [(u16, u8)],
+    ends: [u16; ROWS],
+    columns: &'a [u16],
+    weights: &'a [R],
 }
 
-impl<R: Real> EnergyPlan<'_, R> {
-    /// `Ok` where memory for `S` monomials, a power of two, is sufficient.
-    pub fn check<const S: usize>(&self) -> Result<(), ShapeError> {
-        ShapeError::check("weights", self.weights.len(), self.columns.len())?;
-        if S.is_power_of_two() && self.products.len() < S {
-            return Ok(());
+impl<'a, R: Real, const S: usize> EnergyPlan<'a, R, S> {
+    /// From the tables that `EnergyTables` makes, also in a constant.
+    ///
+    /// - `length_m`: undeformed length (m).
+    /// - `products`: monomial t + 1 is monomial `.0` times variable `.1`.
+    /// - `ends`: end of the entries of each row.
+    /// - `columns`, `weights`: monomial and weight (J and powers of 1/m) of each entry.
+    ///
+    /// # Errors
+    /// An `S` that is no power of two or too small; tables that do not fit together.
+    pub const fn new(
+        symmetry: Symmetry,
+        length_m: R,
+        products: &'a [(u16, u8)],
+        ends: [u16; ROWS],
+        columns: &'a [u16],
+        weights: &'a [R],
+    ) -> Result<Self, ShapeError> {
+        if !S.is_power_of_two() || products.len() >= S {
+            return wrong("monomials", products.len() + 1, S);
         }
-        Err(ShapeError {
-            name: "monomials",
-            found: self.products.len() + 1,
-            expected: S,
+        if weights.len() != columns.len() {
+            return wrong("weights", weights.len(), columns.len());
+        }
+        let mut t = 0;
+        while t < products.len() {
+            let (parent, variable) = products[t];
+            if parent as usize > t {
+                return wrong("factor of a monomial", parent as usize, t);
+            }
+            if variable > 5 {
+                return wrong("variable of a monomial", variable as usize, 5);
+            }
+            t += 1;
+        }
+        let mut entry = 0;
+        while entry < columns.len() {
+            if columns[entry] as usize > products.len() {
+                return wrong("column", columns[entry] as usize, products.len());
+            }
+            entry += 1;
+        }
+        let mut row = 1;
+        while row < ROWS {
+            if ends[row] < ends[row - 1] {
+                return wrong("end of a row", ends[row] as usize, ends[row - 1] as usize);
+            }
+            row += 1;
+        }
+        if ends[ROWS - 1] as usize != columns.len() {
+            return wrong("columns", columns.len(), ends[ROWS - 1] as usize);
+        }
+        Ok(Self {
+            symmetry,
+            length_m,
+            products,
+            ends,
+            columns,
+            weights,
         })
+    }
+
+    /// As [`EnergyPlan::new`] of tables that it has accepted before.
+    #[cfg(feature = "std")]
+    #[inline(always)]
+    pub(crate) fn of_checked(
+        symmetry: Symmetry,
+        length_m: R,
+        products: &'a [(u16, u8)],
+        ends: [u16; ROWS],
+        columns: &'a [u16],
+        weights: &'a [R],
+    ) -> Self {
+        Self {
+            symmetry,
+            length_m,
+            products,
+            ends,
+            columns,
+            weights,
+        }
+    }
+
+    /// Undeformed length of the mechanism (m).
+    #[inline(always)]
+    pub fn length_m(&self) -> R {
+        self.length_m
     }
 
     /// U (J) at a pose.
     #[inline(always)]
-    pub fn energy<A: Arithmetic<R>, const S: usize>(&self, pose: &Pose<R>) -> R {
+    pub fn energy<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> R {
         let q = MidFrame::new(pose, self.length_m).coordinates();
-        let monomials = self.monomials::<S>(&self.symmetry.variables(&q));
-        self.row::<A, S>(0, &monomials)
+        let monomials = self.monomials(&self.symmetry.variables(&q));
+        self.row::<A>(0, &monomials)
     }
 
     /// The wrench h that holds the pose.
     #[inline(always)]
-    pub fn wrench<A: Arithmetic<R>, const S: usize>(&self, pose: &Pose<R>) -> Wrench<R> {
+    pub fn wrench<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> Wrench<R> {
         let frame = MidFrame::new(pose, self.length_m);
         let q = frame.coordinates();
-        let monomials = self.monomials::<S>(&self.symmetry.variables(&q));
-        let first = core::array::from_fn(|i| self.row::<A, S>(1 + i, &monomials));
+        let monomials = self.monomials(&self.symmetry.variables(&q));
+        let first = core::array::from_fn(|i| self.row::<A>(1 + i, &monomials));
         frame.wrench(&self.symmetry.gradient(&q, &first))
     }
 
     /// h, and the stiffness of one kind.
     #[inline(always)]
-    pub fn wrench_and_stiffness<A: Arithmetic<R>, const S: usize>(
+    pub fn wrench_and_stiffness<A: Arithmetic<R>>(
         &self,
         pose: &Pose<R>,
         kind: StiffnessKind,
     ) -> (Wrench<R>, Mat6<R>) {
         let frame = MidFrame::new(pose, self.length_m);
         let q = frame.coordinates();
-        let monomials = self.monomials::<S>(&self.symmetry.variables(&q));
-        let first: Vec6<R> = core::array::from_fn(|i| self.row::<A, S>(1 + i, &monomials));
+        let monomials = self.monomials(&self.symmetry.variables(&q));
+        let first: Vec6<R> = core::array::from_fn(|i| self.row::<A>(1 + i, &monomials));
         let mut second = [[R::ZERO; 6]; 6];
         let mut row = 7;
         for i in 0..6 {
             for j in i..6 {
-                let value = self.row::<A, S>(row, &monomials);
+                let value = self.row::<A>(row, &monomials);
                 second[i][j] = value;
                 second[j][i] = value;
                 row += 1;
@@ -90,20 +161,14 @@ impl<R: Real> EnergyPlan<'_, R> {
     }
 
     #[inline(always)]
-    fn monomials<const S: usize>(&self, variables: &Vec6<R>) -> [R; S] {
-        // Masks instead of bounds checks: S is a power of two, see `check`.
-        let [a, b, c, d, e, f] = *variables;
-        let v = [a, b, c, d, e, f, R::ZERO, R::ZERO];
+    fn monomials(&self, variables: &Vec6<R>) -> [R; S] {
         let mut values = [R::ONE; S];
-        for (t, &(parent, variable)) in self.products.iter().enumerate() {
-            values[(t + 1) & (S - 1)] =
-                values[usize::from(parent) & (S - 1)] * v[usize::from(variable) & 7];
-        }
+        fill_monomials(self.products, variables, &mut values);
         values
     }
 
     #[inline(always)]
-    fn row<A: Arithmetic<R>, const S: usize>(&self, row: usize, monomials: &[R; S]) -> R {
+    fn row<A: Arithmetic<R>>(&self, row: usize, monomials: &[R; S]) -> R {
         let start = match row {
             0 => 0,
             _ => usize::from(self.ends[(row - 1) % ROWS]),
@@ -127,6 +192,31 @@ impl<R: Real> EnergyPlan<'_, R> {
             sums[0] = A::mul_add(w, monomials[usize::from(c) & (S - 1)], sums[0]);
         }
         (sums[0] + sums[1]) + (sums[2] + sums[3])
+    }
+}
+
+const fn wrong<T>(name: &'static str, found: usize, expected: usize) -> Result<T, ShapeError> {
+    Err(ShapeError {
+        name,
+        found,
+        expected,
+    })
+}
+
+/// All monomials of the six variables, one product each; `S` is a power of two.
+#[inline(always)]
+pub(crate) fn fill_monomials<R: Real, const S: usize>(
+    products: &[(u16, u8)],
+    variables: &Vec6<R>,
+    values: &mut [R; S],
+) {
+    // Masks instead of bounds checks.
+    let [a, b, c, d, e, f] = *variables;
+    let v = [a, b, c, d, e, f, R::ZERO, R::ZERO];
+    values[0] = R::ONE;
+    for (t, &(parent, variable)) in products.iter().enumerate() {
+        values[(t + 1) & (S - 1)] =
+            values[usize::from(parent) & (S - 1)] * v[usize::from(variable) & 7];
     }
 }
 

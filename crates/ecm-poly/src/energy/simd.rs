@@ -1,4 +1,4 @@
-//! SIMD evaluation of the energy of a body of revolution, for degrees 4, 5 and 6.
+//! SIMD evaluation of the plan of a body of revolution, for degrees 4 to 8.
 //!
 //! U = Σ_β B_β(θ_x, a, b) G_β(c_x, |c⊥|², |θ⊥|²). One lane per product B_β of powers, eight or
 //! sixteen of them; Horner's rule runs over c_x inside |θ⊥|² inside |c⊥|² and
@@ -17,18 +17,42 @@ use crate::energy::plan::wrench_and_stiffness;
 /// Highest power of the factor of a lane, which is the highest degree.
 const MAX_POWER: usize = 8;
 
-/// Tables of one energy of a body of revolution.
+/// The degrees for which the loops over the powers are written out.
 #[derive(Clone, Copy, Debug)]
-pub struct SimdPlan<'a, R, const B: usize> {
+pub(crate) enum Levels {
+    Four,
+    Five,
+    Six,
+    Seven,
+    Eight,
+}
+
+impl Levels {
+    /// `None` for another degree in q.
+    pub(crate) fn of_degree(degree: usize) -> Option<Self> {
+        match degree {
+            4 => Some(Self::Four),
+            5 => Some(Self::Five),
+            6 => Some(Self::Six),
+            7 => Some(Self::Seven),
+            8 => Some(Self::Eight),
+            _ => None,
+        }
+    }
+}
+
+/// Borrowed `SimdTables`, which alone makes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SimdPlan<'a, R, const B: usize> {
     /// Undeformed length (m).
-    pub length_m: R,
-    /// Highest degree in q: 4, 5 or 6.
-    pub degree: usize,
+    pub(super) length_m: R,
+    /// Of the highest degree in q.
+    pub(super) levels: Levels,
     /// Powers of θ_x, a and b of each lane; unused lanes have coefficients 0.
-    pub powers: [[u8; 3]; B],
+    pub(super) powers: [[u8; 3]; B],
     /// Coefficients of |c⊥|²ʲ |θ⊥|²ᵏ c_xⁿ: j falling, inside it k falling, inside it n falling,
     /// 2j + 2k + n ≤ degree.
-    pub coefficients: &'a [[R; B]],
+    pub(super) coefficients: &'a [[R; B]],
 }
 
 /// G and its derivatives, one lane each: plain, and halves of the pure second ones.
@@ -112,9 +136,25 @@ impl<R: Real, const B: usize> Inner<R, B> {
 }
 
 impl<R: Real, const B: usize> SimdPlan<'_, R, B> {
+    /// U (J) at a pose.
+    #[inline(always)]
+    pub(crate) fn energy<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> R {
+        let q = MidFrame::new(pose, self.length_m).coordinates();
+        let v = Symmetry::Revolution.variables(&q);
+        let inner = self.inner::<A, false>(&v);
+        let (theta_x, a) = (powers(v[3]), powers(v[4]));
+        let mut sum = R::ZERO;
+        for (l, &[ex, ea, eb]) in self.powers.iter().enumerate() {
+            let b = if eb == 0 { R::ONE } else { v[5] };
+            let factor = theta_x[usize::from(ex) % 9][0] * a[usize::from(ea) % 9][0] * b;
+            sum = A::mul_add(inner.u[l], factor, sum);
+        }
+        sum
+    }
+
     /// The wrench h that holds the pose.
     #[inline(always)]
-    pub fn wrench<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> Wrench<R> {
+    pub(crate) fn wrench<A: Arithmetic<R>>(&self, pose: &Pose<R>) -> Wrench<R> {
         let frame = MidFrame::new(pose, self.length_m);
         let q = frame.coordinates();
         let v = Symmetry::Revolution.variables(&q);
@@ -125,7 +165,7 @@ impl<R: Real, const B: usize> SimdPlan<'_, R, B> {
 
     /// h, and the stiffness of one kind.
     #[inline(always)]
-    pub fn wrench_and_stiffness<A: Arithmetic<R>>(
+    pub(crate) fn wrench_and_stiffness<A: Arithmetic<R>>(
         &self,
         pose: &Pose<R>,
         kind: StiffnessKind,
@@ -153,25 +193,36 @@ impl<R: Real, const B: usize> SimdPlan<'_, R, B> {
                 sums.add_level::<A, SECOND>(&level, p);
             }};
         }
-        match self.degree {
-            4 => {
+        match self.levels {
+            Levels::Four => {
                 powers!(1);
                 powers!(1 3);
                 powers!(1 3 5);
             }
-            5 => {
+            Levels::Five => {
                 powers!(2);
                 powers!(2 4);
                 powers!(2 4 6);
             }
-            6 => {
+            Levels::Six => {
                 powers!(1);
                 powers!(1 3);
                 powers!(1 3 5);
                 powers!(1 3 5 7);
             }
-            // `SimdTables` makes no other degrees.
-            _ => {}
+            Levels::Seven => {
+                powers!(2);
+                powers!(2 4);
+                powers!(2 4 6);
+                powers!(2 4 6 8);
+            }
+            Levels::Eight => {
+                powers!(1);
+                powers!(1 3);
+                powers!(1 3 5);
+                powers!(1 3 5 7);
+                powers!(1 3 5 7 9);
+            }
         }
         sums
     }

@@ -7,7 +7,13 @@ use ecm_se3::Real;
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::{EnergyPlan, ROWS};
-use crate::energy::simd::SimdPlan;
+use crate::shape::ShapeError;
+
+/// Exponents of the six variables.
+pub(crate) type Monomial = [u8; 6];
+
+/// Most monomials of an energy: all of six variables up to degree 8 are 3003.
+pub const LARGEST_MEMORY: usize = 4096;
 
 /// Owned tables of an [`EnergyPlan`].
 #[derive(Clone, Debug)]
@@ -20,108 +26,123 @@ pub struct EnergyTables<R> {
     weights: Vec<R>,
 }
 
-/// Owned tables of a [`SimdPlan`] of `B` lanes.
-#[derive(Clone, Debug)]
-pub struct SimdTables<R, const B: usize> {
-    length_m: R,
-    degree: usize,
-    powers: [[u8; 3]; B],
-    coefficients: Vec<[R; B]>,
-}
-
-impl<R: Real, const B: usize> SimdTables<R, B> {
-    /// As [`EnergyTables::new`]; `None` for a general energy, degrees other
-    /// than 4, 5, 6, or one that needs more lanes.
-    pub fn new(
-        symmetry: Symmetry,
-        exponents: &[Monomial],
-        coefficients: &[f64],
-        scale: [f64; 2],
-        length_m: f64,
-    ) -> Option<Self> {
-        if symmetry == Symmetry::General {
-            return None;
-        }
-        let mut lanes: Vec<[u8; 3]> = Vec::new();
-        let mut degree = 0;
-        for &[x, p, t, theta_x, a, b] in exponents {
-            let key = [theta_x, a, b];
-            if !lanes.contains(&key) {
-                lanes.push(key);
-            }
-            degree = degree.max(usize::from(x) + 2 * usize::from(p) + 2 * usize::from(t));
-        }
-        if lanes.len() > B || !(4..=6).contains(&degree) {
-            return None;
-        }
-        let mut powers = [[0; 3]; B];
-        powers[..lanes.len()].copy_from_slice(&lanes);
-        let half = degree / 2;
-        let mut table = Vec::new();
-        for j in (0..=half).rev() {
-            for k in (0..=half - j).rev() {
-                for n in (0..=degree - 2 * (j + k)).rev() {
-                    let mut row = [R::ZERO; B];
-                    for (e, &c) in exponents.iter().zip(coefficients) {
-                        let [x, p, t, theta_x, a, b] = *e;
-                        let here = [usize::from(x), usize::from(p), usize::from(t)];
-                        let lane = lanes.iter().position(|l| *l == [theta_x, a, b]);
-                        if let (true, Some(l)) = (here == [n, j, k], lane) {
-                            row[l] = R::from_f64(c * unscaled(symmetry, e, scale));
-                        }
-                    }
-                    table.push(row);
-                }
-            }
-        }
-        Some(Self {
-            length_m: R::from_f64(length_m),
-            degree,
-            powers,
-            coefficients: table,
-        })
-    }
-
-    /// The tables, borrowed.
-    pub fn plan(&self) -> SimdPlan<'_, R, B> {
-        SimdPlan {
-            length_m: self.length_m,
-            degree: self.degree,
-            powers: self.powers,
-            coefficients: &self.coefficients,
-        }
-    }
-}
-
-type Monomial = [u8; 6];
-
 impl<R: Real> EnergyTables<R> {
     /// From exponents of the variables and coefficients (J) of coordinates divided by `scale`.
-    pub fn new(
+    ///
+    /// # Errors
+    /// More monomials than [`LARGEST_MEMORY`].
+    pub(crate) fn new(
         symmetry: Symmetry,
         exponents: &[Monomial],
         coefficients: &[f64],
         scale: [f64; 2],
         length_m: f64,
-    ) -> Self {
-        let weights: Vec<f64> = exponents
-            .iter()
-            .zip(coefficients)
-            .map(|(row, c)| c * unscaled(symmetry, row, scale))
+    ) -> Result<Self, ShapeError> {
+        let terms = exponents.iter().zip(coefficients);
+        let terms: Vec<(Monomial, f64)> = terms
+            .map(|(row, c)| (*row, c * unscaled(symmetry, row, scale)))
             .collect();
         let rows: Vec<Vec<(Monomial, f64)>> = row_orders()
             .iter()
             .map(|orders| {
-                let terms = exponents.iter().zip(&weights);
                 let mut row: Vec<_> = terms
-                    .filter_map(|(e, &w)| differentiated(e, orders).map(|(m, f)| (m, w * f)))
+                    .iter()
+                    .filter_map(|(e, w)| differentiated(e, orders).map(|(m, f)| (m, w * f)))
                     .collect();
                 row.sort_by_key(|entry| order(&entry.0));
                 row
             })
             .collect();
+        let products = Products::new(rows.iter().flatten().map(|entry| entry.0));
+        let mut ends = [0; ROWS];
+        let (mut columns, mut weights) = (Vec::new(), Vec::new());
+        for (end, row) in ends.iter_mut().zip(&rows) {
+            for (monomial, weight) in row {
+                columns.push(products.place(monomial));
+                weights.push(R::from_f64(*weight));
+            }
+            *end = columns.len() as u16;
+        }
+        let tables = Self {
+            symmetry,
+            length_m: R::from_f64(length_m),
+            products: products.table(),
+            ends,
+            columns,
+            weights,
+        };
+        tables.plan::<LARGEST_MEMORY>()?;
+        Ok(tables)
+    }
+
+    /// The tables, borrowed, with memory for `S` monomials: a power of two of at least
+    /// [`EnergyTables::monomials`].
+    ///
+    /// # Errors
+    /// Too small an `S`, or one that is no power of two.
+    pub fn plan<const S: usize>(&self) -> Result<EnergyPlan<'_, R, S>, ShapeError> {
+        EnergyPlan::new(
+            self.symmetry,
+            self.length_m,
+            &self.products,
+            self.ends,
+            &self.columns,
+            &self.weights,
+        )
+    }
+
+    /// As [`EnergyTables::plan`] without its checks, for `S` of at least [`EnergyTables::monomials`].
+    #[inline(always)]
+    pub(crate) fn checked_plan<const S: usize>(&self) -> EnergyPlan<'_, R, S> {
+        debug_assert!(S.is_power_of_two() && self.products.len() < S);
+        EnergyPlan::of_checked(
+            self.symmetry,
+            self.length_m,
+            &self.products,
+            self.ends,
+            &self.columns,
+            &self.weights,
+        )
+    }
+
+    /// Number of monomials, with the constant one.
+    pub fn monomials(&self) -> usize {
+        self.products.len() + 1
+    }
+    /// Symmetry, whose variables the monomials are products of.
+    pub fn symmetry(&self) -> Symmetry {
+        self.symmetry
+    }
+    /// Undeformed length (m).
+    pub fn length_m(&self) -> R {
+        self.length_m
+    }
+    /// Monomial t + 1 is monomial `.0` times variable `.1`.
+    pub fn products(&self) -> &[(u16, u8)] {
+        &self.products
+    }
+    /// End of the entries of each row.
+    pub fn ends(&self) -> &[u16; ROWS] {
+        &self.ends
+    }
+    /// Monomial of each entry.
+    pub fn columns(&self) -> &[u16] {
+        &self.columns
+    }
+    /// Weight of each entry (J and powers of 1/m).
+    pub fn weights(&self) -> &[R] {
+        &self.weights
+    }
+}
+
+/// Monomials in an order in which each is an earlier one times a variable.
+pub(crate) struct Products(Vec<(u8, Monomial)>);
+
+impl Products {
+    /// The monomials and all that they are products of.
+    pub(crate) fn new(monomials: impl Iterator<Item = Monomial>) -> Self {
         let mut needed: BTreeSet<(u8, Monomial)> = BTreeSet::from([order(&[0; 6])]);
-        for (mut monomial, _) in rows.iter().flatten().copied() {
+        for mut monomial in monomials {
             while needed.insert(order(&monomial)) {
                 match parent(&monomial) {
                     Some((lower, _)) => monomial = lower,
@@ -129,42 +150,21 @@ impl<R: Real> EnergyTables<R> {
                 }
             }
         }
-        let list: Vec<_> = needed.into_iter().collect();
-        let place = |m: &Monomial| list.binary_search(&order(m)).unwrap_or(0) as u16;
-        let products = list
-            .iter()
-            .filter_map(|(_, reversed)| parent(&reversed.map(|e| u8::MAX - e)))
-            .map(|(lower, variable)| (place(&lower), variable))
-            .collect();
-        let mut ends = [0; ROWS];
-        let (mut columns, mut values) = (Vec::new(), Vec::new());
-        for (end, row) in ends.iter_mut().zip(&rows) {
-            for (monomial, weight) in row {
-                columns.push(place(monomial));
-                values.push(R::from_f64(*weight));
-            }
-            *end = columns.len() as u16;
-        }
-        Self {
-            symmetry,
-            length_m: R::from_f64(length_m),
-            products,
-            ends,
-            columns,
-            weights: values,
-        }
+        Self(needed.into_iter().collect())
     }
 
-    /// The tables, borrowed.
-    pub fn plan(&self) -> EnergyPlan<'_, R> {
-        EnergyPlan {
-            symmetry: self.symmetry,
-            length_m: self.length_m,
-            products: &self.products,
-            ends: self.ends,
-            columns: &self.columns,
-            weights: &self.weights,
-        }
+    /// The number of a monomial.
+    pub(crate) fn place(&self, monomial: &Monomial) -> u16 {
+        self.0.binary_search(&order(monomial)).unwrap_or(0) as u16
+    }
+
+    /// Factor and variable of each monomial after 1.
+    pub(crate) fn table(&self) -> Vec<(u16, u8)> {
+        self.0
+            .iter()
+            .filter_map(|(_, reversed)| parent(&reversed.map(|e| u8::MAX - e)))
+            .map(|(lower, variable)| (self.place(&lower), variable))
+            .collect()
     }
 }
 
@@ -184,11 +184,7 @@ fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
 /// Orders of differentiation of the 28 rows.
 fn row_orders() -> Vec<Monomial> {
     let mut rows = std::vec![[0; 6]];
-    for i in 0..6 {
-        let mut row = [0; 6];
-        row[i] = 1;
-        rows.push(row);
-    }
+    rows.extend((0..6).map(first_order));
     for i in 0..6 {
         for j in i..6 {
             let mut row = [0; 6];
@@ -200,8 +196,13 @@ fn row_orders() -> Vec<Monomial> {
     rows
 }
 
+/// Once by variable i.
+pub(crate) fn first_order(i: usize) -> Monomial {
+    core::array::from_fn(|j| u8::from(i == j))
+}
+
 /// A derivative of a monomial, and its factor; `None` where it is 0.
-fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f64)> {
+pub(crate) fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f64)> {
     let mut result = *monomial;
     let mut factor = 1.0;
     for i in 0..6 {
@@ -214,7 +215,7 @@ fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f
 }
 
 /// 1/(lᵃ αᵇ) of a term of a lengths and b angles.
-fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
+pub(crate) fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
     let degrees = symmetry.lengths_and_angles();
     let mut factor = 1.0;
     for (&e, (lengths, angles)) in row.iter().zip(degrees) {

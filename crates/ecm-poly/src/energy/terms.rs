@@ -5,11 +5,76 @@ use std::string::String;
 use std::vec::Vec;
 
 use crate::basis::advance;
+use crate::energy::groups::{Group, GroupTerm, group_terms};
 use crate::energy::invariants::Symmetry;
 use crate::error::ModelError;
 
 /// Highest degree in q of an energy.
 pub const MAX_DEGREE: usize = 8;
+
+/// The terms of an energy: those of its symmetry, then those of the groups that break it.
+///
+/// No term is there twice, so that each coefficient has one meaning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnergyTerms {
+    symmetry: Symmetry,
+    degree: usize,
+    groups: Vec<Group>,
+    symmetric: Vec<[u8; 6]>,
+    broken: Vec<GroupTerm>,
+}
+
+impl EnergyTerms {
+    /// All terms up to `degree` in q, those of groups up to degree 4.
+    ///
+    /// # Errors
+    /// A degree out of 1 to 8, or a group whose terms the symmetry has already.
+    ///
+    /// ```
+    /// use ecm_poly::Symmetry;
+    /// use ecm_poly::energy::{EnergyTerms, Group};
+    /// # fn main() -> Result<(), ecm_poly::ModelError> {
+    /// let terms = EnergyTerms::new(Symmetry::Alike, 4, &[Group::UnlikeEnds])?;
+    /// assert_eq!(terms.count(), 22 + 6);
+    /// assert!(EnergyTerms::new(Symmetry::General, 4, &[Group::UnlikeEnds]).is_err());
+    /// # Ok(()) }
+    /// ```
+    pub fn new(symmetry: Symmetry, degree: usize, groups: &[Group]) -> Result<Self, ModelError> {
+        let groups = Group::in_order(groups, symmetry)?;
+        Ok(Self {
+            symmetry,
+            degree,
+            symmetric: terms(symmetry, degree)?,
+            broken: group_terms(&groups, degree),
+            groups,
+        })
+    }
+
+    /// Number of terms, and of coefficients.
+    pub fn count(&self) -> usize {
+        self.symmetric.len() + self.broken.len()
+    }
+    /// Symmetry of the mechanism.
+    pub fn symmetry(&self) -> Symmetry {
+        self.symmetry
+    }
+    /// Highest degree in q.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+    /// Groups that break the symmetry, in a fixed order.
+    pub fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+    /// Exponents of the six variables of [`Symmetry::variable_names`].
+    pub fn symmetric(&self) -> &[[u8; 6]] {
+        &self.symmetric
+    }
+    /// Terms of the groups.
+    pub fn broken(&self) -> &[GroupTerm] {
+        &self.broken
+    }
+}
 
 /// Exponents of the six variables, by degree in q, then in the order of the paper's eq. (4).
 ///

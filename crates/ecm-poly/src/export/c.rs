@@ -9,7 +9,6 @@ use serde_json::{Map, Value};
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::model::{Model, identifier, reach_squared};
@@ -44,7 +43,10 @@ pub fn export(
     };
     let (header, (source, numbers)) = match &model {
         Model::Polynomial(model) => (include_str!("templates/polynomial.h"), polynomial(model)?),
-        Model::Energy(model) => (include_str!("templates/energy.h"), energy(model, precision)),
+        Model::Energy(model) => (
+            include_str!("templates/energy.h"),
+            energy(model, precision)?,
+        ),
     };
     let stack = (numbers * precision.size() + 400)
         .next_multiple_of(16)
@@ -94,11 +96,8 @@ const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
 const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
 /// The source, and how many floating-point numbers a call keeps.
-fn energy(model: &EnergyModel, precision: Precision) -> (String, usize) {
-    let (symmetry, exponents, coefficients) = model.written_out();
-    let (scale, length) = (model.scale(), model.length_m());
-    let tables = EnergyTables::<f64>::new(symmetry, &exponents, &coefficients, scale, length);
-    let plan = tables.plan();
+fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {
+    let tables = model.tables::<f64>()?;
     let reach = reach_squared(model);
     let count = match precision {
         Precision::Single => 7,
@@ -110,36 +109,39 @@ fn energy(model: &EnergyModel, precision: Precision) -> (String, usize) {
             real(1.0 / factorial)
         }))
     };
-    let symmetry = match symmetry {
+    let symmetry = match tables.symmetry() {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),
     };
     let text = filled(
         include_str!("templates/energy.c"),
         &[
-            ("MONOMIALS", &plan.products.len().to_string()),
+            ("MONOMIALS", &tables.products().len().to_string()),
             ("SERIES", &count.to_string()),
-            ("ENTRIES", &plan.columns.len().to_string()),
-            ("LENGTH", &format!("{:e}", plan.length_m)),
+            ("ENTRIES", &tables.columns().len().to_string()),
+            ("LENGTH", &format!("{:e}", tables.length_m())),
             ("CSQUARED", &format!("{:e}", reach[0])),
             ("THETASQUARED", &format!("{:e}", reach[1])),
             (
                 "PARENTS",
-                &list(plan.products.iter().map(|p| p.0.to_string())),
+                &list(tables.products().iter().map(|p| p.0.to_string())),
             ),
             (
                 "VARIABLES",
-                &list(plan.products.iter().map(|p| p.1.to_string())),
+                &list(tables.products().iter().map(|p| p.1.to_string())),
             ),
-            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
-            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
-            ("WEIGHTS", &list(plan.weights.iter().map(|&w| real(w)))),
+            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
+            (
+                "COLUMNS",
+                &list(tables.columns().iter().map(u16::to_string)),
+            ),
+            ("WEIGHTS", &list(tables.weights().iter().map(|&w| real(w)))),
             ("SERIES6", &series(6)),
             ("SERIES7", &series(7)),
             ("SYMMETRY", symmetry),
         ],
     );
-    (text, plan.products.len() + 300)
+    Ok((text, tables.products().len() + 300))
 }
 
 /// As [`energy`].

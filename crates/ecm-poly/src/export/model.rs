@@ -15,6 +15,7 @@ use crate::polynomial_model::PolynomialModel;
 
 /// A model of either family.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Model {
     /// Free polynomials.
     Polynomial(Box<PolynomialModel>),

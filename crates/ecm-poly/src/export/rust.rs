@@ -14,7 +14,6 @@ use serde_json::{Map, Value};
 use crate::cubic::Cubic;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::tables::EnergyTables;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::model::{Model, identifier, reach_squared};
@@ -41,8 +40,8 @@ pub fn export(
         // Where double is software, the unrolled sums lie on the stack.
         (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
         (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
-        (Model::Energy(model), Precision::Double) => energy::<f64>(model),
-        (Model::Energy(model), Precision::Single) => energy::<f32>(model),
+        (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
+        (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
     };
     let stack = (numbers * precision.size() + 600)
         .next_multiple_of(16)
@@ -78,36 +77,40 @@ pub fn export(
 }
 
 /// The source, and how many floating-point numbers a call keeps.
-fn energy<R: Real>(model: &EnergyModel) -> (String, usize) {
-    let (symmetry, exponents, coefficients) = model.written_out();
-    let (scale, length) = (model.scale(), model.length_m());
-    let tables = EnergyTables::<R>::new(symmetry, &exponents, &coefficients, scale, length);
-    let plan = tables.plan();
-    let symmetry = match symmetry {
+fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
+    let tables = model.tables::<R>()?;
+    let symmetry = match tables.symmetry() {
         Symmetry::Alike => "Alike",
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
     let reach = reach_squared(model);
-    let memory = (plan.products.len() + 1).next_power_of_two();
+    let memory = tables.monomials().next_power_of_two();
+    let products = tables.products().iter();
     let text = filled(
         include_str!("templates/energy.rs.txt"),
         &[
             ("MEMORY", &memory.to_string()),
             ("SYMMETRY", symmetry),
-            ("LENGTH", &number(plan.length_m)),
+            ("LENGTH", &number(tables.length_m())),
             ("CSQUARED", &number(R::from_f64(reach[0]))),
             ("THETASQUARED", &number(R::from_f64(reach[1]))),
             (
                 "PRODUCTS",
-                &list(plan.products.iter().map(|p| format!("({}, {})", p.0, p.1))),
+                &list(products.map(|p| format!("({}, {})", p.0, p.1))),
             ),
-            ("ENDS", &list(plan.ends.iter().map(u16::to_string))),
-            ("COLUMNS", &list(plan.columns.iter().map(u16::to_string))),
-            ("WEIGHTS", &list(plan.weights.iter().map(|&w| number(w)))),
+            ("ENDS", &list(tables.ends().iter().map(u16::to_string))),
+            (
+                "COLUMNS",
+                &list(tables.columns().iter().map(u16::to_string)),
+            ),
+            (
+                "WEIGHTS",
+                &list(tables.weights().iter().map(|&w| number(w))),
+            ),
         ],
     );
-    (text, memory + 450)
+    Ok((text, memory + 450))
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {

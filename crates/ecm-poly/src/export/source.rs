@@ -21,16 +21,7 @@ const FILES: &[(&str, &str)] = &[
         "energy/invariants.rs",
         include_str!("../energy/invariants.rs"),
     ),
-    ("energy/simd.rs", include_str!("../energy/simd.rs")),
-    (
-        "energy/mid_frame.rs",
-        include_str!("../energy/mid_frame.rs"),
-    ),
     ("energy/plan.rs", include_str!("../energy/plan.rs")),
-    (
-        "energy/potential.rs",
-        include_str!("../energy/potential.rs"),
-    ),
 ];
 
 /// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
@@ -106,7 +97,9 @@ fn without_std(text: &str) -> String {
 /// Whether an attribute restricts its item to tests or to a feature.
 fn is_left_out(attribute: &str) -> bool {
     attribute.starts_with("#[cfg(")
-        && (attribute.contains("feature = ") || attribute.contains("(test"))
+        && ["feature = ", "(test", "(doctest"]
+            .iter()
+            .any(|word| attribute.contains(word))
 }
 
 /// Takes the rest of the item that begins with `first`.

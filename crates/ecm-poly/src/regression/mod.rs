@@ -9,10 +9,11 @@ pub mod triangle;
 use std::vec::Vec;
 
 use crate::dense::ThinSvd;
-use crate::error::ModelError;
+use crate::error::{ModelError, check_count};
 
 /// Method of regression.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// Ordinary least squares; the shortest solution where the regressor has no full rank.
     LeastSquares,
@@ -45,6 +46,8 @@ pub fn solve(
     outputs: usize,
     method: Method,
 ) -> Result<Solution, ModelError> {
+    let expected = factors.u.nrows().saturating_mul(outputs);
+    check_count("outputs", "numbers", observations.len(), expected)?;
     match method {
         Method::LeastSquares => Ok(least_squares::solve(factors, observations, outputs)),
         Method::Ridge(lambda) => ridge::solve(factors, observations, outputs, lambda),

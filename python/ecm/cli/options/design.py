@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from ecm._native import criteria
 from ecm.cli.command import Out, command
 
 
@@ -34,7 +35,8 @@ class Options:
     n: Annotated[int, typer.Option("--n", metavar="N", min=1, help="Poses to choose.")]
     out: Out
     criterion: Annotated[
-        str, typer.Option("--criterion", metavar="NAME", help="d, i, a, g, di, maximin.")
+        str,
+        typer.Option("--criterion", metavar="NAME", help=f"{', '.join(c[0] for c in criteria())}."),
     ] = "d"
     model: Annotated[
         str | None,

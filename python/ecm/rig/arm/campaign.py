@@ -168,8 +168,8 @@ class RobotCampaign(Campaign):
         """Return the measurement table, with the joints of the arm."""
         self._update_visits(self.timeline.visits)
         table = self.table(self._readings)
-        kept = [record for record in self.records if not record.reason]
-        rows = [kept[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
+        reached = [record for record in self.records if not record.reason]
+        rows = [reached[k] for k, v in enumerate(self.timeline.visits) if v.kind != OFFSET]
         columns = dict(table.columns)
         for names, values in (
             (JOINTS, [r.joints_rad for r in rows]),

@@ -48,7 +48,7 @@ def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
     driven_rows = {planned[r.visit].row for r in records}
     not_driven = [s for s in campaign.skipped if s.row not in driven_rows]
     reached = [r for r in records if not r.reason]
-    asked = len(records) + len(not_driven)
+    total = len(records) + len(not_driven)
     off_known = [r.off_known_m for r in reached]
     document: dict[str, Any] = {
         "schema": 1,
@@ -66,9 +66,9 @@ def campaign_record(campaign: RobotCampaign) -> dict[str, Any]:
             }
             for r in records
         ],
-        "poses": asked,
+        "poses": total,
         "reached": len(reached),
-        "success": len(reached) / asked if asked else 0.0,
+        "success": len(reached) / total if total else 0.0,
         "reasons": [
             *([s.row + 1, s.pose_id, s.reason] for s in not_driven),
             *(

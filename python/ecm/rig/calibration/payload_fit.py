@@ -76,5 +76,5 @@ def payload(
             "payload: the orientations do not tell mass from zero; turn the sensor by more than "
             "20 degrees about two axes"
         )
-    found, covariance, dof = solve_scaled(flat, (readings * weight).ravel())
-    return LoadFit(float(found[0]), found[1:4], found[4:], covariance, dof)
+    values, covariance, dof = solve_scaled(flat, (readings * weight).ravel())
+    return LoadFit(float(values[0]), values[1:4], values[4:], covariance, dof)

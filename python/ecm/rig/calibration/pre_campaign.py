@@ -58,12 +58,12 @@ def calibrated(instruments: Instruments, seed: int) -> Calibration:
         ]
         true[name], fits[name] = frame, target_frame(bores, np.stack(seen))
     fits["sensor"] = _sensor(instruments, random)
-    found = fits["sensor"].frame
-    quaternion = _quaternion(found[3:])
+    sensor = fits["sensor"].frame
+    quaternion = _quaternion(sensor[3:])
     return Calibration(
         tip=seen_from(true["top target"][None], fits["top target"].frame[None])[0],
         base=seen_from(fits["base target"].frame[None], true["base target"][None])[0],
-        top_from_sensor=top_from_sensor_wrench((*found[:3].tolist(), *quaternion)),
+        top_from_sensor=top_from_sensor_wrench((*sensor[:3].tolist(), *quaternion)),
         fits=fits,
     )
 

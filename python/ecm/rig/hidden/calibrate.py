@@ -19,7 +19,7 @@ _ENOUGH = 1e-6
 
 
 class CannotHide(InputError):
-    """An effect cannot be hidden at the wanted strength with this plan."""
+    """An effect cannot be hidden at the target strength with this plan."""
 
 
 class Whitener:
@@ -65,9 +65,9 @@ def _inverse_lower(lower: F) -> F:
 
 
 def calibrate(
-    effect: Callable[[float], F], whitener: Whitener, size: float, wanted: float
+    effect: Callable[[float], F], whitener: Whitener, size: float, target: float
 ) -> float:
-    """The size at which the effect has the wanted strength, by secants on nearly straight lines.
+    """The size at which the effect has the target strength, by secants on nearly straight lines.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def calibrate(
                 "the modulus. Plan visits that it acts on (approaches from several sides, home "
                 "checks, longer campaigns)"
             )
-        if abs(strength / wanted - 1.0) < _ENOUGH:
+        if abs(strength / target - 1.0) < _ENOUGH:
             return size
-        size *= wanted / strength
+        size *= target / strength
     raise CannotHide(
-        f"hidden effect: strength {wanted:g} is not reached (reached {strength:.4g} at size "
+        f"hidden effect: strength {target:g} is not reached (reached {strength:.4g} at size "
         f"{size:.4g}); hide a weaker one"
     )

@@ -53,13 +53,13 @@ class Hidden:
             return ()
         if Path(text).suffix in (".csv", ".parquet"):
             return Hidden.sealed_in(Path(text))
-        asked = tuple(Hidden._one(part) for part in text.split(","))
-        names = [h.effect for h in asked]
+        effects = tuple(Hidden._one(part) for part in text.split(","))
+        names = [h.effect for h in effects]
         if len(set(names)) < len(names):
             raise InputError(f"--hide {text}: an effect is given twice; expected each once")
         if NOTHING in names and len(names) > 1:
             raise InputError(f"--hide {text}: found `none` beside others; expected it alone")
-        return asked
+        return effects
 
     @staticmethod
     def sealed_in(data: Path) -> tuple[Hidden, ...]:

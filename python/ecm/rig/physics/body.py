@@ -7,7 +7,7 @@ clamp that slips by more than a twentieth of the length lets go.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from ecm.rig.physics.true_effect import (
     balanced_direction,
     random_sign,
 )
+
+T = TypeVar("T", bound="LateralTurn")
 
 
 @dataclass(frozen=True)
@@ -62,34 +64,49 @@ class PlatformSlip(BodyPose):
 
 
 @dataclass(frozen=True)
-class FaceTilt(BodyPose):
+class LateralTurn(BodyPose):
+    """A turn about a lateral axis of the body, which a remount turns about x.
+
+    `size` is its angle.
+    """
+
+    azimuth_rad: float = 0.0
+    """Direction of the axis from y, in the body."""
+
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
+
+    @classmethod
+    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
+        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
+
+    def turns(self, at: Conditions) -> F:
+        """Motions (N, 6): no translation, and the turn as a rotation vector in base axes."""
+        angle = self.azimuth_rad + at.mount_rad
+        turns = np.zeros((len(angle), 6))
+        turns[:, 4], turns[:, 5] = self.size * np.cos(angle), self.size * np.sin(angle)
+        return turns
+
+
+@dataclass(frozen=True)
+class FaceTilt(LateralTurn):
     """The clamped face is not square to the axis: the mechanism is tilted, exact in SE(3).
 
     The face is the mechanism's own: a remount turns the tilt about x. `size` is the tilt.
     """
 
-    azimuth_rad: float = 0.0
-    """Direction of its axis from y, in the body."""
-
     effect: ClassVar[str] = "face_tilt"
     name: ClassVar[str] = "face_tilt"
-    unit: ClassVar[str] = "rad"
-    limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> FaceTilt:
-        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
 
     def body_pose(self, poses: F, at: Conditions) -> F:
-        return seen_from(self.size * _lateral_turn(self.azimuth_rad, at), poses)
+        return seen_from(self.turns(at), poses)
 
     def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
-        tilt = self.size * _lateral_turn(self.azimuth_rad, at)
-        return turn_wrench(rotation(tilt[:, 3:]), wrenches)
+        return turn_wrench(rotation(self.turns(at)[:, 3:]), wrenches)
 
 
 @dataclass(frozen=True)
-class NaturalBend(BodyPose):
+class NaturalBend(LateralTurn):
     """A body that is bent when nothing acts on it: an arc instead of a straight line.
 
     Half of the bend sits at either end: T_top = A T_body A with A the rotation by half the bend,
@@ -97,35 +114,15 @@ class NaturalBend(BodyPose):
     x. `size` is the whole bend from base to top.
     """
 
-    azimuth_rad: float = 0.0
-    """Direction of the bend's axis from y, in the body."""
-
     effect: ClassVar[str] = "pre_curvature"
     name: ClassVar[str] = "natural_bend"
-    unit: ClassVar[str] = "rad"
-    limit: ClassVar[Limit] = Limit(0.15, "a remount by 180 degrees")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> NaturalBend:
-        return cls(2e-3, azimuth_rad=float(random.uniform(0.0, 2.0 * np.pi)))
-
-    def _half(self, at: Conditions) -> F:
-        return 0.5 * self.size * _lateral_turn(self.azimuth_rad, at)
 
     def body_pose(self, poses: F, at: Conditions) -> F:
-        half = self._half(at)
+        half = 0.5 * self.turns(at)
         return seen_from(half, compose(poses, -half))
 
     def platform_wrench(self, wrenches: F, poses: F, body: F, at: Conditions) -> F:
-        return turn_wrench(rotation(self._half(at)[:, 3:]), wrenches)
-
-
-def _lateral_turn(azimuth_rad: float, at: Conditions) -> F:
-    """Turns (N, 6) by 1 rad about a lateral axis of the body, which a remount turns about x."""
-    angle = azimuth_rad + at.mount_rad
-    turn = np.zeros((len(angle), 6))
-    turn[:, 4], turn[:, 5] = np.cos(angle), np.sin(angle)
-    return turn
+        return turn_wrench(rotation(0.5 * self.turns(at)[:, 3:]), wrenches)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ not survive the first look at the data; half a second is seen against the arm's 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from ecm.rig.physics.true_effect import (
     random_sign,
     unit_vector,
 )
+
+T = TypeVar("T", bound="AskewFrame")
 
 LEDS = 9
 """Number of LEDs on a target."""
@@ -73,32 +75,41 @@ class Leds(CameraPose):
 
 
 @dataclass(frozen=True)
-class TipTarget(CameraPose):
+class AskewFrame(CameraPose):
+    """A frame that is a shifted and turned copy of the stated one; `size` is the rotation."""
+
+    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Unit direction of the rotation, in the axes of the stated frame."""
+    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Translation per rad of rotation, in the same axes."""
+
+    unit: ClassVar[str] = "rad"
+    limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
+
+    @classmethod
+    def draw(cls: type[T], random: Random, rig: RigScale) -> T:
+        axis = unit_vector(random)
+        return cls(2e-3, axis=axis, shift_m_rad=_shift(random, rig.length_m))
+
+    @property
+    def motion(self) -> F:
+        """(6,) translation and rotation vector between the two frames."""
+        return self.size * np.concatenate([self.shift_m_rad, self.axis])
+
+
+@dataclass(frozen=True)
+class TipTarget(AskewFrame):
     """The target sits askew on the platform: a rigid transform, exact in SE(3).
 
     The camera reports T_top exp(xi): every measured pose carries the same small motion, constant
     in the platform's axes. `size` is the rotation of the target.
     """
 
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    """Unit direction of the rotation, in the platform's axes."""
-    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Translation per rad of rotation, in the platform's axes."""
-
     effect: ClassVar[str] = "tip_frame_misalignment"
     name: ClassVar[str] = "tip_target"
-    unit: ClassVar[str] = "rad"
-    limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> TipTarget:
-        axis = unit_vector(random)
-        shift = _shift(random, rig.length_m)
-        return cls(2e-3, axis=axis, shift_m_rad=shift)
 
     def measured(self, poses: F, at: Conditions) -> F:
-        offset = self.size * np.concatenate([self.shift_m_rad, self.axis])
-        return compose(poses, offset[None, :])
+        return compose(poses, self.motion[None])
 
 
 @dataclass(frozen=True)
@@ -127,32 +138,18 @@ class CameraScale(CameraPose):
 
 
 @dataclass(frozen=True)
-class BaseFrame(CameraPose):
+class BaseFrame(AskewFrame):
     """The base frame that the camera was calibrated to is not the mechanism's: exact in SE(3).
 
     Every pose is seen as T_error T_top, and the wrenches, turned with the measured rotation, are
     turned along with it. `size` is the rotation of the frame.
     """
 
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    """Unit direction of the rotation, base axes."""
-    shift_m_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Translation per rad of rotation."""
-
     effect: ClassVar[str] = "base_frame_misalignment"
     name: ClassVar[str] = "base_frame"
-    unit: ClassVar[str] = "rad"
-    limit: ClassVar[Limit] = Limit(0.1, "poses that bend and turn on all sides")
-
-    @classmethod
-    def draw(cls, random: Random, rig: RigScale) -> BaseFrame:
-        axis = unit_vector(random)
-        shift = _shift(random, rig.length_m)
-        return cls(2e-3, axis=axis, shift_m_rad=shift)
 
     def measured(self, poses: F, at: Conditions) -> F:
-        error = self.size * np.concatenate([self.shift_m_rad, self.axis])
-        return compose(np.tile(error, (len(poses), 1)), poses)
+        return compose(np.tile(self.motion, (len(poses), 1)), poses)
 
 
 @dataclass(frozen=True)

@@ -2,23 +2,17 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Parser, ValueEnum};
+use ecm_doe::{CRITERIA, Criterion};
 
-/// Criterion of the design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Criterion {
-    /// Largest determinant of the information
-    D,
-    /// Smallest average variance of h and of K (times half the range) over the candidates
-    I,
-    /// Smallest summed variance of the coefficients
-    A,
-    /// Smallest largest variance of the prediction over the candidates
-    G,
-    /// D and I together, in shares of --share
-    Di,
-    /// Largest smallest distance, coordinates scaled to [-1, 1]
-    Maximin,
+/// Name of the criterion of distances.
+pub const MAXIMIN: &str = "maximin";
+
+/// The criteria of the library, with what they mean.
+fn criteria() -> PossibleValuesParser {
+    let value = |c: &Criterion| PossibleValue::new(c.name).help(c.meaning);
+    PossibleValuesParser::new(CRITERIA.iter().map(value))
 }
 
 /// Algorithm of the search.
@@ -46,7 +40,7 @@ Chooses N candidate poses of a CSV table and says how close to the best that is
 Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
 
   --n N                 poses to choose, besides those of --include
-  --criterion NAME      d (default), i, a, g, di (with --share S), maximin
+  --criterion NAME      {criteria} (default: d; di with --share S)
   --model NAME          cubic (default), linear, quadratic, poly:D, energyD with
                         D 4..6 (energyD-revolution, energyD-general; --length M)
   --columns A,B         coordinates (default: pose columns, or all numeric ones)
@@ -65,6 +59,11 @@ Usage: ecm-design CANDIDATES --n N [OPTIONS]     (CANDIDATES - : standard input)
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)
 ";
 
+/// [`HELP`] with the names of the criteria.
+fn help() -> String {
+    HELP.replace("{criteria}", &CRITERIA.map(|c| c.name).join(", "))
+}
+
 /// Chooses N of the candidate poses in a CSV table and says how close to the best that is.
 #[derive(Debug, Parser)]
 #[command(
@@ -72,7 +71,7 @@ Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)
     version,
     max_term_width = 110,
     disable_help_flag = true,
-    override_help = HELP
+    override_help = help()
 )]
 #[command(
     after_help = "Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (the best so far is written)"
@@ -85,8 +84,8 @@ pub struct Args {
     #[arg(long, required_unless_present_any = ["man", "completions"])]
     pub n: Option<usize>,
     /// Determinant, average variance of predictions or coefficients, largest variance, smallest distance
-    #[arg(long, value_enum, default_value = "d")]
-    pub criterion: Criterion,
+    #[arg(long, value_parser = criteria(), default_value = "d")]
+    pub criterion: String,
     /// linear, quadratic, cubic, poly:D, energyD, energyD-revolution, energyD-general (D 4..6)
     #[arg(long, default_value = "cubic")]
     pub model: String,

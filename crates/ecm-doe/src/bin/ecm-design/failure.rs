@@ -38,3 +38,9 @@ impl From<ecm_doe::DesignError> for Failure {
         }
     }
 }
+
+impl From<ecm_poly::ModelError> for Failure {
+    fn from(error: ecm_poly::ModelError) -> Self {
+        Self::Input(error.to_string())
+    }
+}

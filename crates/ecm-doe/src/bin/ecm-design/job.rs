@@ -5,11 +5,11 @@ use std::path::Path;
 
 use ecm_doe::regressor::{Model, Regressor, column_ranges, normalise, prediction_region};
 use ecm_doe::{
-    Control, DSettings, Design, DesignError, MaximinSettings, Method, SpacingMethod, a_optimal,
-    compound_optimal, d_optimal, g_optimal, i_optimal, maximin,
+    Candidates, Control, Criterion, DSettings, Design, DesignError, MaximinSettings, Method,
+    SpacingMethod, maximin,
 };
 
-use crate::args::{Args, Criterion, Search};
+use crate::args::{Args, MAXIMIN, Search};
 use crate::failure::Failure;
 use crate::rows;
 use crate::table::{Columns, POSE, Table};
@@ -119,9 +119,10 @@ impl Job {
     /// Searches the design.
     pub fn run(&self, args: &Args, path: &Path, control: &Control<'_>) -> Result<Design, Failure> {
         let n = args.n.unwrap_or(0).saturating_add(self.include.len());
-        match args.criterion {
-            Criterion::Maximin => self.run_maximin(args, n, control),
-            _ => self.run_model(args, path, n, control),
+        if args.criterion == MAXIMIN {
+            self.run_maximin(args, n, control)
+        } else {
+            self.run_model(args, path, n, control)
         }
     }
 
@@ -143,8 +144,8 @@ impl Job {
             None => {
                 let (lower, upper) = column_ranges(&self.columns.values, width);
                 (
-                    normalise(&self.measured, &lower, &upper),
-                    normalise(&self.columns.values, &lower, &upper),
+                    normalise(&self.measured, &lower, &upper)?,
+                    normalise(&self.columns.values, &lower, &upper)?,
                 )
             }
         };
@@ -201,20 +202,15 @@ impl Job {
         let mut all = self.columns.values.clone();
         all.extend_from_slice(&self.measured);
         let regressor = self.regressor(model, &all, args, path)?;
-        let region = match args.criterion {
-            Criterion::I | Criterion::Di => {
-                let (lower, upper) = column_ranges(&self.columns.values, width);
-                let rows_of = |points: &[f64]| self.regressor(model, points, args, path);
-                Some(prediction_region(
-                    &self.columns.values,
-                    &lower,
-                    &upper,
-                    rows_of,
-                )?)
-            }
-            _ => None,
+        let criterion = Criterion::of_model(&args.criterion)?;
+        let region = if criterion.averaged {
+            let (lower, upper) = column_ranges(&self.columns.values, width);
+            let rows_of = |points: &[f64]| self.regressor(model, points, args, path);
+            let points = &self.columns.values;
+            Some(prediction_region(points, &lower, &upper, rows_of)?)
+        } else {
+            None
         };
-        let region = region.as_deref();
         let Regressor {
             mut rows,
             block,
@@ -237,16 +233,16 @@ impl Job {
             measured,
             prior: prior(args, model, terms)?,
         };
-        match args.criterion {
-            Criterion::I => i_optimal(&rows, block, terms, region, &settings, control),
-            Criterion::A => a_optimal(&rows, block, terms, &settings, control),
-            Criterion::G => g_optimal(&rows, block, terms, &settings, control),
-            Criterion::Di => {
-                compound_optimal(&rows, block, terms, args.share, region, &settings, control)
-            }
-            _ => d_optimal(&rows, block, terms, &settings, control),
-        }
-        .map_err(|e| self.explain(e, args))
+        let candidates = Candidates {
+            regressor: &rows,
+            block,
+            terms,
+            share: args.share,
+            region: region.as_deref(),
+        };
+        criterion
+            .search(&candidates, &settings, control)
+            .map_err(|e| self.explain(e, args))
     }
 
     fn regressor(

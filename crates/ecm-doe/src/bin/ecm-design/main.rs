@@ -16,9 +16,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser};
-use ecm_doe::{Control, Design, Status};
+use ecm_doe::{CRITERIA, Control, Design, Status};
 
-use crate::args::{Args, Criterion};
+use crate::args::{Args, MAXIMIN};
 use crate::failure::Failure;
 use crate::job::Job;
 
@@ -134,30 +134,25 @@ fn notes(args: &Args, job: &Job, design: &Design) -> Vec<String> {
         design.indices.len(),
         job.candidates()
     );
-    lines.push(match args.criterion {
-        Criterion::D => format!(
-            "{chosen}: {share:.2} % of what is possible (D-efficiency; log det(M/n)/k = {:.6}, certified bound {:.6} for {})",
-            design.value,
-            design.bound,
+    let meaning = CRITERIA.iter().find(|c| c.name == args.criterion);
+    let meaning = meaning.map_or("", |c| c.meaning);
+    let (value, bound) = (design.value, design.bound);
+    lines.push(match args.criterion.as_str() {
+        "d" => format!(
+            "{chosen}: {share:.2} % of what is possible ({meaning}; log det(M/n)/k = {value:.6}, certified bound {bound:.6} for {})",
             if args.replicates { "poses that may repeat" } else { "subsets" }
         ),
-        Criterion::I | Criterion::A => format!(
-            "{chosen}: {share:.2} % of what is possible ({} {:.6} noise variances, certified lower bound {:.6})",
-            if args.criterion == Criterion::I { "average variance of h and K" } else { "summed coefficient variance" },
-            design.value,
-            design.bound
-        ),
-        Criterion::G => format!(
-            "{chosen}: at least {share:.2} % of what is possible (largest prediction variance {:.6} noise variances, certified lower bound {:.6})",
-            design.value, design.bound
-        ),
-        Criterion::Di => format!(
+        "di" => format!(
             "{chosen}: at least {share:.2} % of what is possible (D- and I-efficiency in the shares {} and {})",
             args.share, 1.0 - args.share
         ),
-        Criterion::Maximin => format!(
-            "{chosen}: smallest distance {:.5}, at least {share:.1} % of what is possible (upper bound {:.5}, {})",
-            design.value, design.bound, distance_in_words(args)
+        MAXIMIN => format!(
+            "{chosen}: {meaning} {value:.5}, at least {share:.1} % of what is possible (upper bound {bound:.5}, {})",
+            distance_in_words(args)
+        ),
+        name => format!(
+            "{chosen}: {}{share:.2} % of what is possible ({meaning} {value:.6} noise variances, certified lower bound {bound:.6})",
+            if ["i", "a"].contains(&name) { "" } else { "at least " }
         ),
     });
     if args.time_limit > 0.0 {
@@ -174,9 +169,9 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
     serde_json::json!({
         "schema": 1,
         "version": env!("CARGO_PKG_VERSION"),
-        "criterion": criterion_name(args.criterion),
-        "model": (args.criterion != Criterion::Maximin).then_some(&args.model),
-        "distance": (args.criterion == Criterion::Maximin).then(|| distance_in_words(args)),
+        "criterion": args.criterion,
+        "model": (args.criterion != MAXIMIN).then_some(&args.model),
+        "distance": (args.criterion == MAXIMIN).then(|| distance_in_words(args)),
         "columns": job.coordinates(),
         "candidates": job.candidates(),
         "skipped_rows": job.skipped(),
@@ -185,8 +180,8 @@ fn summary(args: &Args, job: &Job, design: &Design) -> serde_json::Value {
         "rows": rows,
         "value": design.value,
         "bound": design.bound,
-        "bound_kind": match (args.criterion, args.replicates) {
-            (Criterion::Maximin, _) => "clique cover",
+        "bound_kind": match (args.criterion.as_str(), args.replicates) {
+            (MAXIMIN, _) => "clique cover",
             (_, true) => "free weights",
             (_, false) => "weights at most 1/n",
         },
@@ -205,15 +200,4 @@ fn distance_in_words(args: &Args) -> String {
         || "coordinates scaled to [-1, 1]".into(),
         |length| format!("a radian counts as {length} m"),
     )
-}
-
-fn criterion_name(criterion: Criterion) -> &'static str {
-    match criterion {
-        Criterion::D => "d",
-        Criterion::I => "i",
-        Criterion::A => "a",
-        Criterion::G => "g",
-        Criterion::Di => "di",
-        Criterion::Maximin => "maximin",
-    }
 }

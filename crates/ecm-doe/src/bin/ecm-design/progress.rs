@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::args::{Args, Criterion};
+use crate::args::{Args, MAXIMIN};
 
 /// Length of the bar in steps.
 const STEPS: u64 = 1000;
@@ -34,8 +34,8 @@ impl Bar {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(200));
-        let unit = match args.criterion {
-            Criterion::Maximin => "distance",
+        let unit = match args.criterion.as_str() {
+            MAXIMIN => "distance",
             _ => "efficiency",
         };
         Self {

@@ -1,0 +1,120 @@
+"""Crates as they are published: licences, README, metadata; licences of what they depend on."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from support.neck import ROOT
+from support.programs import need_program, need_rust_target
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+CRATES = sorted((ROOT / "crates").glob("ecm-*"))
+PUBLISHED = [c for c in CRATES if c.name != "ecm-py"]
+WINDOWS = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)")
+
+
+@pytest.fixture(scope="module")
+def packages() -> list[dict[str, Any]]:
+    """What cargo knows of every package, dependencies included."""
+    cargo = need_program("cargo")
+    command = [cargo, "metadata", "--format-version", "1", "--locked", "--offline"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return list(json.loads(done.stdout)["packages"])
+
+
+def allowed(expression: str, licences: set[str]) -> bool:
+    """Whether an SPDX expression is met by these licences; AND binds closer than OR."""
+    if "(" in expression:
+        inner = re.search(r"\(([^()]*)\)", expression)
+        assert inner is not None, expression
+        met = "met" if allowed(inner.group(1), licences) else "not met"
+        return allowed(expression.replace(inner.group(0), met), licences | {"met"})
+    choices = re.split(r" OR | ?/ ?", expression)
+    return any(all(part in licences for part in choice.split(" AND ")) for choice in choices)
+
+
+def test_every_dependency_has_a_licence_of_deny_toml(packages: list[dict[str, Any]]) -> None:
+    rules = tomllib.loads((ROOT / "deny.toml").read_text(encoding="utf-8"))
+    licences = set(rules["licenses"]["allow"])
+    refused = {
+        p["name"]: p["license"] for p in packages if not allowed(p["license"] or "", licences)
+    }
+    assert refused == {}
+    assert not allowed("GPL-3.0", licences)
+    assert not allowed("(MIT OR Apache-2.0) AND GPL-3.0", licences)
+
+
+def test_every_dependency_comes_from_the_registry(packages: list[dict[str, Any]]) -> None:
+    registry = "registry+https://github.com/rust-lang/crates.io-index"
+    assert {p["source"] for p in packages} == {None, registry}
+
+
+@pytest.mark.parametrize("crate", [c.name for c in PUBLISHED])
+def test_an_archive_says_what_it_is(crate: str, packages: list[dict[str, Any]]) -> None:
+    package = next(p for p in packages if p["name"] == crate)
+    assert package["readme"] == "README.md"
+    assert 3 <= len(package["keywords"]) <= 5
+    assert ("no-std" in package["categories"]) == (crate in {"ecm-se3", "ecm-poly"})
+    assert package["metadata"]["docs"]["rs"]
+    assert package["rust_version"]
+    folder = ROOT / "crates" / crate
+    for text in ("LICENSE-MIT", "LICENSE-APACHE"):
+        assert (folder / text).read_bytes() == (ROOT / text).read_bytes()
+    assert "```rust\n" in (folder / "README.md").read_text(encoding="utf-8")
+    assert 'include_str!("../README.md")' in (folder / "src/lib.rs").read_text(encoding="utf-8")
+
+
+def test_the_bindings_are_not_published(packages: list[dict[str, Any]]) -> None:
+    assert next(p for p in packages if p["name"] == "ecm-py")["publish"] == []
+
+
+@pytest.mark.parametrize("crate", [c.name for c in PUBLISHED])
+def test_an_archive_is_listed_without_a_warning(crate: str) -> None:
+    command = [
+        need_program("cargo"), "package", "--list", "--allow-dirty", "--offline", "-p", crate,
+    ]  # fmt: skip
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "warning" not in done.stderr
+    names = done.stdout.split()
+    assert {"README.md", "LICENSE-MIT", "LICENSE-APACHE"} <= set(names)
+    assert [n for n in names if any(WINDOWS.match(part) for part in n.split("/"))] == []
+
+
+def test_no_public_signature_has_a_type_of_faer() -> None:
+    shown = re.compile(r"^\s*pub (fn [^{;]*|\w+: .*)\b(Mat|MatRef|MatMut|Col|Llt)<", re.M)
+    assert shown.search("    pub u: Mat<f64>,")
+    for crate in PUBLISHED:
+        root = (crate / "src/lib.rs").read_text(encoding="utf-8")
+        for module in re.findall(r"^pub (?:mod|use) (\w+)", root, re.M):
+            for source in [*crate.glob(f"src/{module}.rs"), *crate.glob(f"src/{module}/**/*.rs")]:
+                assert shown.search(source.read_text(encoding="utf-8")) is None, source
+
+
+def test_ecm_poly_builds_for_a_cortex_m() -> None:
+    need_rust_target("thumbv7em-none-eabihf")
+    command = [
+        need_program("cargo"), "check", "--quiet", "--offline", "-p", "ecm-poly",
+        "--no-default-features", "--target", "thumbv7em-none-eabihf",
+    ]  # fmt: skip
+    environment = {**os.environ, "RUSTFLAGS": "-D warnings"}
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_figures_of_the_designs_stand_in_one_place() -> None:
+    text = (ROOT / "crates/ecm-doe/README.md").read_text(encoding="utf-8")
+    assert "docs/designs.md" in text
+    assert re.search(r"\d ms|\d times|\.98\d", text) is None
