@@ -38,6 +38,16 @@ INSTRUMENT = Instrument(
 MEMORY = 0.95
 """Correlation of the error of a force from row to row."""
 
+# The peak of the process alone; getrusage would count the one that started it.
+PROGRAM = """
+from ecm.cli import main
+try:
+    main()
+finally:
+    with open("/proc/self/status") as status:
+        print(next(line.split()[1] for line in status if line.startswith("VmHWM")))
+"""
+
 
 def body() -> EnergyModel:
     """A body of revolution: a spring of 25 and 2 N/mm, and terms up to degree 8 that stiffen it."""
@@ -81,18 +91,18 @@ def slow_ramp(rows: int, seed: int = 0) -> Table:
 
 def measured_fit(table: Path, model: str, folder: Path) -> dict[str, float]:
     """Seconds, processor seconds and MB of one `ecm fit`."""
-    program = "import sys; from ecm.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", program, "fit", str(table), "--model", model, "--quiet"]
+    command = [sys.executable, "-c", PROGRAM, "fit", str(table), "--model", model, "--quiet"]
+    before = os.times()
     start = time.perf_counter()
-    child = subprocess.Popen([*command, "--out", str(folder / f"{model}.json")])
-    _, status, usage = os.wait4(child.pid, 0)
+    ran = subprocess.run(
+        [*command, "--out", str(folder / f"{model}.json")], check=True, capture_output=True
+    )
     seconds = time.perf_counter() - start
-    if os.waitstatus_to_exitcode(status):
-        raise SystemExit(f"{' '.join(command)} failed")
+    after = os.times()
     return {
         "seconds": seconds,
-        "processor": usage.ru_utime + usage.ru_stime,
-        "MB": usage.ru_maxrss / 1024.0,
+        "processor": sum(after[2:4]) - sum(before[2:4]),
+        "MB": float(ran.stdout) / 1024.0,
     }
 
 

@@ -8,7 +8,10 @@ pub const fn number_of_terms(inputs: usize, degree: usize) -> Option<usize> {
     let mut i = 1;
     while i <= degree {
         // C(n + i, i) = C(n + i − 1, i − 1) (n + i) / i, exact at every step.
-        k = match k.checked_mul(inputs + i) {
+        let Some(factor) = inputs.checked_add(i) else {
+            return None;
+        };
+        k = match k.checked_mul(factor) {
             Some(product) => product / i,
             None => return None,
         };
@@ -30,16 +33,16 @@ pub fn advance(exponents: &mut [u8]) {
     match exponents[..last].iter().rposition(|&e| e > 0) {
         Some(i) => {
             exponents[i] -= 1;
-            exponents[i + 1] = tail + 1;
+            exponents[i + 1] = tail.saturating_add(1);
         }
-        None => exponents[0] = tail + 1,
+        None => exponents[0] = tail.saturating_add(1),
     }
 }
 
 /// Exponents of all monomials up to `degree`, one row of `inputs` numbers each.
 ///
 /// # Errors
-/// No inputs, a degree above 20, or more than a million terms.
+/// No inputs or more than 255, a degree above 20, or more than a million terms.
 ///
 /// ```
 /// # fn main() -> Result<(), ecm_poly::ModelError> {
@@ -52,15 +55,15 @@ pub fn advance(exponents: &mut [u8]) {
 pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crate::ModelError> {
     use crate::error::ModelError;
 
-    if inputs == 0 || degree > 20 {
+    if inputs == 0 || inputs > 255 || degree > 20 {
         return Err(ModelError::Setting {
             name: "degree",
             found: std::format!("{degree} of {inputs} inputs"),
-            expected: "at least one input and a degree of at most 20",
+            expected: "1 to 255 inputs and a degree of at most 20",
         });
     }
     let k = number_of_terms(inputs, degree)
-        .filter(|&k| k <= 1_000_000)
+        .filter(|&k| k <= 1_000_000 && k * inputs <= 20_000_000)
         .ok_or_else(|| ModelError::Setting {
             name: "degree",
             found: std::format!("degree {degree} of {inputs} inputs"),

@@ -4,9 +4,9 @@
 //! For i ≤ j: q = B_ij + Σ_{k≥j} p_k C_ijk and G_k += p_i p_j C_ijk; then h += p_i p_j q,
 //! G_i += p_j q, G_j += p_i q. h starts at the constant and linear part, G at the linear one.
 
-use ecm_se3::{Mat6, Real, Vec6};
+use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
 
-use crate::arithmetic::Arithmetic;
+use crate::arithmetic::{Arithmetic, Plain};
 use crate::basis::advance;
 use crate::normalise::unit_slope;
 use crate::shape::ShapeError;
@@ -139,6 +139,13 @@ impl<R: Real> Cubic<R> {
             3 5, 4 4, 4 5, 5 5
         );
         (h, g)
+    }
+
+    /// h (N, N m) and K = ∂h/∂p of one pose, as every pose-to-wrench model has it.
+    #[inline]
+    pub fn wrench_and_stiffness(&self, pose: &Pose<R>) -> (Wrench<R>, Mat6<R>) {
+        let (h, k) = self.value_and_jacobian::<Plain>(&pose.to_array());
+        (Wrench::from_array(&h), k)
     }
 
     /// h(p) and K = ∂h/∂p.

@@ -35,6 +35,8 @@ mod parallel;
 #[cfg(feature = "std")]
 pub mod polynomial_model;
 #[cfg(feature = "std")]
+pub mod pose_model;
+#[cfg(feature = "std")]
 pub mod regression;
 
 pub use ecm_se3::{Pose, PoseError, Wrench};
@@ -48,6 +50,8 @@ pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;
 #[cfg(feature = "std")]
 pub use polynomial_model::PolynomialModel;
+#[cfg(feature = "std")]
+pub use pose_model::{PoseModel, PosePolynomial};
 #[cfg(feature = "std")]
 pub use regression::Method;
 pub use shape::ShapeError;

@@ -4,8 +4,8 @@ use std::vec::Vec;
 
 use rayon::prelude::*;
 
-/// Rows of one piece of work: some 0.1 ms, a hundred times what it costs to hand it to a thread.
-const CHUNK: usize = 512;
+/// Most rows of one piece of work: some 0.1 ms, a hundred times what it costs to hand it to a thread.
+pub(crate) const PIECE: usize = 512;
 
 /// One result for each of `rows`, from a function of a piece of the rows and of its results.
 ///
@@ -17,11 +17,32 @@ where
     F: Fn(&[P], &mut [T]) + Sync,
 {
     let mut results = std::vec![zero; rows.len()];
-    if rows.len() <= CHUNK {
+    if rows.len() <= PIECE {
         of_piece(rows, &mut results);
     } else {
-        let pieces = results.par_chunks_mut(CHUNK).zip(rows.par_chunks(CHUNK));
+        let pieces = results.par_chunks_mut(PIECE).zip(rows.par_chunks(PIECE));
         pieces.for_each(|(results, rows)| of_piece(rows, results));
     }
     results
+}
+
+/// As [`fill`] for row-major rows of `width` numbers and results of `result_width`; the first error.
+pub(crate) fn fill_pieces<E, F>(
+    rows: &[f64],
+    width: usize,
+    results: &mut [f64],
+    result_width: usize,
+    of_piece: F,
+) -> Result<(), E>
+where
+    E: Send,
+    F: Fn(&[f64], &mut [f64]) -> Result<(), E> + Sync,
+{
+    if rows.len() <= PIECE * width {
+        return of_piece(rows, results);
+    }
+    results
+        .par_chunks_mut((PIECE * result_width).max(1))
+        .zip(rows.par_chunks((PIECE * width).max(1)))
+        .try_for_each(|(results, rows)| of_piece(rows, results))
 }

@@ -10,6 +10,7 @@ use crate::cubic_bulk;
 use crate::dense::{ThinSvd, condition_number};
 use crate::error::{ModelError, check_count, check_finite, check_sizes};
 use crate::normalise::ranges;
+use crate::parallel::fill_pieces;
 use crate::polynomial::Polynomial;
 use crate::regression::Method;
 use crate::regression::leave_one_out::LeaveOneOut;
@@ -273,12 +274,19 @@ impl PolynomialModel {
             check_finite("the prediction", &values, self.outputs)?;
             return Ok(values);
         }
-        let mut scratch = std::vec![0.0; map.scratch_len()];
         let mut values = std::vec![0.0; rows * self.outputs];
-        let lines = values.chunks_exact_mut(self.outputs);
-        for (point, value) in points.chunks_exact(self.inputs()).zip(lines) {
-            map.value(point, value, &mut scratch)?;
-        }
+        fill_pieces(
+            points,
+            self.inputs(),
+            &mut values,
+            self.outputs,
+            |points, values| {
+                let mut scratch = std::vec![0.0; map.scratch_len()];
+                let lines = values.chunks_exact_mut(self.outputs);
+                let mut rows = points.chunks_exact(self.inputs()).zip(lines);
+                rows.try_for_each(|(point, value)| map.value(point, value, &mut scratch))
+            },
+        )?;
         check_finite("the prediction", &values, self.outputs)?;
         Ok(values)
     }
@@ -293,15 +301,27 @@ impl PolynomialModel {
             return Ok(jacobians);
         }
         let size = self.outputs * self.inputs();
-        let mut scratch = std::vec![0.0; map.scratch_len()];
-        let mut value = std::vec![0.0; self.outputs];
         let mut jacobians = std::vec![0.0; rows * size];
-        let blocks = jacobians.chunks_exact_mut(size);
-        for (point, block) in points.chunks_exact(self.inputs()).zip(blocks) {
-            map.value_and_jacobian(point, &mut value, block, &mut scratch)?;
-        }
+        fill_pieces(
+            points,
+            self.inputs(),
+            &mut jacobians,
+            size,
+            |points, jacobians| {
+                let mut scratch = std::vec![0.0; map.scratch_len()];
+                let mut value = std::vec![0.0; self.outputs];
+                let blocks = jacobians.chunks_exact_mut(size);
+                let mut rows = points.chunks_exact(self.inputs()).zip(blocks);
+                rows.try_for_each(|(p, k)| map.value_and_jacobian(p, &mut value, k, &mut scratch))
+            },
+        )?;
         check_finite("the stiffness", &jacobians, size)?;
         Ok(jacobians)
+    }
+
+    /// The one-pass evaluation of a cubic from six to six columns.
+    pub(crate) fn cubic(&self) -> Option<&Cubic<f64>> {
+        self.cubic.as_deref()
     }
 
     pub(crate) fn rows_of(&self, points: &[f64]) -> Result<usize, ModelError> {

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use ecm_poly::export::model::Model;
 use ecm_poly::export::{Precision, c, rust};
-use ecm_poly::{open_model, seal_model};
+use ecm_poly::{Pose, PoseModel, open_model, seal_model};
 use serde_json::{Map, Value, json};
 
 /// xorshift: the same mutations on every machine.
@@ -29,6 +29,9 @@ impl Random {
 fn read(text: &str) -> bool {
     let sealed = seal_model(text);
     for candidate in [Some(text), sealed.as_deref().ok()].into_iter().flatten() {
+        if let Ok(model) = PoseModel::from_json(candidate) {
+            let _ = model.wrench_and_stiffness(&Pose::at_rest(0.1));
+        }
         let Ok(document) = open_model(candidate) else {
             continue;
         };

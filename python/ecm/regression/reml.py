@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import helmert
 
 from ecm.io.arrays import F, I
 from ecm.regression.noise import Noise, covariance_parts
@@ -72,29 +71,38 @@ def reml_noise(
 
 
 def _contrasts(rows: Rows, residual: F, cells: I, nuisance: F) -> _Contrasts | None:
-    """Orthonormal contrasts within each cell: r rows give r - 1."""
-    parts = covariance_parts(rows)
-    response, columns, variances = [], [], []
-    for cell in np.unique(cells[cells >= 0]):
-        members = np.flatnonzero(cells == cell)
-        if len(members) < 2:
-            continue
-        contrast = helmert(len(members))
-        response.append(contrast @ residual[members])
-        columns.append(np.einsum("cr,rmk->cmk", contrast, nuisance[members]))
-        mean = parts[:, members].mean(axis=1)
-        variances.append(np.repeat(mean[:, None], len(members) - 1, axis=1))
-    if not response:
+    """Orthonormal contrasts within each cell: r rows give r - 1, of which some are taken.
+
+    Contrast i is Helmert's: the first i rows of the cell against the next one.
+    """
+    order = np.argsort(cells, kind="stable")
+    numbers, begins, counts = np.unique(cells[order], return_index=True, return_counts=True)
+    repeated = (numbers >= 0) & (counts > 1)
+    begins, counts = begins[repeated], counts[repeated]
+    ends = np.cumsum(counts - 1)
+    total = int(ends[-1]) if len(ends) else 0
+    if total == 0:
         return None
-    contrasts = _Contrasts(
-        np.concatenate(response), np.concatenate(columns), np.concatenate(variances, axis=1)
+    take = np.linspace(0, total - 1, min(total, _MOST_ROWS)).astype(np.int64)
+    cell = np.searchsorted(ends, take, side="right")
+    place = take - (ends - counts + 1)[cell] + 1
+    parts = covariance_parts(rows)
+    means = {
+        c: parts[:, order[begins[c] : begins[c] + counts[c]]].mean(axis=1)
+        for c in np.unique(cell).tolist()
+    }
+
+    def contrast(values: F, c: int, i: int) -> F:
+        members = order[begins[c] : begins[c] + i + 1]
+        difference = values[members[:i]].sum(axis=0) - i * values[members[i]]
+        return np.asarray(difference / np.sqrt(i * (i + 1.0)))
+
+    chosen = list(zip(cell.tolist(), place.tolist(), strict=True))
+    return _Contrasts(
+        np.stack([contrast(residual, c, i) for c, i in chosen]),
+        np.stack([contrast(nuisance, c, i) for c, i in chosen]),
+        np.stack([means[c] for c, _ in chosen], axis=1),
     )
-    if len(contrasts.response) > _MOST_ROWS:
-        take = np.linspace(0, len(contrasts.response) - 1, _MOST_ROWS).astype(np.int64)
-        contrasts = _Contrasts(
-            contrasts.response[take], contrasts.nuisance[take], contrasts.parts[:, take]
-        )
-    return contrasts
 
 
 def _reml(data: _Contrasts, start: F, prior: F, width: float) -> F:

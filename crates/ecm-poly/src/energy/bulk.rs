@@ -7,114 +7,90 @@ use ecm_se3::{Mat6, Pose, Vec6, Wrench};
 
 use crate::arithmetic::{Arithmetic, Task, dispatch};
 use crate::energy::evaluator::{Evaluate, Evaluator, Work};
-use crate::parallel::fill;
+use crate::parallel::{PIECE, fill};
 
-/// What is computed at a pose.
-trait Quantity: Copy + Send + Sync {
-    type Value: Copy + Send;
-    const ZERO: Self::Value;
-    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Self::Value;
-}
+/// U at each pose.
+struct Energies<'a>(&'a [Pose<f64>], &'a mut [f64]);
 
-#[derive(Clone, Copy)]
-struct Energy;
+/// h at each pose.
+struct Wrenches<'a>(&'a [Pose<f64>], &'a mut [Vec6<f64>]);
 
-impl Quantity for Energy {
-    type Value = f64;
-    const ZERO: f64 = 0.0;
-    #[inline(always)]
-    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> f64 {
-        evaluation.energy::<A>(pose)
-    }
-}
-
-#[derive(Clone, Copy)]
-struct OnlyWrench;
-
-impl Quantity for OnlyWrench {
-    type Value = Vec6<f64>;
-    const ZERO: Vec6<f64> = [0.0; 6];
-    #[inline(always)]
-    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Vec6<f64> {
-        evaluation.wrench::<A>(pose).to_array()
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Stiffness(StiffnessKind);
-
-impl Quantity for Stiffness {
-    type Value = Mat6<f64>;
-    const ZERO: Mat6<f64> = [[0.0; 6]; 6];
-    #[inline(always)]
-    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Mat6<f64> {
-        evaluation.wrench_and_stiffness::<A>(pose, self.0).1
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Both(StiffnessKind);
-
-impl Quantity for Both {
-    type Value = (Wrench<f64>, Mat6<f64>);
-    const ZERO: Self::Value = (
-        Wrench {
-            force: [0.0; 3],
-            torque: [0.0; 3],
-        },
-        [[0.0; 6]; 6],
-    );
-    #[inline(always)]
-    fn of<E: Evaluate, A: Arithmetic<f64>>(self, evaluation: &E, pose: &Pose<f64>) -> Self::Value {
-        evaluation.wrench_and_stiffness::<A>(pose, self.0)
-    }
-}
-
-/// A quantity at each pose, into `results`.
-struct Rows<'a, Q: Quantity> {
-    quantity: Q,
+/// h and a stiffness at each pose.
+struct Stiffnesses<'a> {
+    kind: StiffnessKind,
     poses: &'a [Pose<f64>],
-    results: &'a mut [Q::Value],
+    wrenches: &'a mut [Wrench<f64>],
+    stiffnesses: &'a mut [Mat6<f64>],
 }
 
-impl<Q: Quantity> Work for Rows<'_, Q> {
+/// Work with one evaluation, compiled for this machine.
+struct With<W, E>(W, E);
+
+impl Work for Energies<'_> {
     type Output = ();
     fn with<E: Evaluate>(self, evaluation: E) {
-        dispatch(RowsWith(self, evaluation));
+        dispatch(With(self, evaluation));
     }
 }
 
-struct RowsWith<'a, Q: Quantity, E>(Rows<'a, Q>, E);
-
-impl<Q: Quantity, E: Evaluate> Task for RowsWith<'_, Q, E> {
+impl<E: Evaluate> Task for With<Energies<'_>, E> {
     type Output = ();
     #[inline(always)]
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
-        let rows = self.0;
-        for (result, pose) in rows.results.iter_mut().zip(rows.poses) {
-            *result = rows.quantity.of::<E, A>(&self.1, pose);
+        let Energies(poses, energies) = self.0;
+        for (energy, pose) in energies.iter_mut().zip(poses) {
+            *energy = self.1.energy::<A>(pose);
         }
     }
 }
 
-fn all<Q: Quantity>(evaluator: &Evaluator, poses: &[Pose<f64>], quantity: Q) -> Vec<Q::Value> {
-    fill(poses, Q::ZERO, |poses, results| {
-        evaluator.run(Rows {
-            quantity,
-            poses,
-            results,
-        });
-    })
+impl Work for Wrenches<'_> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(With(self, evaluation));
+    }
+}
+
+impl<E: Evaluate> Task for With<Wrenches<'_>, E> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let Wrenches(poses, wrenches) = self.0;
+        for (wrench, pose) in wrenches.iter_mut().zip(poses) {
+            *wrench = self.1.wrench::<A>(pose).to_array();
+        }
+    }
+}
+
+impl Work for Stiffnesses<'_> {
+    type Output = ();
+    fn with<E: Evaluate>(self, evaluation: E) {
+        dispatch(With(self, evaluation));
+    }
+}
+
+impl<E: Evaluate> Task for With<Stiffnesses<'_>, E> {
+    type Output = ();
+    #[inline(always)]
+    fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) {
+        let work = self.0;
+        let results = work.wrenches.iter_mut().zip(work.stiffnesses);
+        for (pose, (wrench, stiffness)) in work.poses.iter().zip(results) {
+            (*wrench, *stiffness) = self.1.wrench_and_stiffness::<A>(pose, work.kind);
+        }
+    }
 }
 
 /// U of each pose (J).
 pub(crate) fn energies(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<f64> {
-    all(evaluator, poses, Energy)
+    let of_piece = |poses: &[_], energies: &mut [_]| evaluator.run(Energies(poses, energies));
+    fill(poses, 0.0, of_piece)
 }
 
 /// h of each pose (N, N m).
 pub(crate) fn wrenches(evaluator: &Evaluator, poses: &[Pose<f64>]) -> Vec<Vec6<f64>> {
-    all(evaluator, poses, OnlyWrench)
+    let of_piece = |poses: &[_], wrenches: &mut [_]| evaluator.run(Wrenches(poses, wrenches));
+    fill(poses, [0.0; 6], of_piece)
 }
 
 /// The stiffness of each pose.
@@ -123,7 +99,15 @@ pub(crate) fn stiffnesses(
     poses: &[Pose<f64>],
     kind: StiffnessKind,
 ) -> Vec<Mat6<f64>> {
-    all(evaluator, poses, Stiffness(kind))
+    fill(poses, [[0.0; 6]; 6], |poses, stiffnesses| {
+        let mut wrenches = [Wrench::default(); PIECE];
+        evaluator.run(Stiffnesses {
+            kind,
+            poses,
+            wrenches: &mut wrenches,
+            stiffnesses,
+        });
+    })
 }
 
 /// h and the stiffness of one pose, without allocation.
@@ -133,11 +117,12 @@ pub(crate) fn one(
     pose: &Pose<f64>,
     kind: StiffnessKind,
 ) -> (Wrench<f64>, Mat6<f64>) {
-    let mut results = [Both::ZERO];
-    evaluator.run(Rows {
-        quantity: Both(kind),
+    let (mut wrench, mut stiffness) = (Wrench::default(), [[0.0; 6]; 6]);
+    evaluator.run(Stiffnesses {
+        kind,
         poses: std::slice::from_ref(pose),
-        results: &mut results,
+        wrenches: std::slice::from_mut(&mut wrench),
+        stiffnesses: std::slice::from_mut(&mut stiffness),
     });
-    results[0]
+    (wrench, stiffness)
 }

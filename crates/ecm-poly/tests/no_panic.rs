@@ -1,0 +1,208 @@
+//! Every public evaluation under any numbers, finite or not: it answers or refuses, it never panics.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use ecm_poly::arithmetic::Plain;
+use ecm_poly::basis::{advance, exponents, number_of_terms};
+use ecm_poly::cubic::Cubic;
+use ecm_poly::energy::plan::{EnergyPlan, ROWS};
+use ecm_poly::energy::regressor::regressor;
+use ecm_poly::energy::{EnergyTerms, Group};
+use ecm_poly::normalise::{ranges, to_unit, unit_slope};
+use ecm_poly::polynomial_model::polynomial_regressor;
+use ecm_poly::{
+    EnergyFit, EnergyModel, Polynomial, PolynomialModel, Pose, PoseModel, PosePolynomial, Symmetry,
+    checked_poses, open_model, seal_model,
+};
+use ecm_se3::stiffness::StiffnessKind;
+use proptest::prelude::*;
+use proptest::sample::select;
+use proptest::test_runner::RngSeed;
+
+const SYMMETRIES: [Symmetry; 3] = [Symmetry::Alike, Symmetry::Revolution, Symmetry::General];
+const KINDS: [StiffnessKind; 3] = [
+    StiffnessKind::Partial,
+    StiffnessKind::Generalised,
+    StiffnessKind::Screw,
+];
+
+fn number() -> impl Strategy<Value = f64> {
+    let special = vec![
+        0.0,
+        -0.0,
+        5e-324,
+        -1e-310,
+        1e-17,
+        0.1,
+        -1.0,
+        3.0,
+        4.0,
+        1e16,
+        1e155,
+        -1e308,
+        f64::MAX,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+    ];
+    prop_oneof![3 => select(special), 2 => -1.0..1.0_f64, 1 => any::<f64>()]
+}
+
+/// Mostly poses that a model accepts.
+fn pose() -> impl Strategy<Value = [f64; 6]> {
+    let small = prop::array::uniform6(-1.0..1.0_f64);
+    prop_oneof![2 => small, 1 => prop::array::uniform6(number())]
+}
+
+fn numbers(count: impl Into<prop::collection::SizeRange>) -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(number(), count)
+}
+
+/// Degree, symmetry and groups, most of them possible.
+fn terms() -> impl Strategy<Value = (usize, Symmetry, Vec<Group>)> {
+    let degree = prop_oneof![4 => 0..6_usize, 1 => Just(7), 1 => any::<usize>()];
+    let groups = prop::collection::vec(select(Group::ALL.to_vec()), 0..3);
+    (degree, select(SYMMETRIES.to_vec()), groups)
+}
+
+fn config() -> ProptestConfig {
+    ProptestConfig {
+        cases: 150,
+        rng_seed: RngSeed::Fixed(1),
+        ..ProptestConfig::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn energies(
+        (degree, symmetry, groups) in terms(), length_m in number(), scale in prop::array::uniform2(number()),
+        usual in any::<bool>(), coefficients in numbers(64), poses in prop::collection::vec(pose(), 0..4),
+    ) {
+        let (length_m, scale) = if usual { (0.1, [0.03, 0.8]) } else { (length_m, scale) };
+        let Ok(terms) = EnergyTerms::new(symmetry, degree, &groups) else { return Ok(()) };
+        let cycle = coefficients.iter().copied().cycle();
+        let finite = |x: f64| if usual && !x.is_finite() { 1.0 } else { x };
+        let weights: Vec<f64> = cycle.map(finite).take(terms.count()).collect();
+        let _ = regressor(&poses, length_m, &terms, scale);
+        let _ = checked_poses("poses", &poses);
+        let Ok(model) = EnergyModel::with_groups(length_m, degree, symmetry, &groups, scale, &weights) else {
+            return Ok(());
+        };
+        let _ = (model.energy(&poses), model.predict(&poses), model.prediction_covariance(&poses));
+        for kind in KINDS { let _ = model.stiffness(&poses, kind); }
+        let tables = model.tables::<f32>().unwrap();
+        for p in &poses {
+            if let Ok(pose) = Pose::from_array(p) { model.wrench_and_stiffness(&pose); }
+            if let (Ok(pose), Ok(plan)) = (Pose::from_array(&p.map(|x| x as f32)), tables.plan::<1024>()) {
+                plan.energy::<Plain>(&pose);
+                plan.wrench::<Plain>(&pose);
+                for kind in KINDS { plan.wrench_and_stiffness::<Plain>(&pose, kind); }
+            }
+        }
+    }
+
+    #[test]
+    fn plans_of_any_tables(
+        products in prop::collection::vec((0..20_u16, 0..8_u8), 0..12), ends in prop::collection::vec(0..9_u16, ROWS),
+        columns in prop::collection::vec(0..14_u16, 0..9), weights in numbers(0..9), length_m in number(), p in pose(),
+        valid in any::<bool>(),
+    ) {
+        let mut ends: [u16; ROWS] = ends.try_into().unwrap();
+        let (mut columns, mut weights, mut products) = (columns, weights, products);
+        if valid {
+            ends.sort_unstable();
+            columns.resize(usize::from(ends[ROWS - 1]), 0);
+            weights.resize(columns.len(), 1.0);
+            for (t, product) in products.iter_mut().enumerate() { *product = (product.0.min(t as u16), product.1 % 6); }
+            for column in &mut columns { *column = (*column).min(products.len() as u16); }
+        }
+        for symmetry in SYMMETRIES {
+            let plan = EnergyPlan::<f64, 16>::new(symmetry, length_m, &products, ends, &columns, &weights);
+            prop_assert!(plan.is_ok() || !valid);
+            if let (Ok(plan), Ok(pose)) = (plan, Pose::from_array(&p)) {
+                plan.energy::<Plain>(&pose);
+                for kind in KINDS { plan.wrench_and_stiffness::<Plain>(&pose, kind); }
+            }
+        }
+    }
+
+    #[test]
+    fn polynomials(
+        inputs in 0..7_usize, outputs in 0..4_usize, degree in 0..5_usize, off in 0..2_usize, lower in numbers(7),
+        upper in numbers(7), coefficients in numbers(0..40), points in numbers(0..30),
+    ) {
+        let count = number_of_terms(inputs, degree).unwrap() * outputs + off;
+        let weights: Vec<f64> = coefficients.iter().copied().cycle().take(count).collect();
+        let (lower, upper) = (&lower[..inputs], &upper[..inputs]);
+        let _ = ranges(&points, inputs);
+        let _ = polynomial_regressor(&points, degree, lower, upper);
+        if let Ok(model) = PolynomialModel::from_coefficients(degree, lower, upper, &weights) {
+            let _ = (model.predict(&points), model.jacobian(&points));
+            let _ = (model.leverage(&points), model.prediction_sd(&points));
+            if let (Ok(model), Ok(pose)) = (PosePolynomial::new(model), Pose::from_array(&[0.1; 6])) {
+                model.wrench_and_stiffness(&pose);
+            }
+        }
+        let table: Vec<u8> = points.iter().map(|x| *x as u8).collect();
+        let (mut value, mut jacobian, mut row) = (vec![0.0; outputs], vec![0.0; outputs * inputs], vec![0.0; 9]);
+        if let Ok(map) = Polynomial::new(&table, lower, upper, &weights) {
+            for length in [0, map.scratch_len()] {
+                let mut scratch = vec![0.0; length];
+                let _ = map.value(lower, &mut value, &mut scratch);
+                let _ = map.value_and_jacobian(lower, &mut value, &mut jacobian, &mut scratch);
+                let _ = map.regressor_row(&points, &mut row, &mut scratch);
+            }
+        }
+    }
+
+    #[test]
+    fn cubics(lower in numbers(6), upper in numbers(6), coefficients in numbers(40), p in pose()) {
+        let weights: Vec<f64> = coefficients.iter().copied().cycle().take(84 * 6).collect();
+        let cubic = Cubic::new(&lower, &upper, &weights).unwrap();
+        cubic.value::<Plain>(&p);
+        cubic.value_and_jacobian::<Plain>(&p);
+        if let Ok(pose) = Pose::from_array(&p) { cubic.wrench_and_stiffness(&pose); }
+        if let Ok(model) = PolynomialModel::from_coefficients(3, &lower, &upper, &weights) {
+            let _ = (model.predict(&p), model.jacobian(&p));
+        }
+        prop_assert!(Cubic::new(&lower[1..], &upper, &weights).is_err());
+    }
+
+    #[test]
+    fn bases_and_normalisation(
+        inputs in prop_oneof![0..9_usize, any::<usize>()], degree in prop_oneof![0..4_usize, any::<usize>()],
+        mut powers in prop::collection::vec(any::<u8>(), 0..8), x in prop::array::uniform3(number()),
+    ) {
+        // More factors than this take long to count, not to refuse.
+        number_of_terms(inputs, degree.min(1000));
+        let _ = exponents(inputs, degree);
+        advance(&mut powers);
+        prop_assert!(!unit_slope(x[0], x[1]).is_nan());
+        to_unit(x[2], x[0], x[1]);
+        to_unit(x[2] as f32, x[0] as f32, x[1] as f32);
+    }
+
+    #[test]
+    fn model_files(text in ".{0,200}", key in "[a-z_]{0,12}", x in number()) {
+        let document = format!("{{\"kind\": \"energy\", \"{key}\": {x:?}, \"effects\": {text:?}}}");
+        for candidate in [&text, &document] {
+            let _ = (open_model(candidate), seal_model(candidate), PoseModel::from_json(candidate).is_ok());
+        }
+    }
+
+    #[test]
+    fn fits_of_energies(
+        poses in prop::collection::vec(pose(), 0..9), wrenches in prop::collection::vec(prop::array::uniform6(number()), 0..9),
+        length_m in number(), (degree, symmetry, groups) in terms(),
+    ) {
+        let fit = EnergyFit {
+            length_m: if length_m > 0.0 { length_m } else { 0.1 }, degree: degree.min(3), symmetry, groups: &groups,
+            covariance: None,
+        };
+        let _ = fit.run(&poses, &wrenches);
+        let count = poses.len().min(wrenches.len());
+        let _ = fit.run(&poses[..count], &wrenches[..count]);
+    }
+}
