@@ -18,7 +18,7 @@ pub fn to_unit<R: Real>(value: R, lower: R, upper: R) -> R {
 ///
 /// ```
 /// use ecm_poly::normalise::unit_slope;
-/// assert_eq!(unit_slope(0.09, 0.11), 100.0);
+/// assert_eq!(unit_slope(-0.5, 0.5), 2.0);
 /// assert_eq!(unit_slope(0.1, 0.1 + 1.4e-17), 0.0);
 /// ```
 #[inline(always)]

@@ -110,7 +110,7 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
             ),
         ],
     );
-    Ok((text, memory + 450))
+    Ok((text, memory + 560))
 }
 
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
