@@ -38,6 +38,7 @@ from ecm.io.description import Meta
 from ecm.io.table import Table, read_table
 from ecm.models import PhysicsMap
 from ecm.workflow.config import read_rig
+from support.browser import figures_of
 from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
 
 F = NDArray[np.float64]
@@ -466,9 +467,9 @@ def test_a_rig_file_brings_its_noise_and_its_minutes(neck: Path, ecm_command: Co
         assert done.code == 0, done.err
         assert "minutes on the rig" in done.out
         found[name] = json.loads(Path("p.json").read_text())
-        page = Path(f"{name}.html").read_text(encoding="utf-8")
-        assert "knee, n = " in page
-        assert "fts_offset" in page
+        figures = json.dumps(figures_of(Path(f"{name}.html")))
+        assert "knee, n = " in figures
+        assert "fts_offset" in Path(f"{name}.html").read_text(encoding="utf-8")
     sizes = [found[name]["effects"][0]["size"] for name in ("fine", "coarse")]
     assert sizes[1] / sizes[0] == pytest.approx(10.0, rel=0.05)
     # All noises alike: the same poses; and the dwell is the plan's, not the rig's.

@@ -103,9 +103,14 @@ def _neck_like() -> tuple[F, F]:
 
 
 @pytest.fixture(scope="module")
-def closed_form() -> Iterator[ClosedForm]:
-    """The build solves bodies in closed form."""
-    bodies = ClosedForm()
+def bodies() -> ClosedForm:
+    """Made once: the cache folder below belongs to them."""
+    return ClosedForm()
+
+
+@pytest.fixture
+def closed_form(bodies: ClosedForm) -> Iterator[ClosedForm]:
+    """The build solves bodies in closed form, in this test only: the neck is built by FEM."""
     made = SimpleNamespace(fem=bodies.fem, diameter_over_length=0.066 / LENGTH_M)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(physics_build, "_Bodies", lambda shape: made)
