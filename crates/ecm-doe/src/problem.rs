@@ -327,7 +327,8 @@ fn check_prior(prior: &[f64], k: usize) -> Result<(), DesignError> {
         for j in 0..k {
             let size = root(i) * root(j);
             let (value, mirrored) = (prior[i * k + j], prior[j * k + i]);
-            if prior[i * k + i] < 0.0 || !((value - mirrored).abs() <= 1e-9 * size) {
+            let skew = (value - mirrored).abs();
+            if prior[i * k + i] < 0.0 || skew > 1e-9 * size || skew.is_nan() || size.is_nan() {
                 return Err(refused_prior(i, j, value));
             }
             unit[i * k + j] = if size > 0.0 { value / size } else { 0.0 };

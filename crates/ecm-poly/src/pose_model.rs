@@ -95,6 +95,8 @@ impl PosePolynomial {
 /// assert!(h.force[1].abs() < 1e-9 && k[0][0] > 1e4);
 /// # Ok(()) }
 /// ```
+// Both are used in place: a box would put a pointer into the 1 kHz loop.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 pub enum PoseModel {
     /// A symmetric energy, also of kind `physics`.

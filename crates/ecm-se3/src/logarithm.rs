@@ -38,7 +38,7 @@ fn check(rotation: &Mat3<f64>) -> Result<(), RotationError> {
             let unit = if i == j { 1.0 } else { 0.0 };
             let entry = (product[i][j] - unit).abs();
             // `max` would pass over NaN.
-            if !(entry <= deviation) {
+            if entry > deviation || entry.is_nan() {
                 deviation = entry;
             }
         }
