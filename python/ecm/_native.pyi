@@ -29,6 +29,7 @@ __all__ = [
     "export_model",
     "left_jacobians",
     "maximin",
+    "merged_triangle",
     "mid_frame",
     "open_model",
     "polynomial_exponents",

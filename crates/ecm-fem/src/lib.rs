@@ -20,14 +20,14 @@
 //! the residual preserves the volume exactly, the tangent takes κ = 10⁶ μ.
 //!
 //! # Where stability ends
-//! A wrench is reported unstable for one of two reasons ([`Reason`]): H at the equilibrium is not
-//! positive definite (buckling), or the tangent at fixed platform loses a positive pivot. The
-//! second is physical where bending compresses one side beyond a stretch ratio of 0.296: down to it
-//! a neo-Hookean surface is stable against small disturbances (Biot 1963). From 1/2.4 on the
-//! surface creases under large disturbances (Hong, Zhao and Suo 2009; see
-//! [`CaseResult::stretch_ratio`]). Plain Taylor–Hood elements lose stability much earlier, which
-//! is an error of the element: the module `pressure_stabilisation` has the remedy and its evidence.
-//! Contact within a crease is not modelled.
+//! A wrench is reported unstable where a stable and an unstable equilibrium lie one step apart on
+//! the branch from rest ([`Reason`]): the stiffness K_s of a dead wrench is lost (buckling), or the
+//! tangent at fixed platform loses a positive pivot. The second is physical where a side is
+//! compressed below a stretch of 0.544: down to it a neo-Hookean surface is stable against small
+//! disturbances (Biot 1963). From 0.65 on the surface creases under large disturbances (Hong, Zhao
+//! and Suo 2009; see [`CaseResult::smallest_stretch`]). Plain Taylor–Hood elements lose stability
+//! much earlier, which is an error of the element: the module `pressure_stabilisation` has the
+//! remedy and its evidence. Contact within a crease is not modelled.
 //!
 //! ```
 //! use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Status};

@@ -1,7 +1,7 @@
 //! Where a loss of stability is reported, and where it is not.
 #![allow(clippy::unwrap_used, missing_docs, non_snake_case)]
 
-use ecm_fem::{Fem, Mesh, NeoHookean, Quality, Reason, Status};
+use ecm_fem::{Fem, Formulation, Mesh, NeoHookean, Quality, Reason, Settings, Status};
 
 const COARSE: Quality = Quality::Custom {
     rings: 1,
@@ -56,6 +56,32 @@ fn tension_is_solved_on_the_standard_mesh_too() {
     for force in [1500.0, 3000.0] {
         let r = fem.solve_wrench(&axial(force)).unwrap();
         assert_eq!(r.status, Status::Solved, "{force} N: {:?}", r.reason);
+    }
+}
+
+/// The tilt is no error of one element.
+#[test]
+fn the_platform_tilts_with_every_element() {
+    for formulation in [
+        Formulation::TaylorHood,
+        Formulation::ConstantPressure,
+        Formulation::Displacement,
+    ] {
+        let settings = Settings {
+            formulation,
+            ..Settings::default()
+        };
+        let mesh = Mesh::cylinder(0.1034, 0.033, Quality::Standard).unwrap();
+        let material = Box::new(NeoHookean::new(0.65e6, 0.49).unwrap());
+        let fem = Fem::with_settings(mesh, material, None, settings).unwrap();
+        let turn = |force: f64| {
+            let r = fem.solve_wrench(&axial(force)).unwrap();
+            assert_eq!(r.status, Status::Solved, "{formulation:?} {force} N");
+            r.pose[3..].iter().map(|v| v * v).sum::<f64>().sqrt()
+        };
+        let (straight, tilted) = (turn(1200.0), turn(1400.0));
+        assert!(straight < 0.01, "{formulation:?}: {straight} rad");
+        assert!(tilted > 0.1, "{formulation:?}: {tilted} rad");
     }
 }
 
