@@ -95,8 +95,15 @@ impl Model {
             }
             for term in exponents.chunks_exact(columns.max(1)) {
                 let factor = |(c, e): (usize, &u8)| powers[c * (degree + 1) + usize::from(*e)];
-                rows.push(term.iter().enumerate().map(factor).product());
+                rows.push(term.iter().enumerate().map(factor).product::<f64>());
             }
+        }
+        if let Some(place) = rows.iter().position(|v| !v.is_finite()) {
+            return Err(ModelError::Setting {
+                name: "points",
+                found: format!("row {} too far outside its ranges", place / terms),
+                expected: "terms below 1e308; widen the ranges or leave out this row",
+            });
         }
         Ok(Regressor {
             rows,

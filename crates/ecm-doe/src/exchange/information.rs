@@ -15,6 +15,9 @@ pub struct InformationMatrix {
     log_det: f64,
 }
 
+/// Largest number of M⁻¹: products of two must not overflow.
+const LARGEST_INVERSE: f64 = 1e100;
+
 impl InformationMatrix {
     /// From M (k x k, row-major).
     ///
@@ -29,11 +32,19 @@ impl InformationMatrix {
             });
         }
         check_finite("the information matrix", matrix, terms)?;
-        let (log_det, inverse) = inverse(matrix, terms).map_err(|column| DesignError::Setting {
+        let refused = |value| DesignError::Setting {
             name: "information",
-            value: format!("a matrix whose column {column} depends on those before it"),
+            value,
             expected: "a symmetric positive definite matrix; add rows or take a smaller model",
+        };
+        let (log_det, inverse) = inverse(matrix, terms).map_err(|column| {
+            refused(format!(
+                "a matrix whose column {column} depends on those before it"
+            ))
         })?;
+        if let Some(large) = inverse.iter().find(|v| v.abs() > LARGEST_INVERSE) {
+            return Err(refused(format!("a matrix whose inverse holds {large:e}")));
+        }
         Ok(Self {
             terms,
             inverse,
