@@ -155,12 +155,14 @@ pub fn singular_values(matrix: &[f64], columns: usize) -> Result<Vec<f64>, Model
 /// A row-major matrix; refuses another shape, no numbers, and numbers that are not finite.
 fn as_matrix(numbers: &[f64], columns: usize) -> Result<MatRef<'_, f64>, ModelError> {
     let rows = numbers.len().checked_div(columns).unwrap_or(0);
-    check_count(
-        "matrix",
-        "numbers",
-        numbers.len(),
-        rows.max(1) * columns.max(1),
-    )?;
+    if rows == 0 {
+        return Err(ModelError::Setting {
+            name: "matrix",
+            found: std::format!("{} numbers in {columns} columns", numbers.len()),
+            expected: "at least one row and one column",
+        });
+    }
+    check_count("matrix", "numbers", numbers.len(), rows * columns)?;
     check_finite("matrix", numbers, columns)?;
     Ok(MatRef::from_row_major_slice(numbers, rows, columns))
 }
