@@ -90,7 +90,7 @@ def spread_rows(table: Table, most: int) -> I:
     --------
     >>> import numpy as np
     >>> from ecm import as_table
-    >>> table = as_table({"x_m": 1e-3 * np.arange(5000.0), "fx_N": np.arange(5000.0)})
+    >>> table = as_table({"x_m": 1e-4 * np.arange(5000.0), "fx_N": np.arange(5000.0)})
     >>> rows = spread_rows(table, 100)
     >>> len(rows), bool(np.diff(rows).max() < 100)
     (100, True)
