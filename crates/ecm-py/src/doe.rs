@@ -208,7 +208,10 @@ pub fn d_optimal(
 /// Name, meaning and whether it averages over a region, of every criterion.
 #[pyfunction]
 pub fn criteria() -> Vec<(&'static str, &'static str, bool)> {
-    CRITERIA.map(|c| (c.name, c.meaning, c.averaged)).to_vec()
+    CRITERIA
+        .iter()
+        .map(|c| (c.name, c.meaning, c.averaged))
+        .collect()
 }
 
 /// The subset whose closest two points are farthest apart; distances of the points as given.

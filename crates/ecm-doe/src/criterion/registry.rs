@@ -6,7 +6,7 @@ use super::settings::{DSettings, Design};
 use crate::{Control, DesignError};
 
 /// All criteria, each with what a design's sentence says of it.
-pub const CRITERIA: [Criterion; 6] = [
+pub const CRITERIA: &[Criterion] = &[
     Criterion::new("d", "D-efficiency", |c, s, control| {
         d_optimal(c.regressor, c.block, c.terms, s, control)
     }),

@@ -61,7 +61,8 @@ Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted (best so far kept)
 
 /// [`HELP`] with the names of the criteria.
 fn help() -> String {
-    HELP.replace("{criteria}", &CRITERIA.map(|c| c.name).join(", "))
+    let names: Vec<&str> = CRITERIA.iter().map(|c| c.name).collect();
+    HELP.replace("{criteria}", &names.join(", "))
 }
 
 /// Chooses N of the candidate poses in a CSV table and says how close to the best that is.
