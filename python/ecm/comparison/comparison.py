@@ -18,7 +18,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.models.noise_estimate import estimate_noise
-from ecm.models.training import training_of
+from ecm.models.training import was_trained_on
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
@@ -341,12 +341,8 @@ def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:
 
 def _fitted_here(model: Model, table: Table) -> int:
     """Return how many values of the model were fitted to this very table."""
-    known, count = model.training.get("hash"), model.training.get("rows")
-    # A hash reads every number: only where there are as many rows as the fit had.
-    fitted = (
-        rows for rows in (table.measured(), without_zero_readings(table)) if len(rows) == count
-    )
-    if not any(training_of(rows)["hash"] == known for rows in fitted):
+    tables = (table.measured(), without_zero_readings(table))
+    if not any(was_trained_on(model.training, rows) for rows in tables):
         return 0
     base = 0 if model.base_frozen else len(model.base.coefficients)
     return base + sum(len(item.values) for item in model.effects if not item.frozen)

@@ -259,11 +259,12 @@ class Table:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
 
         Each file appears complete or not at all. InputError for another suffix, and where a
-        NAME.toml of another table exists.
+        NAME.toml of another table, or that describes no table, exists.
         """
         target = Path(path)
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
+        check_description(target)
         description = target.with_suffix(".toml")
         if self.meta.empty and description.exists():
             raise InputError(
@@ -274,6 +275,23 @@ class Table:
             if not self.meta.empty:
                 write_atomically(description, self.meta.beside(target).to_toml())
             write_csv(target, self.columns)
+
+
+def check_description(path: Path) -> None:
+    """Raise InputError where the description beside a table would replace a file of another kind.
+
+    Settings of a mechanism or a rig are TOML files as well: `neck.csv` beside `neck.toml`.
+    """
+    beside = path.with_suffix(".toml")
+    if not beside.exists():
+        return
+    try:
+        read_meta(beside)
+    except InputError:
+        raise InputError(
+            f"{path}: beside it is {beside}, which describes no table, and which the table's "
+            "description would overwrite. Choose another name."
+        ) from None
 
 
 def read_table(
