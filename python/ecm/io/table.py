@@ -102,12 +102,13 @@ class Table:
         zeros_s: tuple[float, ...] = (),
         whole: Table | None = None,
         places: I | None = None,
+        file_rows: I | None = None,
     ) -> None:
         if not isinstance(meta, Meta):
             checked = as_table(columns, meta=meta, source=source)
             columns, meta, source = checked.columns, checked.meta, checked.source
             warnings = (*warnings, *checked.warnings)
-        values = (columns, meta, source, warnings, zeros_s, whole, places)
+        values = (columns, meta, source, warnings, zeros_s, whole, places, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
 
