@@ -106,12 +106,13 @@ impl EnergyFit<'_> {
             let mut block = std::vec![0.0; 6 * range.len() * columns];
             let mut scratch = regressor.scratch();
             for (row, lines) in range.zip(block.chunks_exact_mut(6 * columns)) {
-                let weight = match self.covariance {
-                    Some(covariance) => Weight::of_covariance(&covariance[row])
-                        .ok_or(ModelError::Covariance { row })?,
-                    None => Weight::Spread(spreads),
+                let lower = match self.covariance {
+                    Some(covariance) => {
+                        cholesky(&covariance[row]).ok_or(ModelError::Covariance { row })?
+                    }
+                    None => spreads,
                 };
-                let weigh = |wrench: &mut Vec6<f64>| weight.apply(wrench);
+                let weigh = |wrench: &mut Vec6<f64>| weigh(&lower, wrench);
                 regressor.rows(&poses[row], weigh, &mut scratch, (lines, columns));
                 let mut side = wrenches[row];
                 weigh(&mut side);
@@ -207,34 +208,11 @@ pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> Result<[f64; 2], ModelErr
     Ok([usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)])
 }
 
-/// How the components of a wrench are weighted.
-enum Weight {
-    /// Each over its spread.
-    Spread([f64; 6]),
-    /// By L⁻¹ of the covariance Σ = L Lᵀ.
-    Whitened(Mat6<f64>),
-}
-
-impl Weight {
-    /// `None` where Σ is not symmetric positive definite.
-    fn of_covariance(sigma: &Mat6<f64>) -> Option<Self> {
-        cholesky(sigma).map(Self::Whitened)
-    }
-
-    fn apply(&self, wrench: &mut Vec6<f64>) {
-        match self {
-            Self::Spread(spreads) => {
-                for (x, spread) in wrench.iter_mut().zip(spreads) {
-                    *x /= spread;
-                }
-            }
-            Self::Whitened(l) => {
-                for i in 0..6 {
-                    let before: f64 = (0..i).map(|j| l[i][j] * wrench[j]).sum();
-                    wrench[i] = (wrench[i] - before) / l[i][i];
-                }
-            }
-        }
+/// L⁻¹ h in place of h.
+fn weigh(lower: &Mat6<f64>, wrench: &mut Vec6<f64>) {
+    for i in 0..6 {
+        let before: f64 = (0..i).map(|j| lower[i][j] * wrench[j]).sum();
+        wrench[i] = (wrench[i] - before) / lower[i][i];
     }
 }
 
@@ -264,13 +242,14 @@ fn cholesky(sigma: &Mat6<f64>) -> Option<Mat6<f64>> {
     Some(l)
 }
 
-/// Standard deviation of each wrench component over the rows; 1 where it never varies.
-fn spreads(wrenches: &[Vec6<f64>]) -> [f64; 6] {
+/// Diagonal matrix of the standard deviations of the wrench components; 1 for one that never varies.
+fn spreads(wrenches: &[Vec6<f64>]) -> Mat6<f64> {
     let n = wrenches.len() as f64;
-    std::array::from_fn(|component| {
+    let spread = |component: usize| {
         let values = || wrenches.iter().map(|h| h[component]);
         let mean = values().sum::<f64>() / n;
         let square = values().map(|h| (h - mean).powi(2)).sum::<f64>() / n;
         if square > 0.0 { square.sqrt() } else { 1.0 }
-    })
+    };
+    std::array::from_fn(|i| std::array::from_fn(|j| if i == j { spread(i) } else { 0.0 }))
 }

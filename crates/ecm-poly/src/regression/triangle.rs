@@ -141,7 +141,7 @@ impl Triangle {
             Par::Seq,
         );
         let trace: f64 = (0..columns).map(|j| gram[(j, j)]).sum();
-        if !(trace < FAR * columns as f64) {
+        if trace.is_nan() || trace > FAR * columns as f64 {
             return false;
         }
         let Ok(factor) = gram.llt(Side::Lower) else {
