@@ -101,9 +101,12 @@ def test_what_is_assumed_from_a_residual_is_not_called_noise() -> None:
 
 def test_a_model_that_holds_an_effect_is_judged_with_it() -> None:
     table = measured(5)
-    growth = 1.0 + 1e-4 * table.column("time_s")
-    older = table.with_columns({name: table.column(name) * growth for name in WRENCH})
-    plain = fit_model(older, "energy6")
-    better = plain.add("ageing").fit(older)
-    assert diagnose(plain, older).model.missing
-    assert not diagnose(better, older).model.missing
+    warm = np.random.default_rng(6).uniform(20.0, 30.0, len(table))
+    softer = 1.0 - 0.01 * (warm - 25.0)
+    heated = table.with_columns(
+        {name: table.column(name) * softer for name in WRENCH} | {"temperature_degC": warm}
+    )
+    plain = fit_model(heated, "energy6")
+    better = plain.add("temperature_modulus").fit(heated)
+    assert diagnose(plain, heated).model.missing
+    assert not diagnose(better, heated).model.missing
