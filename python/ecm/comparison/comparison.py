@@ -19,6 +19,7 @@ from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.models.joint_fit import base_columns
+from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
 from ecm.models.training import training_of
 from ecm.regression.f_test import FTest, lack_of_fit
@@ -354,7 +355,8 @@ def _structure(model: Model, table: Table, predicted: F, chosen: I, noise: Noise
     rows = Rows(_some(table, chosen), model.base)
     errors = residuals(rows, predicted[chosen], noise, model.base.error)
     own = None
-    if not model.base_frozen and _fitted_here(model, table):
+    refitted = not model.base_frozen and model.base.kind not in LEARNED
+    if refitted and _fitted_here(model, table):
         own = np.einsum("nij,njk->nik", errors.whitener, base_columns(rows, model.base))
     scored = is_pose_row(rows.table)
     return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)

@@ -21,6 +21,7 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.learned import LEARNED
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 Answer = Literal["fits", "numbers", "form", "effect"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
-_LEARNED = ("gp", "mlp")
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
 
@@ -173,7 +173,7 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
     if len(table) > _MOST_ROWS:
         table = table.thinned(spread_rows(table, _MOST_ROWS))
     base = model.base
-    if base.kind in _LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
+    if base.kind in LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
         return None
     try:
         return joint_fit(base, (), table, noise)
