@@ -142,7 +142,9 @@ def judge_given_model(model: Model, decision: Decision) -> GivenModel:
         still = again is None or _structure(again, noise).found
     refitted = _errors(again, noise) if again is not None else base_errors if same else None
     accepted = [item.effect for item in decision.accepted.effects]
-    if again is not None and accepted:
+    # An effect of the base's columns has no meaning for a model of fewer.
+    alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
+    if again is not None and accepted and alike:
         after = _errors(joint_fit(again.base, accepted, again.rows.table, noise), noise)
     answer = _answer(result.missing, refitted is not None and not still, decision)
     return GivenModel(
