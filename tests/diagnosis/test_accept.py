@@ -33,6 +33,8 @@ PASSES = AcceptanceCheck(
     winners={"payload": 1.0},
     robust=True,
     within_bounds=True,
+    explained_in_bounds=1.0,
+    correction_over_range=0.2,
     own_seen=True,
 )
 FAILS = {
@@ -41,7 +43,8 @@ FAILS = {
     "held_out_fall": DEFAULTS.held_out_errors,
     "chosen_share": DEFAULTS.chosen_share - 1e-9,
     "robust": False,
-    "within_bounds": False,
+    "explained_in_bounds": DEFAULTS.kept_within_bounds,
+    "correction_over_range": DEFAULTS.most_of_range + 1e-9,
     "own_seen": False,
 }
 

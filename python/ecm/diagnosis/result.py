@@ -185,7 +185,7 @@ class Diagnosis:
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
             listed = ", ".join(item.id for item in self.effects)
-            already = f" beside {listed}" if listed else ""
+            already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."
         names = " and ".join(" or ".join(members) for members in self.answer)
         return f"Missing: {names}; {self._fall()}."
@@ -231,5 +231,11 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report of interfaces.md."""
+        partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
-        return document | fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}
+        return (
+            document
+            | fields_json(self)
+            | {"partial": partial}
+            | {"outliers": [row + 1 for row in self.outliers]}
+        )
