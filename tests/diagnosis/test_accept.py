@@ -85,7 +85,7 @@ def test_each_condition_alone_refuses(condition: str) -> None:
 
 def test_every_condition_of_a_check_is_tested_above() -> None:
     named = {field.name for field in fields(AcceptanceCheck)}
-    assert named - {"id", "winners", "settings"} == set(FAILS)
+    assert named - {"id", "winners", "settings", "within_bounds"} == set(FAILS)
     assert (DEFAULTS.level, DEFAULTS.least_bic, DEFAULTS.chosen_share) == (0.01, 6.0, 0.8)
 
 

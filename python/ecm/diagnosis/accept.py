@@ -38,7 +38,7 @@ class AcceptanceCheck:
     within_bounds: bool
     """Every parameter is within its bounds, also where they are not imposed."""
     explained_in_bounds: float
-    """Share of what it explains that stays when the bounds are imposed, as they are in the answer."""
+    """Share of what it explains that stays within its bounds, which the answer keeps."""
     correction_over_range: float
     """Largest correction of a component over its largest reading."""
     own_seen: bool
