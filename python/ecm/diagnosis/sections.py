@@ -30,6 +30,11 @@ def verdict_section(document: Mapping[str, Any]) -> Section:
         rows = [[first, ", ".join(others)] for first, others in alike.items()]
         caption = "What these data cannot tell apart."
         blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
+    if document["look_alikes"]:
+        rows = [[one["id"], one["what"], one["apart"]] for one in document["look_alikes"]]
+        caption = "What is not in the catalogue and would get the same name."
+        outside = ("effect", "or", "what tells it apart")
+        blocks.append(TableBlock(caption, outside, rows))
     blocks += warnings_table(document["warnings"])
     return Section("Verdict", blocks)
 
