@@ -76,7 +76,7 @@ class ComponentErrors:
 
     before: dict[str, float]
     """Errors of the model as given, not refitted."""
-    base: dict[str, float]
+    base: dict[str, float] = field(metadata={"json": ""})
     """Errors of the base that names are against, fitted to these rows."""
     after: dict[str, float]
     """Errors of that base with the accepted effects."""

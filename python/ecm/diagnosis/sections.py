@@ -65,7 +65,8 @@ def noise_words(noise: Mapping[str, Any]) -> str:
 
 def _errors(document: Mapping[str, Any]) -> list[Block]:
     """Error of each component, and of held-out rows over the noise, at each step."""
-    errors, held_out = document["rmse"], document["held_out"]
+    errors = {**document["rmse"], "base": document["model"]["base_errors"]["rmse"]}
+    held_out = document["held_out"]
     steps = [step for step in _STEPS if errors[step]]
     rows = [
         [name, *(number(errors[step].get(name, float("nan"))) for step in steps)]
