@@ -29,7 +29,7 @@ def plain(text: str) -> str:
 
 
 def drawn_rows(values: F) -> I:
-    """Rows of (N, m) values to draw: all up to `MOST_DRAWN`, else so many evenly and the largest."""
+    """Rows of (N, m) values to draw: all up to `MOST_DRAWN`, else some evenly and the largest."""
     if len(values) <= MOST_DRAWN:
         return np.arange(len(values), dtype=np.int64)
     evenly = np.linspace(0, len(values) - 1, MOST_DRAWN).astype(np.int64)
