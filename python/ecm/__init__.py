@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ecm.models.cross_validation import cross_validate
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
+    from ecm.models.control import LoopSettings
     from ecm.models.export import export
     from ecm.models.fit import fit_model
     from ecm.models.fit import fit_model as fit
@@ -68,6 +69,7 @@ _NAMES = {
     "models.cross_validation": ("cross_validate",),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
+    "models.control": ("LoopSettings",),
     "models.export": ("export",),
     "models.fit": ("fit", "fit_model"),
     "models.learned": ("GaussianProcessModel", "NeuralNetworkModel"),
@@ -102,6 +104,7 @@ __all__ = [
     "EnergyModel",
     "GaussianProcessModel",
     "InputError",
+    "LoopSettings",
     "Mechanism",
     "MissingExtra",
     "Model",
