@@ -69,7 +69,7 @@ class ControlLoop:
     poses: F
     """(N, 6) poses for which it was designed."""
     holds: B
-    """(N,) whether it is stable there for every softness and delay."""
+    """(N,) whether it is stable there for every softness and delay, also with gains 0.8 and 1.25."""
     decay_per_s: float
     """Least rate at which an error falls, over the poses where the loop holds."""
     gain_margin: tuple[float, float]
@@ -168,6 +168,8 @@ def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) ->
     delays = tuple(sorted({0, least.delay_steps // 2, least.delay_steps}))
     rates = _rates(gains, modes, SOFTNESS, delays).min(axis=1)
     holds = rates > 0.0
+    for factor in (0.8, 1.25):
+        holds &= _worst(gains, modes, factor).min(axis=1) > 0.0
     any_held = bool(holds.any())
     critical = _critical(modes[holds]) if any_held else critical
     return ControlLoop(
