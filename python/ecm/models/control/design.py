@@ -69,7 +69,7 @@ class ControlLoop:
     poses: F
     """(N, 6) poses for which it was designed."""
     holds: B
-    """(N,) whether it is stable there for every softness and delay, also with gains 0.8 and 1.25."""
+    """(N,) whether it is stable there, also with gains times 0.8 and 1.25."""
     decay_per_s: float
     """Least rate at which an error falls, over the poses where the loop holds."""
     gain_margin: tuple[float, float]
