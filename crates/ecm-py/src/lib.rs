@@ -1,6 +1,6 @@
 //! Python bindings of the ECM crates. This crate converts arguments and results only.
 //!
-//! One file per bound crate, [`py_task`] for long work (GIL, Ctrl-C, progress, errors) and
+//! One file or folder per bound crate, [`py_task`] for long work (GIL, Ctrl-C, progress, errors) and
 //! [`arrays`] for array conversions.
 
 mod arrays;

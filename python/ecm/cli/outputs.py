@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import InputError
-from ecm.io.table import Table
+from ecm.io.table import Table, check_description
 
 
 class Outputs:
@@ -24,6 +24,8 @@ class Outputs:
             if path.is_dir():
                 raise InputError(f"{path}: found a directory, expected the name of a file to write")
             _check_writable(path, path.parent)
+            if path.suffix == ".csv":
+                check_description(path)
             self._before[path] = _identity(path)
 
     def sentence(self) -> str:
@@ -62,6 +64,16 @@ def check_plan(path: Path, table: Table) -> None:
         raise InputError(
             f"{path}: beside it is {beside}, which the plan's description would overwrite. "
             "Choose another name."
+        )
+
+
+def check_not_read(path: Path, source: Path) -> None:
+    """Raise InputError where the description beside a table would replace a file that is read."""
+    beside = path.with_suffix(".toml")
+    if beside.exists() and source.exists() and beside.samefile(source):
+        raise InputError(
+            f"{path}: beside it is {source}, which the command reads, and which the table's "
+            "description would overwrite. Choose another name."
         )
 
 

@@ -17,8 +17,9 @@ from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
+from ecm.io.table import as_table
 from ecm.models.noise_estimate import estimate_noise
-from ecm.models.training import training_of
+from ecm.models.training import was_trained_on
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
@@ -27,7 +28,7 @@ from ecm.regression.rows import Rows
 from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
+    from ecm.io.table import MetaLike, Table, TableLike
     from ecm.models.model import Model
 
 
@@ -78,8 +79,8 @@ class _Compared:
 class Comparison:
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
 
-    `print` shows one sentence, `plot` the residuals, `to_pandas` the components, `where` where the
-    model fails, and `to_dict` is the report.
+    `print` shows one sentence and the components, `plot` the residuals, `to_pandas` the components,
+    `where` where the model fails, and `to_dict` is the report.
 
     Examples
     --------
@@ -141,7 +142,17 @@ class Comparison:
         return residual_maps_of(rows, errors, scored, made.model.leverage(at), counted)
 
     def __str__(self) -> str:
-        return self.sentence()
+        heads = ("", "rmse", "noise", "not noise", "90 % interval")
+        lines = [self.sentence(), "{:<10}{:>10}{:>10}{:>10}  {:<16}".format(*heads).rstrip()]
+        for c in self.components:
+            name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
+            interval = f"{c.excess_low:.3g} to {c.excess_high:.3g} {unit}"
+            lines.append(f"{name:<10}{c.rmse:>10.3g}{c.floor:>10.3g}{c.excess:>10.3g}  {interval}")
+        outside = f", {self.outside_domain} outside the poses of the fit" * (
+            self.outside_domain > 0
+        )
+        lines.append(f"{self.rows} rows{outside}; noise {self.noise.source}; details: .where()")
+        return "\n".join(lines)
 
     def sentence(self) -> str:
         """Return one plain sentence."""
@@ -218,8 +229,9 @@ class Comparison:
 
 def compare(
     model: Model,
-    table: Table,
+    table: TableLike,
     *,
+    meta: MetaLike = None,
     noise: Noise | None = None,
     seed: int = 0,
     most_rows: int = 3000,
@@ -233,7 +245,10 @@ def compare(
     model
         Model with the pose and wrench columns of the table.
     table
-        Measurements; poses count, home and unloaded rows do not.
+        Measurements, as a table, a data frame, a dict or a file; poses count, home and unloaded
+        rows do not.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     noise
         Noise of the rows, where it is known better than the table tells.
     seed
@@ -262,6 +277,7 @@ def compare(
     >>> [c.name for c in result.components]
     ['fx_N']
     """
+    table = as_table(table, meta=meta)
     lacking = [name for name in (*model.inputs, *model.outputs) if not table.has(name)]
     if lacking:
         raise InputError(
@@ -341,12 +357,8 @@ def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:
 
 def _fitted_here(model: Model, table: Table) -> int:
     """Return how many values of the model were fitted to this very table."""
-    known, count = model.training.get("hash"), model.training.get("rows")
-    # A hash reads every number: only where there are as many rows as the fit had.
-    fitted = (
-        rows for rows in (table.measured(), without_zero_readings(table)) if len(rows) == count
-    )
-    if not any(training_of(rows)["hash"] == known for rows in fitted):
+    tables = (table.measured(), without_zero_readings(table))
+    if not any(was_trained_on(model.training, rows) for rows in tables):
         return 0
     base = 0 if model.base_frozen else len(model.base.coefficients)
     return base + sum(len(item.values) for item in model.effects if not item.frozen)

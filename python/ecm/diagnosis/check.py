@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import all_effects
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
-from ecm.io.table import Table
+from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.repeats import noise_source, repeated_poses
 
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
@@ -124,16 +124,24 @@ def excitation_sentences(names: Sequence[str]) -> list[str]:
     ]
 
 
-def check(table: Table) -> Check:
+def check(table: TableLike, *, meta: MetaLike = None) -> Check:
     """Check columns, excitation, repeats and testable effects of a measurement table.
+
+    Parameters
+    ----------
+    table
+        Measurements, as a table, a data frame, a dict or a file.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
 
     Examples
     --------
     >>> import ecm
-    >>> result = ecm.check(ecm.as_table({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [0.0, 9.0, 21.0]}))
+    >>> result = ecm.check({"x_m": [0.0, 1e-3, 2e-3], "fx_N": [0.0, 9.0, 21.0]})
     >>> result.noise, result.never_excited
     ('assumed', ())
     """
+    table = as_table(table, meta=meta)
     columns = tuple(_column(name, values) for name, values in table.columns.items())
     constant = never_excited(table)
     missing = [name for name in (*POSE, *WRENCH) if not table.has(name)]

@@ -35,13 +35,14 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.effects import Effect
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.models.by_degree import symmetric_energy
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
 from ecm.regression.noise import Noise
 
 if TYPE_CHECKING:
-    from ecm.io.table import Table
+    from ecm.io.table import MetaLike, Table, TableLike
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
 
@@ -76,8 +77,9 @@ STAGES = Stages()
 @one_blas_thread()
 def diagnose(
     model: Model,
-    table: Table,
+    table: TableLike,
     *,
+    meta: MetaLike = None,
     seed: int = 0,
     effects: Sequence[str | Effect] | None = None,
     noise: Noise | None = None,
@@ -91,7 +93,9 @@ def diagnose(
     model
         The model; a physics model is also the base that effects are named against.
     table
-        Measurements; at least 8 rows.
+        Measurements, as a table, a data frame, a dict or a file; at least 8 rows.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     seed
         Seed of the random generator of the bootstraps.
     effects
@@ -123,6 +127,7 @@ def diagnose(
     >>> ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[]).verdict
     'none'
     """
+    table = as_table(table, meta=meta, need="fit")
     decision = find_missing(
         model,
         table,

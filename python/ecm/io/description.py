@@ -259,6 +259,29 @@ def read_meta(path: Path) -> Meta:
     return Meta.from_dict(read_toml(path, "description of a table"), str(path))
 
 
+def as_meta(meta: Meta | Mapping[str, Any] | str | Path | None) -> Meta:
+    """Return the description that is given as such, as a dict of its TOML, as a file or not at all.
+
+    Examples
+    --------
+    >>> as_meta({"run": {0: {"payload_mass_kg": 0.5}}}).runs
+    {0: {'payload_mass_kg': 0.5}}
+    """
+    if meta is None or isinstance(meta, Meta):
+        return meta or Meta()
+    if isinstance(meta, (str, Path)):
+        return read_meta(Path(meta))
+    if not isinstance(meta, Mapping):
+        raise InputError(
+            f"meta = {meta!r}: expected a dict of what the TOML beside a table holds, such as "
+            '{"mechanism": {"length_m": 0.1}}, or the path of such a file'
+        )
+    runs = meta.get("run")
+    if isinstance(runs, Mapping):
+        meta = {**meta, "run": {str(number): values for number, values in runs.items()}}
+    return replace(Meta.from_dict(meta, "meta"), source="")
+
+
 def _columns(table: Any, where: str) -> tuple[dict[str, ColumnSource], tuple[str, ...]]:
     """Read [columns]: sources by standard name, and the columns of `group`."""
     if not isinstance(table, Mapping):

@@ -30,8 +30,14 @@ class RawTable:
 
 
 def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
-    """Return names and cells of a dict, a pandas, polars or Arrow table, or a record array."""
-    if isinstance(data, Mapping):
+    """Return names and cells of a dict, a data frame, an xarray Dataset or a record array."""
+    if hasattr(data, "data_vars") and hasattr(data, "coords"):  # xarray
+        names = [*data.coords, *data.data_vars]
+        values = [np.asarray(data[name]) for name in names]
+        # A coordinate without dimension holds for every row.
+        size = max((v.shape[0] for v in values if v.ndim), default=1)
+        values = [v if v.ndim else np.full(size, v) for v in values]
+    elif isinstance(data, Mapping):
         names, values = list(data), [np.atleast_1d(np.asarray(v)) for v in data.values()]
     elif hasattr(data, "column_names") and hasattr(data, "to_pydict"):  # Arrow
         names, values = list(data.column_names), [np.asarray(v.to_pylist()) for v in data.columns]
@@ -43,7 +49,7 @@ def raw_table(data: Any, source: str, first_row: int = 0) -> RawTable:
     else:
         raise InputError(
             f"{source}: found a {type(data).__name__}, expected a dict of columns, a pandas, "
-            "polars or Arrow table, or a Table"
+            "polars or Arrow table, an xarray Dataset, a Table, or the path of a file"
         )
     names = [str(name) for name in names]
     repeated = sorted({name for name in names if names.count(name) > 1})

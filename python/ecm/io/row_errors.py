@@ -61,7 +61,10 @@ class RowErrors:
         """Return the summary and what to do."""
         rows = len(self.bad_numbers())
         them = "this row" if rows == 1 else f"these {rows} rows"
+        in_memory = self.word == "row" and len(self.numbers) > 0 and self.numbers[0] == 0
+        table = "data (rows are counted from 0)" if in_memory else "file"
+        skip = "as_table(..., skip_bad_rows=True)" if in_memory else "--skip-bad-rows"
         return (
-            f"{self.summary()}\nCorrect the file, or leave {them} out with --skip-bad-rows "
+            f"{self.summary()}\nCorrect the {table}, or leave {them} out with {skip} "
             "(which records it)."
         )

@@ -7,10 +7,10 @@ and no row twice.
 from __future__ import annotations
 
 from collections.abc import Iterator, KeysView, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from html import escape
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from ecm.io.arrays import F, I
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, TEXT, WRENCH, close_name, is_standard
 from ecm.io.csv import read_csv, write_csv
-from ecm.io.description import Meta, read_meta
+from ecm.io.description import Meta, as_meta, read_meta
 from ecm.io.extras import require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
@@ -35,21 +35,29 @@ Need = Literal["fit", "predict"]
 """fit: at least one pose and one wrench column; predict: at least one pose column."""
 
 
-@dataclass(frozen=True, repr=False)
+TableLike: TypeAlias = Any
+"""What `as_table` reads: a Table, a pandas, polars or Arrow table, an xarray Dataset, a dict of
+columns, a record array, or the path of a file, or several."""
+MetaLike: TypeAlias = Meta | Mapping[str, Any] | str | Path | None
+"""A description: a `Meta`, a dict of what the TOML beside a table holds, or the path of such a
+file."""
+
+
+@dataclass(frozen=True, repr=False, init=False)
 class Table:
     """Measurements, one row each, with their description.
 
-    Columns are read by name (`table["fx_N"]`), rows by iteration (a dict each), so that
-    `pandas.DataFrame(table)` and `dict(table)` work. `read_table` and `as_table` make tables with
-    all checks; the constructor checks nothing.
+    `Table(data)` takes what `as_table` takes, with all checks. Columns are read by name
+    (`table["fx_N"]`), rows by iteration (a dict each), so that `pandas.DataFrame(table)` and
+    `dict(table)` work.
 
     Parameters
     ----------
     columns
-        (N,) arrays by name, in file order: numbers as float64, text (approach, kind, action) as
-        object arrays of str.
+        A data frame or a dict of columns; or with a `Meta`, columns that were checked before: (N,)
+        arrays by name, numbers as float64, text (approach, kind, action) as object arrays of str.
     meta
-        Description: mechanism, instrument, scene, runs.
+        Description: a dict of what NAME.toml would hold, or a checked `Meta`.
     source
         File name or another name for messages.
     warnings
@@ -61,7 +69,7 @@ class Table:
 
     Examples
     --------
-    >>> table = as_table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]}, source="lateral")
+    >>> table = Table({"y_m": [0.0, 0.01, 0.02], "fy_N": [0.0, 30.5, 61.0]}, source="lateral")
     >>> table
     Table 'lateral': 3 rows, 1 run
       pose    y_m
@@ -80,6 +88,24 @@ class Table:
     zeros_s: tuple[float, ...] = ()
     whole: Table | None = None
     places: I | None = None
+
+    def __init__(
+        self,
+        columns: TableLike,
+        meta: MetaLike = None,
+        source: str = "table",
+        warnings: tuple[str, ...] = (),
+        zeros_s: tuple[float, ...] = (),
+        whole: Table | None = None,
+        places: I | None = None,
+    ) -> None:
+        if not isinstance(meta, Meta):
+            checked = as_table(columns, meta=meta, source=source)
+            columns, meta, source = checked.columns, checked.meta, checked.source
+            warnings = (*warnings, *checked.warnings)
+        values = (columns, meta, source, warnings, zeros_s, whole, places)
+        for item, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, item.name, value)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0
@@ -259,11 +285,12 @@ class Table:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
 
         Each file appears complete or not at all. InputError for another suffix, and where a
-        NAME.toml of another table exists.
+        NAME.toml of another table, or that describes no table, exists.
         """
         target = Path(path)
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
+        check_description(target)
         description = target.with_suffix(".toml")
         if self.meta.empty and description.exists():
             raise InputError(
@@ -276,10 +303,27 @@ class Table:
             write_csv(target, self.columns)
 
 
+def check_description(path: Path) -> None:
+    """Raise InputError where the description beside a table would replace a file of another kind.
+
+    Settings of a mechanism or a rig are TOML files as well: `neck.csv` beside `neck.toml`.
+    """
+    beside = path.with_suffix(".toml")
+    if not beside.exists():
+        return
+    try:
+        read_meta(beside)
+    except InputError:
+        raise InputError(
+            f"{path}: beside it is {beside}, which describes no table, and which the table's "
+            "description would overwrite. Choose another name."
+        ) from None
+
+
 def read_table(
     paths: Sequence[str | Path] | str | Path,
     *,
-    meta: Path | None = None,
+    meta: MetaLike = None,
     skip_bad_rows: bool = False,
     need: Need | None = None,
 ) -> Table:
@@ -290,7 +334,7 @@ def read_table(
     paths
         One file or several.
     meta
-        Description file instead of NAME.toml beside each file.
+        Description instead of NAME.toml beside each file: a file, or a dict of what it would hold.
     skip_bad_rows
         Leave bad rows out and record them in `warnings` instead of refusing.
     need
@@ -317,7 +361,7 @@ def read_table(
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise InputError("no measurement table was given, expected at least one file")
-    given = None if meta is None else read_meta(Path(meta))
+    given = None if meta is None else as_meta(meta)
     tables = [_read_one(path, given, skip_bad_rows) for path in files]
     table = tables[0] if len(tables) == 1 else _joined(tables)
     require_columns(table, need)
@@ -325,21 +369,23 @@ def read_table(
 
 
 def as_table(
-    data: Any,
+    data: TableLike,
     *,
-    meta: Meta | None = None,
+    meta: MetaLike = None,
     source: str = "table",
     skip_bad_rows: bool = False,
     need: Need | None = None,
 ) -> Table:
-    """Make a Table of arrays or of a data frame, with all checks of `read_table`.
+    """Make a Table of arrays, of a data frame or of files, with all checks of `read_table`.
 
     Parameters
     ----------
     data
-        A dict of columns (N,), a pandas, polars or Arrow table, a record array, or a Table.
+        A dict of columns (N,), a pandas, polars or Arrow table, an xarray Dataset, a record array,
+        a Table, or the path of a file, or several.
     meta
-        Description of the data.
+        Description of the data, as a dict of what NAME.toml would hold, a file or a `Meta`; a
+        Table gets it in place of its own.
     source
         Name for messages.
     skip_bad_rows
@@ -361,6 +407,8 @@ def as_table(
     --------
     >>> as_table({"y_m": [0.0, 0.01], "fy_N": [0.0, 30.5], "humidity": [40.0, 41.0]}).covariates
     ('humidity',)
+    >>> as_table({"y_m": [0.0], "fy_N": [0.0]}, meta={"mechanism": {"length_m": 0.1}}).meta.length_m
+    0.1
     >>> as_table({"y_mm": [0.0, 10.0]})
     Traceback (most recent call last):
     ...
@@ -368,11 +416,22 @@ def as_table(
 one; expected the unit in the name. If it is in that unit, call it 'y_m'; else give y_m = \
 { column = "y_mm", scale = ... } in [columns].
     """
-    if isinstance(data, Table):
-        return data
-    table = _checked(raw_table(data, source), meta or Meta(), source, skip_bad_rows)
+    if isinstance(data, (str, Path)) or _are_paths(data):
+        return read_table(data, meta=meta, skip_bad_rows=skip_bad_rows, need=need)
+    if isinstance(data, Table) and meta is None:
+        table = data
+    elif isinstance(data, Table):
+        raw = raw_table(data.columns, data.source)
+        table = _checked(raw, as_meta(meta), data.source, skip_bad_rows)
+    else:
+        table = _checked(raw_table(data, source), as_meta(meta), source, skip_bad_rows)
     require_columns(table, need)
     return table
+
+
+def _are_paths(data: TableLike) -> bool:
+    several = isinstance(data, (list, tuple)) and len(data) > 0
+    return several and all(isinstance(item, (str, Path)) for item in data)
 
 
 def require_columns(table: Table, need: Need | None) -> None:

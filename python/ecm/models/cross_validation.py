@@ -10,7 +10,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.extras import require
-from ecm.io.table import Table
+from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.fit import fit_model
 from ecm.models.maps import StiffnessMap
 from ecm.models.registry import parse_model
@@ -54,9 +54,10 @@ class CrossValidation:
 
 
 def cross_validate(
-    table: Table,
+    table: TableLike,
     model: ModelSpecification | str,
     *,
+    meta: MetaLike = None,
     folds: int = 10,
     grouped: bool = True,
     seed: int = 0,
@@ -69,9 +70,12 @@ def cross_validate(
     Parameters
     ----------
     table
-        Pose and wrench columns; only measured rows count.
+        Pose and wrench columns, as a table, a data frame, a dict or a file; only measured rows
+        count.
     model
         A specification or its short name.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     folds
         Number of parts; at most the number of groups.
     grouped
@@ -90,12 +94,12 @@ def cross_validate(
 
     Examples
     --------
-    >>> from ecm.io.table import as_table
     >>> x = np.linspace(-0.01, 0.01, 20)
-    >>> errors = cross_validate(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear", folds=4)
+    >>> errors = cross_validate({"x_m": x, "fx_N": 2000.0 * x}, "linear", folds=4)
     >>> errors.rmse["fx_N"] < 1e-9
     True
     """
+    table = as_table(table, meta=meta)
     specification, measured = parse_model(model), table.measured()
     if not measured.wrench_columns:
         raise InputError(f"{table.source}: no wrench column to predict; name one such as fx_N")

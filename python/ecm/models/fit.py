@@ -8,7 +8,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.columns import POSE
-from ecm.io.table import Table
+from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.leverage import leverages
 from ecm.models.model import Model
@@ -18,9 +18,10 @@ from ecm.models.training import domain_of, training_of
 
 
 def fit_model(
-    table: Table,
+    table: TableLike,
     model: ModelSpecification | str,
     *,
+    meta: MetaLike = None,
     weights: Weights = "auto",
     zero_at_home: bool = False,
     stable: bool = False,
@@ -30,9 +31,12 @@ def fit_model(
     Parameters
     ----------
     table
-        Pose columns (m, rad) and wrench columns (N, N m); rows of other kinds are left out.
+        Pose columns (m, rad) and wrench columns (N, N m), as a table, a data frame, a dict or a
+        file; rows of other kinds are left out.
     model
         A specification such as `EnergyModel(degree=6)`, or its short name, `"energy6"`.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     weights
         noise: by the declared noise of wrench and pose, errors in variables; for exact data a
         common rig's is assumed, which serves them better than the spread (docs/models.md).
@@ -55,9 +59,8 @@ def fit_model(
     Examples
     --------
     >>> import numpy as np
-    >>> from ecm.io.table import as_table
     >>> x = np.linspace(-0.01, 0.01, 9)
-    >>> model = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear")
+    >>> model = fit_model({"x_m": x, "fx_N": 2000.0 * x}, "linear")
     >>> model.stiffness(np.zeros((1, 1))).round(3)
     array([[[2000.]]])
     """
@@ -68,6 +71,7 @@ def fit_model(
         raise InputError(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
         )
+    table = as_table(table, meta=meta)
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")

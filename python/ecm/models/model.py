@@ -17,7 +17,7 @@ from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
-from ecm.io.table import Table
+from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.history import FitRecord, RecordedFit, fit_records
@@ -26,7 +26,7 @@ from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.registry import map_from_document
-from ecm.models.training import domain_of, noise_for, training_of
+from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
 
@@ -115,7 +115,7 @@ class Model:
             )
         return np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
-    def predict(self, data: Table | F, *, skip_untestable: bool = False) -> F:
+    def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
         A table's rows have time, temperature and approach, so that all effects act; bare poses get
@@ -124,13 +124,14 @@ class Model:
         Parameters
         ----------
         data
-            A table, or poses (N, n) in m and rad.
+            A table, a data frame or a dict of columns, or poses (N, n) in m and rad.
         skip_untestable
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
         if isinstance(data, np.ndarray):
             return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
+        data = as_table(data)
         rows = Rows(data, self.base)
         wrench: F = rows.sensor_load.copy()
         lacking = self.left_out(data)
@@ -350,7 +351,7 @@ class Model:
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
-    def fit(self, table: Table, *, noise: Noise | None = None) -> Model:
+    def fit(self, table: TableLike, *, noise: Noise | None = None) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
         Each effect takes the shape among its variants that fits best. The history gets a record.
@@ -358,7 +359,7 @@ class Model:
         Parameters
         ----------
         table
-            Measured rows; zero readings are left out.
+            Measured rows, as a table, a data frame or a dict; zero readings are left out.
         noise
             Default that of the table: from its repeats, else declared, else the model's.
 
@@ -367,9 +368,9 @@ class Model:
         InputError
             Where the table cannot determine an effect; the message names the column to record.
         """
-        table, freeze_base = without_zero_readings(table), self.base_frozen
+        table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
         training = training_of(table)
-        same_rows = self.training.get("hash") == training["hash"]
+        same_rows = was_trained_on(self.training, table)
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)

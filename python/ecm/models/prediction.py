@@ -9,7 +9,7 @@ import numpy as np
 
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
-from ecm.io.table import Table
+from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.model import Model
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
@@ -18,7 +18,12 @@ _MARGIN = 0.1
 
 
 def predict(
-    model: Model, table: Table, *, stiffness: StiffnessKind | None = None, leverage: bool = False
+    model: Model,
+    table: TableLike,
+    *,
+    meta: MetaLike = None,
+    stiffness: StiffnessKind | None = None,
+    leverage: bool = False,
 ) -> Table:
     """Predict the wrench of a model at each pose of a table.
 
@@ -27,7 +32,9 @@ def predict(
     model
         Any model.
     table
-        N poses; its other columns are kept.
+        N poses, as a table, a data frame, a dict or a file; its other columns are kept.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     stiffness
         Add the 36 columns `k_fx_x`, ... of this stiffness: `partial` (dh/dp, the paper's),
         `generalised` (d(f, J'tau)/dp) or `screw` (in rotation increments of the base axes).
@@ -45,12 +52,13 @@ def predict(
     >>> import ecm
     >>> y = np.linspace(-0.01, 0.01, 9)
     >>> model = ecm.fit(ecm.as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")
-    >>> predicted = ecm.predict(model, ecm.as_table({"y_m": [0.005, 0.05]}))
+    >>> predicted = ecm.predict(model, {"y_m": [0.005, 0.05]})
     >>> predicted["fy_N"].round(6)
     array([ 15., 150.])
     >>> predicted.warnings
     ('1 of 2 poses are outside what the model was trained on: there it extrapolates',)
     """
+    table = as_table(table, meta=meta, need="predict")
     poses = table.matrix(model.inputs)
     wrench = model.predict(table if model.effects else poses)
     columns: dict[str, F] = {name: wrench[:, j] for j, name in enumerate(model.outputs)}
@@ -65,7 +73,8 @@ def predict(
             columns["leverage"] = known
         columns["extrapolates"] = model.extrapolates(poses).astype(np.float64)
     warnings = (*table.warnings, *_outside(model, table))
-    return replace(table.with_columns(columns), warnings=warnings)
+    predicted: Table = table.with_columns(columns)
+    return replace(predicted, warnings=warnings)
 
 
 def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str, F]:

@@ -7,14 +7,15 @@ from typing import Any
 
 from ecm.effects.protocol import Effect
 from ecm.errors import InputError
-from ecm.io.table import Table
+from ecm.io.table import MetaLike, TableLike, as_table
 from ecm.models.model import Model
 
 
 def refit(
     model: Model,
-    table: Table,
+    table: TableLike,
     *,
+    meta: MetaLike = None,
     add: Sequence[str | Effect] = (),
     remove: Sequence[str] = (),
     freeze: Sequence[str] = (),
@@ -26,7 +27,9 @@ def refit(
     model
         The model before.
     table
-        Measured rows (N).
+        Measured rows (N), as a table, a data frame, a dict or a file.
+    meta
+        Description of the data, as a dict of what the TOML beside it would hold, or that file.
     add
         Effects, or their ids, that the model lacks.
     remove
@@ -63,7 +66,7 @@ def refit(
             "refit: nothing to change; give add, remove or freeze "
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
-    return model.remove(*remove).add(*add).freeze(*freeze).fit(table)
+    return model.remove(*remove).add(*add).freeze(*freeze).fit(as_table(table, meta=meta))
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
