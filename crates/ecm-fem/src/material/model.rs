@@ -17,6 +17,8 @@ pub const COMMON: [&str; 5] = [
 /// Numbers by the parameter's name, scalars as lists of one.
 pub type Parameters = BTreeMap<String, Vec<f64>>;
 
+type Make = fn(&Values<'_>, Volume) -> Result<Box<dyn Material>, FemError>;
+
 /// A material model: one constant of its file, one entry of [`super::MODELS`].
 #[derive(Debug)]
 pub struct Model {
@@ -27,7 +29,7 @@ pub struct Model {
     /// Whether each parameter is a list with one number per term.
     pub has_terms: bool,
     /// The material from its parameters.
-    pub(super) make: fn(&Values<'_>, Volume) -> Result<Box<dyn Material>, FemError>,
+    pub(super) make: Make,
     /// See [`Model::start`].
     pub(super) start: fn(shear_modulus_Pa: f64, terms: usize) -> Vec<f64>,
     /// See [`Model::decode`].
