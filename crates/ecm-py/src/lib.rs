@@ -39,8 +39,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::se3::{
-        check_rotations, convert_stiffness, left_jacobians, mid_frame, rotation_matrices,
-        rotation_vectors,
+        check_rotations, convert_stiffness, inverse_left_jacobians, left_jacobians, mid_frame,
+        rotation_matrices, rotation_vectors,
     };
 
     #[pymodule_export]
