@@ -461,17 +461,27 @@ def require_columns(table: Table, need: Need | None) -> None:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
 
 
+def unreadable_rows(path: Path, meta: MetaLike = None) -> I:
+    """Return the numbers from 1 of the rows that skip_bad_rows leaves out, beyond [leave_out]."""
+    raw, description = _raw(path, None if meta is None else as_meta(meta))
+    left, kept, _ = without_rows(raw, description.leave_out, str(path))
+    _, index, _ = validated_columns(left, description, str(path), True)
+    return np.setdiff1d(kept, kept[index])
+
+
 def _read_one(path: Path, meta: Meta | None, skip_bad_rows: bool) -> Table:
-    """Read one file; its description is NAME.toml beside it unless one is given."""
+    return _checked(*_raw(path, meta), str(path), skip_bad_rows)
+
+
+def _raw(path: Path, meta: Meta | None) -> tuple[RawTable, Meta]:
+    """Cells of one file, and its description: NAME.toml beside it unless one is given."""
     if meta is None:
         own = path.with_suffix(".toml")
         meta = read_meta(own) if own.is_file() and own != path else Meta()
     if path.suffix.lower() in (".parquet", ".pq"):
-        raw = read_parquet(path)
-    else:
-        text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
-        raw = read_csv(path, meta.file.header_rows, text)
-    return _checked(raw, meta, str(path), skip_bad_rows)
+        return read_parquet(path), meta
+    text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
+    return read_csv(path, meta.file.header_rows, text), meta
 
 
 def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Table:
