@@ -13,16 +13,12 @@ use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::arrays::{from_matrices, from_rows, rows};
-use crate::errors::FemError;
+use crate::errors::{FemError, fem_error};
 use crate::material::{NamedNumbers, parameters as named_numbers};
 use crate::py_task::{TaskState, run_task, run_task_polling};
 
 /// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
-
-pub(crate) fn fem_error(error: ecm_fem::FemError) -> PyErr {
-    FemError::new_err(error.to_string())
-}
 
 /// Ten-node tetrahedra with a clamped face `base` and a rigid face `top`.
 #[pyclass(frozen, module = "ecm._native")]
@@ -355,22 +351,6 @@ fn watch(task: &TaskState) -> Watch<'_> {
     Watch {
         cancel: Some(&task.cancel),
         done: Some(&task.done),
-    }
-}
-
-/// A number, or a list of them, in a table of material parameters.
-#[derive(FromPyObject)]
-pub(crate) enum Numbers {
-    One(f64),
-    Many(Vec<f64>),
-}
-
-impl From<Numbers> for Vec<f64> {
-    fn from(numbers: Numbers) -> Self {
-        match numbers {
-            Numbers::One(value) => vec![value],
-            Numbers::Many(values) => values,
-        }
     }
 }
 

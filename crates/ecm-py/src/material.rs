@@ -6,7 +6,23 @@ use ecm_fem::material::{self, MODELS, Parameters, nominal_stress};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use crate::fem::{Numbers, fem_error};
+use crate::errors::fem_error;
+
+/// A number, or a list of them, in a table of material parameters.
+#[derive(FromPyObject)]
+pub(crate) enum Numbers {
+    One(f64),
+    Many(Vec<f64>),
+}
+
+impl From<Numbers> for Vec<f64> {
+    fn from(numbers: Numbers) -> Self {
+        match numbers {
+            Numbers::One(value) => vec![value],
+            Numbers::Many(values) => values,
+        }
+    }
+}
 
 pub(crate) type NamedNumbers = BTreeMap<String, Numbers>;
 
