@@ -22,7 +22,7 @@ import pytest
 
 from ecm._native import __version__, rotation_matrices
 from ecm.cli.app import COMMANDS as REGISTRY
-from ecm.cli.app import load_command
+from ecm.cli.app import file_of, load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
 from ecm.cli.session import Session
@@ -44,7 +44,7 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "effects", "export", "new"]) == COMMANDS
+    assert sorted([*names.split(), "effects", "export", "import", "new"]) == COMMANDS
 
 
 def test_help_of_all_loads_no_command() -> None:
@@ -84,8 +84,9 @@ def test_the_help_of_design_names_all_criteria(ecm_command: Command) -> None:
 
 def test_every_command_has_its_work() -> None:
     for name in COMMANDS:
-        work = getattr(import_module(f"ecm.cli.{name}"), name)
-        options = import_module(f"ecm.cli.options.{name}").Options
+        file = file_of(name)
+        work = getattr(import_module(f"ecm.cli.{file}"), file)
+        options = import_module(f"ecm.cli.options.{file}").Options
         assert get_type_hints(work) == {
             "options": options,
             "session": Session,

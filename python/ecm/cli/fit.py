@@ -6,6 +6,7 @@ from typing import cast
 
 from ecm.cli.models import build_physics, is_mechanism, read_mechanism
 from ecm.cli.options.fit import Options
+from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.table import Table
@@ -20,6 +21,7 @@ from ecm.models import (
 from ecm.models.fit_summary import fit_summary
 from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
+from ecm.models.worse import refuse_worse
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
@@ -34,31 +36,41 @@ def fit(options: Options, session: Session) -> None:
             raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
         if table.meta.length_m is None:
             session.print("energies are left out: no [mechanism] length_m in the data's TOML")
-        choice = choose_model(table, default_candidates(table), seed=session.seed)
+        with session.working(f"choosing among models of {len(table)} rows"):
+            choice = choose_model(table, default_candidates(table), seed=session.seed)
         for sentence in choice.sentences():
             session.print(sentence)
         specification, name = choice.best, choice.best.alias
     else:
         specification = _named(name, options.pcr, table, session)
-    model = fit_model(
-        table,
-        specification,
-        zero_at_home=options.zero_at_home,
-        stable=options.stable,
-        weights=cast("Weights", options.weights),
-    )
-    model.save(options.out)
-    summary = fit_summary(model, table, specification, seed=session.seed)
+    with session.working(f"fitting {name} to {len(table)} rows"):
+        model = fit_model(
+            table,
+            specification,
+            zero_at_home=options.zero_at_home,
+            stable=options.stable,
+            weights=cast("Weights", options.weights),
+        )
+    with session.working("errors on held-out rows"):
+        progress = session.progress("held-out fits")
+        summary = fit_summary(model, table, specification, seed=session.seed, progress=progress)
+        session.close()
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
     if options.curve:
-        curve = learning_curve(table, specification, _SIZES, seed=session.seed)
+        with session.working("how many poses are enough"):
+            curve = learning_curve(table, specification, _SIZES, seed=session.seed)
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)
     session.write_json(summary | {"warnings": list(table.warnings)})
     for sentence in summary["sentences"]:
         session.print(sentence)
+    if not options.force:
+        with saved_by_force(options.out):
+            held_out = (summary["held_out"] or {}).get("folds")
+            refuse_worse(model, table.measured(), held_out=held_out)
+    model.save(options.out)
     session.print(f"{options.out}: model {name}")
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
-from ecm.errors import InputError
+from ecm.errors import ComputationError, InputError
 from ecm.io.table import Table, check_description
 
 
@@ -92,3 +94,14 @@ def _check_writable(path: Path, directory: Path) -> None:
         raise InputError(f"{path}: {nearest} is a file, expected a directory. Check the path.")
     if not os.access(nearest, os.W_OK):
         raise InputError(f"{path}: no permission to write in {nearest}. Choose another place.")
+
+
+@contextmanager
+def saved_by_force(path: Path) -> Iterator[None]:
+    """Add to the refusal of a model that it was not saved, and how it would be."""
+    try:
+        yield
+    except ComputationError as error:
+        raise ComputationError(
+            f"{path}: not saved, {error}. --force saves it all the same."
+        ) from None

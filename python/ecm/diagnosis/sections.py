@@ -8,7 +8,7 @@ from typing import Any
 from ecm.report.page import Block, CodeBlock, Section, TableBlock, TextBlock, number, warnings_table
 
 _SHOWN = 12
-_STEPS = ("before", "after", "floor", "ceiling")
+_STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
 def verdict_section(document: Mapping[str, Any]) -> Section:
@@ -30,6 +30,11 @@ def verdict_section(document: Mapping[str, Any]) -> Section:
         rows = [[first, ", ".join(others)] for first, others in alike.items()]
         caption = "What these data cannot tell apart."
         blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
+    if document["look_alikes"]:
+        rows = [[one["id"], one["what"], one["apart"]] for one in document["look_alikes"]]
+        caption = "What is not in the catalogue and would get the same name."
+        outside = ("effect", "or", "what tells it apart")
+        blocks.append(TableBlock(caption, outside, rows))
     blocks += warnings_table(document["warnings"])
     return Section("Verdict", blocks)
 
@@ -40,7 +45,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     rows = [
         ["base", base["kind"]],
         ["the base's own error over the noise", f"{base['error_over_noise']:.2f}"],
-        ["source of the noise", document["noise"]["source"]],
+        ["source of the noise", noise_words(document["noise"])],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
     if "rows_used" in document:
@@ -51,27 +56,41 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     return TableBlock("What the verdict rests on.", ("", ""), rows)
 
 
+def noise_words(noise: Mapping[str, Any]) -> str:
+    """Where the noise comes from; a spread of the residual is not called noise."""
+    if noise.get("is_residual"):
+        return "not known (the base's own residual weighs the components)"
+    return str(noise["source"])
+
+
 def _errors(document: Mapping[str, Any]) -> list[Block]:
     """Error of each component, and of held-out rows over the noise, at each step."""
-    errors, held_out = document["rmse"], document["held_out"]
+    errors = {**document["rmse"], "base": document["model"]["base_errors"]["rmse"]}
+    held_out = document["held_out"]
     steps = [step for step in _STEPS if errors[step]]
     rows = [
         [name, *(number(errors[step].get(name, float("nan"))) for step in steps)]
         for name in errors["before"]
     ]
     caption = (
-        "Root mean square error in the unit of each column. Before: the model as given. The floor "
-        "is the noise"
+        "Root mean square error in the unit of each column. Before: the model as given, not "
+        "refitted. Base: what names are against, fitted to these rows. After: the base with the "
+        "accepted effects"
     )
+    if errors["floor"]:
+        caption += ". The floor is the noise"
     more = "; the ceiling is the base with a free cubic of the pose, on held-out rows."
     caption += more if errors["ceiling"] else "."
-    over_noise = {"before": held_out["before"], "after": held_out["after"], "floor": 1.0}
+    over_noise = {"before": held_out["before"], "after": held_out["after"]}
+    unit = "the base's own residual" if document["noise"].get("is_residual") else "the noise"
+    if errors["floor"]:
+        over_noise["floor"] = 1.0
     if "ceiling" in held_out:
         over_noise["ceiling"] = held_out["ceiling"]
     return [
         TableBlock(caption, ("component", *steps), rows),
         TableBlock(
-            "Held-out error over the noise. Before: the base alone.",
+            f"Held-out error over {unit}. Before: the base alone.",
             ("", *over_noise),
             [["held-out rows", *(number(value) for value in over_noise.values())]],
         ),
