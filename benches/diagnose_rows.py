@@ -34,7 +34,7 @@ COMMANDS = {
     "check": ("check", "{table}"),
     "compare": ("compare", "{model}", "{table}", "--report", "{page}"),
     "diagnose": ("diagnose", "{model}", "{table}", "--report", "{page}"),
-    "refit": ("refit", "{model}", "{table}", "--add", "{effect}", "--out", "{refitted}"),
+    "refit": ("refit", "{model}", "{table}", "--add", "{effect}", "--out", "{refitted}", "--force"),
 }
 EFFECT = {"static": "hysteresis", "stream": "fts_drift"}
 """What is added in the refit."""
