@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import all_effects
@@ -180,7 +181,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         noise=noise_source(table),
         testable=testable,
         not_testable=not_testable,
-        warnings=table.warnings,
+        warnings=(*table.warnings, *_misread(table)),
         suspect=tuple(suspect_rows(table)),
         remarks=(*_sampling(table), *whole_turns(table)),
     )
@@ -197,6 +198,12 @@ def _sampling(table: Table) -> list[str]:
         f"Rows follow each other every {np.median(steps):.3g} s: samples of a continuous test? "
         'Then say kind = "continuous" in [file], or repeats and held-out rows are judged wrongly.'
     ]
+
+
+def _misread(table: Table) -> list[str]:
+    """Return what looks wrong with the signs and the time of a table."""
+    said = [time_unit(table), reversed_sign(table, table.pose_columns, table.wrench_columns)]
+    return [words for words in said if words]
 
 
 def _column(name: str, values: NDArray[Any]) -> ColumnCheck:

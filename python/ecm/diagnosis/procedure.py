@@ -171,7 +171,7 @@ def find_missing(
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
 
     decision = against(choose_base(model, prepared.table))
-    if not may_be_another_body(decision):
+    if misread(decision) or not may_be_another_body(decision):
         return decision
     return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)
 
@@ -221,6 +221,11 @@ def decide(
         verdict=final.headline,
         unknown=final.unknown,
     )
+
+
+def misread(decision: Decision) -> bool:
+    """Whether another reading of the table explains what is left: no body is to blame."""
+    return decision.unknown is not None and decision.unknown.statement is not None
 
 
 def may_be_another_body(decision: Decision) -> bool:
