@@ -14,7 +14,7 @@ from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.statements import WrongStatement, find_wrong_statement, reversed_sign
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import find_pattern
+from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.physics.map import PhysicsMap
@@ -60,6 +60,7 @@ def verdict(
     left: Leftover,
     *,
     describe: Describe = describe_residual,
+    white: Callable[[Problem], Pattern | None] = find_pattern,
 ) -> Verdict:
     """Give the headline.
 
@@ -67,6 +68,8 @@ def verdict(
     ----------
     describe
         Function that puts what is left into words.
+    white
+        Function that looks for a pattern before `none` is said.
     """
     wrong = _wrong_statement(problem, accepted) if gate.rejected else None
     if wrong is not None:
@@ -83,7 +86,7 @@ def verdict(
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
-        pattern = find_pattern(problem)
+        pattern = white(problem)
         if pattern is None:
             return Verdict("none", accepted, None)
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)

@@ -33,6 +33,7 @@ from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
@@ -67,6 +68,7 @@ class Stages:
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
     classify: Callable[[Problem, Accepted, Leftover], Accepted] = classify
     verdict: Callable[..., Verdict] = verdict
+    white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Callable[..., Unknown] = describe_residual
 
 
@@ -209,7 +211,9 @@ def decide(
                 accepted = again
                 left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left)
-    final = stages.verdict(problem, first, accepted, left, describe=stages.describe)
+    final = stages.verdict(
+        problem, first, accepted, left, describe=stages.describe, white=stages.white
+    )
     return Decision(
         prepared=prepared,
         problem=problem,
