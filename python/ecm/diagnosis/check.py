@@ -95,7 +95,13 @@ class Check:
         """Return what matters, in plain words."""
         lines = [f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."]
         lines.extend(excitation_sentences(self.never_excited))
-        if self.missing:
+        if len(self.missing) == len(POSE) + len(WRENCH):
+            lines.append(
+                "No pose and no wrench column is there: nothing can be fitted, compared or "
+                "diagnosed. Name at least one of each as in x_m and fx_N, or map your own names in "
+                "the TOML beside the data ([columns])."
+            )
+        elif self.missing:
             lines.append(f"Not there: {', '.join(self.missing)}.")
         if self.groups is not None:
             lines.append(f"Held-out splits keep {self.groups} groups of rows together.")
@@ -175,7 +181,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
         never_excited=constant,
-        missing=tuple(missing) if len(missing) < 12 else (),
+        missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated_poses(table),
         noise=noise_source(table),

@@ -144,6 +144,8 @@ def reversed_sign(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -
     force that shows one is negative, its sign is that of the reaction; so for torques.
     """
     rows = table.select(np.flatnonzero(is_pose_row(table)))
+    if not inputs or not outputs or len(rows) == 0:
+        return ""
     x = rows.matrix(inputs)
     x = x[:, np.ptp(x, axis=0) > 0.0]
     moving = [name for name in inputs if float(np.ptp(rows.column(name))) > 0.0]
