@@ -98,13 +98,10 @@ def _higher_degrees(rows: Rows) -> F:
     wide = np.ptp(poses, axis=0)
     low = poses.min(axis=0)
     most = 6 if poses.shape[1] <= 2 else 3
-    columns = [
-        np.polynomial.chebyshev.chebvander(2.0 * (poses[:, j] - low[j]) / wide[j] - 1.0, most)[
-            :, 3:
-        ]
-        for j in range(poses.shape[1])
-        if wide[j] > 0.0
-    ]
+    columns = []
+    for j in np.flatnonzero(wide > 0.0):
+        scaled = 2.0 * (poses[:, j] - low[j]) / wide[j] - 1.0
+        columns.append(np.polynomial.chebyshev.chebvander(scaled, most)[:, 3:])
     return np.hstack(columns) if columns else np.zeros((len(poses), 0))
 
 
