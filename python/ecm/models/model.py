@@ -409,7 +409,8 @@ class Model:
             changed=False,
         )
         fit = RecordedFit(fitted.name, joint, table, used, training["hash"])
-        records = fit_records(fit, fitted.base, self.history, frozen=freeze_base)
+        # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
+        records = fit_records(fit, self.base, self.history, frozen=freeze_base)
         return replace(fitted, history=(*self.history, *records))
 
     def _best_shape(self, position: int, table: Table, noise: Noise) -> Model:
