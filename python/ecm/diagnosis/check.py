@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.diagnosis.to_json import fields_json
-from ecm.effects import all_effects
+from ecm.effects import effects_for
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.repeats import noise_source, repeated_poses
@@ -200,7 +200,7 @@ def _effects(
     """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
     not_testable: list[NotTestable] = []
-    for effect in all_effects():
+    for effect in effects_for((*table.pose_columns, *table.wrench_columns)):
         missing = effect.missing(table)
         if missing is not None:
             not_testable.append(NotTestable(effect.id, missing.reason, missing.record))

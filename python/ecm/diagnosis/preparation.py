@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.effects import Effect, Missing, Rows, all_effects, get_effect
+from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
@@ -75,7 +75,9 @@ def prepare(
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
-    given = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
+    columns = (*table.pose_columns, *table.wrench_columns)
+    chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
+    given = effects_for(columns, chosen_effects or None)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
     return Prepared(

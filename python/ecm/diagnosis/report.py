@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize, special
 
-from ecm.comparison.covariates import confounded_with_order, derived_columns
+from ecm.comparison.covariates import confounded_with_order
 from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.signature import signature_shares
 from ecm.diagnosis.check import NotTestable, never_excited
@@ -33,6 +33,7 @@ from ecm.diagnosis.search import Ranked, estimate
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
+from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import held_out_by
 from ecm.regression.thinning import HOW, RowsUsed

@@ -222,7 +222,8 @@ def _not_absorbed(
     absorbed: dict[str, Missing] = {}
     for item in every:
         share = projection.absorbed(item.columns)
-        if share <= (settings.absorbed_share if item.imitates else most):
+        own = getattr(item.effect, "most_absorbed", None)
+        if share <= (own or (settings.absorbed_share if item.imitates else most)):
             kept.append(item)
         elif not item.imitates:
             absorbed[item.effect.id] = Missing(

@@ -4,6 +4,7 @@ from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Para
 from ecm.effects.registry import (
     all_effects,
     effect,
+    effects_for,
     get_effect,
     load_installed,
     register,
@@ -25,6 +26,7 @@ __all__ = [
     "all_effects",
     "approach_sides",
     "effect",
+    "effects_for",
     "get_effect",
     "load_installed",
     "register",

@@ -237,6 +237,8 @@ class EffectBase:
     side: Side = "physics"
     kind: Kind = "pose"
     rivals: Mapping[str, str] = MappingProxyType({})
+    most_absorbed: float | None = None
+    """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
 
     @property
     def shape(self) -> Shape:
