@@ -15,7 +15,7 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Processes that share the tests: one a core, at most four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
-.PHONY: demo test setup build build-demo test-rust test-python wheel deny bench-diagnose bench-blind clean
+.PHONY: demo test setup build build-demo test-rust test-python wheel deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -35,7 +35,7 @@ $(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.ready: pyproject.toml | $(VENV)/bin/python
-	@$(BIN)/python scripts/requirements.py mesh cad data report learn cluster robot >$(VENV)/requirements.txt
+	@$(BIN)/python scripts/requirements.py mesh cad data logs report learn cluster robot >$(VENV)/requirements.txt
 	@$(STEP) "Python packages for the tests" \
 	  sh -c "$(PIP) 'pip>=25.1' && $(PIP) --group dev -r $(VENV)/requirements.txt"
 	@touch $@
@@ -68,6 +68,10 @@ wheel: setup
 # Licences, sources and security advisories of the dependencies (needs cargo-deny and the network).
 deny:
 	$(CARGO) deny check
+
+# Changes of the crates' public interface since BASE (needs cargo-semver-checks and the network).
+semver:
+	$(CARGO) semver-checks --baseline-rev $(or $(BASE),origin/main) -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
 
 # Eight effects and nothing hidden, ten seeds each (long).
 bench-diagnose: build

@@ -4,7 +4,8 @@ From a mesh and a handful of measurements to a wrench h(p) and a stiffness K(p) 
 1 kHz controller, and to the name of the physical effect that the model still lacks.
 
 Each command of the command line is a function of the same name: `simulate`, `fit`, `predict`,
-`design`, `campaign`, `check`, `compare`, `diagnose`, `refit`, `reveal`, `export`, `identify`.
+`design`, `campaign`, `check`, `compare`, `diagnose`, `refit`, `reveal`, `export`, `identify`;
+`ecm import` is `import_log`.
 
 Poses are (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrenches (fx, fy, fz, taux, tauy,
 tauz) in N and N m, both in base axes at the top frame's origin.
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from ecm.fem.simulate import Simulated, Workspace, fem_poses, simulate
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
+    from ecm.logs.importing import ImportedLog, import_log
     from ecm.models.cross_validation import cross_validate
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
@@ -65,6 +67,7 @@ _NAMES = {
     "fem.simulate": ("Simulated", "Workspace", "fem_poses", "simulate"),
     "io.mechanism": ("Mechanism",),
     "io.table": ("Table", "as_table", "read_table"),
+    "logs.importing": ("ImportedLog", "import_log"),
     "models.cross_validation": ("cross_validate",),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
@@ -101,6 +104,7 @@ __all__ = [
     "EcmError",
     "EnergyModel",
     "GaussianProcessModel",
+    "ImportedLog",
     "InputError",
     "Mechanism",
     "MissingExtra",
@@ -129,6 +133,7 @@ __all__ = [
     "fit",
     "fit_model",
     "identify",
+    "import_log",
     "load_model",
     "optimal_design",
     "paper_plan",

@@ -27,6 +27,7 @@ __all__ = [
     "criteria",
     "d_optimal",
     "export_model",
+    "inverse_left_jacobians",
     "left_jacobians",
     "maximin",
     "merged_triangle",
@@ -65,6 +66,9 @@ def check_rotations(rotation_vectors: _F) -> None:
 
 def left_jacobians(rotation_vectors: _F) -> _F:
     """J(theta) with dphi = J dtheta: (N, 3, 3)."""
+
+def inverse_left_jacobians(rotation_vectors: _F) -> _F:
+    """J(theta)^-1 with dtheta = J^-1 dphi: (N, 3, 3)."""
 
 def mid_frame(poses: _F, length_m: float) -> _F:
     """q = (c, theta) of (N, 6) poses: c = A' r - (L, 0, 0), A = exp(theta/2)."""

@@ -22,7 +22,7 @@ import pytest
 
 from ecm._native import __version__, rotation_matrices
 from ecm.cli.app import COMMANDS as REGISTRY
-from ecm.cli.app import load_command
+from ecm.cli.app import file_of, load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
 from ecm.cli.session import Session
@@ -44,7 +44,7 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "effects", "export", "new"]) == COMMANDS
+    assert sorted([*names.split(), "effects", "export", "import", "new"]) == COMMANDS
 
 
 def test_help_of_all_loads_no_command() -> None:
@@ -84,8 +84,9 @@ def test_the_help_of_design_names_all_criteria(ecm_command: Command) -> None:
 
 def test_every_command_has_its_work() -> None:
     for name in COMMANDS:
-        work = getattr(import_module(f"ecm.cli.{name}"), name)
-        options = import_module(f"ecm.cli.options.{name}").Options
+        file = file_of(name)
+        work = getattr(import_module(f"ecm.cli.{file}"), file)
+        options = import_module(f"ecm.cli.options.{file}").Options
         assert get_type_hints(work) == {
             "options": options,
             "session": Session,
@@ -424,11 +425,40 @@ def test_a_plan_replaces_nothing_but_a_plan(
     for way in ways:
         done = ecm_command(*way, plan)
         assert done.code == 2
-        assert "plan.toml, which the plan's description would overwrite" in done.err
+        assert "plan.toml, which" in done.err
+        assert "description would overwrite" in done.err
         assert rig.read_text(encoding="utf-8") == "[rig]\ndwell_s = 5.0\n"
     rig.unlink()
     for _ in range(2):
         assert ecm_command(*ways[0], plan).code == 0
+
+
+def test_no_description_replaces_settings(
+    neck_csv: Path, tmp_path: Path, ecm_command: Command
+) -> None:
+    """Catches `ecm simulate neck.toml --out neck.csv`, which replaced the settings it had read."""
+    plan = tmp_path / "plan.csv"
+    model = tmp_path / "m.json"
+    ecm_command("fit", neck_csv, "--model", "linear", "--out", model)
+    ecm_command("design", neck_csv, "--n", "14", "--model", "linear", "--out", plan)
+    cylinder = '[mechanism]\nbuiltin = "cylinder"\nlength_m = 0.1\nradius_m = 0.03\n'
+    cylinder += "young_modulus_Pa = 1e6\npoisson_ratio = 0.49\n"
+    settings = tmp_path / "neck.toml"
+    out = tmp_path / "neck.csv"
+    for text in (cylinder, f"# Mine.\n{cylinder}[simulate]\nn = 3\n", "[rig]\ndwell_s = 5.0\n"):
+        settings.write_text(text, encoding="utf-8")
+        ways = [("simulate", settings, "--out", out)]
+        if "cylinder" not in text:
+            ways = [
+                ("campaign", plan, "--rig", settings, "--out", out, "--overwrite"),
+                ("predict", model, plan, "--out", out),
+            ]
+        for way in ways:
+            done = ecm_command(*way)
+            assert done.code == 2, way
+            assert f"{settings.name}, which" in done.err
+            assert "Choose another name" in done.err
+            assert settings.read_text(encoding="utf-8") == text
 
 
 def test_diagnose_reports_a_verdict(tmp_path: Path, ecm_command: Command) -> None:

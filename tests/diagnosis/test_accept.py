@@ -33,6 +33,8 @@ PASSES = AcceptanceCheck(
     winners={"payload": 1.0},
     robust=True,
     within_bounds=True,
+    explained_in_bounds=1.0,
+    correction_over_range=0.2,
     own_seen=True,
 )
 FAILS = {
@@ -41,7 +43,8 @@ FAILS = {
     "held_out_fall": DEFAULTS.held_out_errors,
     "chosen_share": DEFAULTS.chosen_share - 1e-9,
     "robust": False,
-    "within_bounds": False,
+    "explained_in_bounds": DEFAULTS.kept_within_bounds,
+    "correction_over_range": DEFAULTS.most_of_range + 1e-9,
     "own_seen": False,
 }
 
@@ -82,7 +85,7 @@ def test_each_condition_alone_refuses(condition: str) -> None:
 
 def test_every_condition_of_a_check_is_tested_above() -> None:
     named = {field.name for field in fields(AcceptanceCheck)}
-    assert named - {"id", "winners", "settings"} == set(FAILS)
+    assert named - {"id", "winners", "settings", "within_bounds"} == set(FAILS)
     assert (DEFAULTS.level, DEFAULTS.least_bic, DEFAULTS.chosen_share) == (0.01, 6.0, 0.8)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm._native import Fem, FemError, Mesh
+from ecm._native import Fem, FemError, Mesh, WarmStart
 from ecm.errors import InputError
 from ecm.fem.sensitivity import wrench_sensitivities
 from ecm.io.mechanism import Mechanism
@@ -182,3 +182,20 @@ def test_stacked_discs_are_softer_than_the_cylinder() -> None:
     assert (np.diag(soft) < 0.9 * np.diag(plain)).all()
     with pytest.raises(InputError, match="disc_count"):
         replace(discs, disc_count=1)
+
+
+def test_hostile_meshes_loads_and_warm_starts_are_refused_by_the_package() -> None:
+    with pytest.raises(FemError, match="at most 200000"):
+        Mesh.cylinder(length_m=0.1, radius_m=0.03, quality="200x200x200")
+    body = Fem(Mesh.cylinder(length_m=0.1, radius_m=0.03, quality="1x2x4"), young_modulus_Pa=1e6)
+    # Degree 1000 would ask for all memory.
+    hostile = np.array([1000, 462], dtype="<u4").tobytes() + bytes(48 + 4 * 462)
+    with pytest.raises(FemError, match="not a warm start"):
+        WarmStart(hostile)
+    for value in (np.nan, np.inf):
+        with pytest.raises(FemError, match="finite"):
+            body.solve_wrenches(np.full((1, 6), value))
+    far = body.solve_wrenches(np.full((1, 6), 1e300))
+    assert far.status[0] != "solved"
+    with pytest.raises(FemError, match="shear modulus times volume"):
+        Fem(Mesh.cylinder(length_m=1e-100, radius_m=1e-100), young_modulus_Pa=1e-100)

@@ -565,3 +565,30 @@ def test_copies_are_found_among_rows_of_equal_numbers() -> None:
     warnings = as_table(columns).warnings
     assert len(warnings) == 1
     assert "1 row(s) are identical" in warnings[0]
+
+
+@pytest.mark.parametrize("runs", [[0, 0, 0, 0], [0, 0, 1, 1]])
+def test_runs_may_each_begin_at_time_zero(runs: list[int]) -> None:
+    columns = {"x_m": [0.0, 1e-3, 2e-3, 3e-3], "fx_N": [0.0, 1.0, 2.0, 3.0], "run": runs}
+    times = [0.0, 1.0, 0.0, 1.0] if runs[-1] else [0.0, 1.0, 2.0, 3.0]
+    table = as_table(columns | {"time_s": times})
+    assert table.column("time_s").tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert ("begins again in 1 run" in "".join(table.warnings)) == bool(runs[-1])
+
+
+def test_rows_of_leave_out_are_left_out_before_anything_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("x_m,fx_N\n0,1\n0.1,2\n0.2,?\n0.3,4\n0.4,5\n")
+    meta = tmp_path / "t.toml"
+    meta.write_text('[leave_out]\nstart_up = "1"\nunreadable = "3"\n')
+    table = read_table(path)
+    assert table.column("fx_N").tolist() == [2.0, 4.0, 5.0]
+    assert "2 of 5 rows are left out by [leave_out]: start_up 1, unreadable 3" in table.warnings[0]
+    assert table.file_rows is not None
+    assert table.file_rows.tolist() == [2, 4, 5]
+    table.write(tmp_path / "again.csv")
+    assert len(read_table(tmp_path / "again.csv")) == 3
+    for text, message in (('"1-9"', "names row 9, but the table has 5"), ('"x"', "row numbers")):
+        meta.write_text(f"[leave_out]\nclipped = {text}\n")
+        with pytest.raises(InputError, match=message):
+            read_table(path)

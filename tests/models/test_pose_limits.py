@@ -45,6 +45,7 @@ def test_functions_of_rotations_refuse_what_is_none() -> None:
     for call in (
         lambda: _native.rotation_matrices(long),
         lambda: _native.left_jacobians(long),
+        lambda: _native.inverse_left_jacobians(long),
         lambda: _native.mid_frame(poses, 0.1),
         lambda: _native.convert_stiffness(
             np.zeros((2, 6, 6)), poses, np.zeros((2, 6)), source="partial", target="screw"
@@ -56,3 +57,11 @@ def test_functions_of_rotations_refuse_what_is_none() -> None:
     with pytest.raises(ModelError, match=r"row 1: the matrix is no rotation.* determinant is -1"):
         _native.rotation_vectors(np.stack([np.eye(3), reflection]))
     assert not _native.rotation_vectors(np.eye(3)[None]).any()
+
+
+def test_the_inverse_jacobian_up_to_pi() -> None:
+    along = np.random.default_rng(2).normal(size=(50, 3))
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    vectors: F = along * np.linspace(0.0, np.pi - 1e-9, 50)[:, None]
+    product = _native.inverse_left_jacobians(vectors) @ _native.left_jacobians(vectors)
+    assert np.abs(product - np.eye(3)).max() < 1e-14

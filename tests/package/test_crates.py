@@ -118,3 +118,15 @@ def test_figures_of_the_designs_stand_in_one_place() -> None:
     text = (ROOT / "crates/ecm-doe/README.md").read_text(encoding="utf-8")
     assert "docs/designs.md" in text
     assert re.search(r"\d ms|\d times|\.98\d", text) is None
+
+
+def test_the_workflow_runs_what_the_makefile_has() -> None:
+    workflow = (ROOT / ".github/workflows/crates.yml").read_text(encoding="utf-8")
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"run: make (\w+)", workflow)
+    assert targets == ["deny", "semver"]
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.M), target
+    checked = re.search(r"\) semver-checks .*", makefile)
+    assert checked is not None
+    assert set(re.findall(r"-p (\S+)", checked.group())) == {crate.name for crate in PUBLISHED}

@@ -57,7 +57,8 @@ def se3_calls() -> Iterator[tuple[str, Call]]:
         if m.shape[1] == 0:
             continue
         yield f"rotation_matrices {name}", lambda m=m: native.rotation_matrices(m)[tame(m)]
-        yield f"left_jacobians {name}", lambda m=m: native.left_jacobians(m)[tame(m)]
+        for of in (native.left_jacobians, native.inverse_left_jacobians):
+            yield f"{of.__name__} {name}", lambda m=m, of=of: of(m)[tame(m)]
         cubes = np.repeat(m[:, None, :], 3, axis=1)
         yield f"rotation_vectors {name}", lambda m=cubes: native.rotation_vectors(m)[tame(m)]
     for name, m in matrices(6).items():

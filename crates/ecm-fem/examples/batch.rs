@@ -91,7 +91,9 @@ fn main() -> Result<(), FemError> {
                 .map(|o| Load::Wrench(o.result.wrench))
                 .collect();
             let fields: Vec<_> = states.iter().map(|o| o.field.as_slice()).collect();
-            guess = fem.fit_warm_start(&at, &fields)?.or(guess);
+            guess = fem
+                .fit_warm_start(&at, &fields, Watch::default())?
+                .or(guess);
         }
     }
     let results: Vec<_> = known.iter().map(|o| &o.result).collect();

@@ -3,7 +3,7 @@
 //! cargo run --release -p ecm-fem --example reference [rings layers around layer_grading ring_grading]
 #![allow(clippy::print_stdout)]
 
-use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality};
+use ecm_fem::{Fem, FemError, Load, Mesh, NeoHookean, Quality, Watch};
 use std::time::Instant;
 
 fn main() -> Result<(), FemError> {
@@ -63,7 +63,7 @@ fn main() -> Result<(), FemError> {
             r.smallest_jacobian,
             r.smallest_eigenvalue
         );
-        let k = fem.rest_stiffness()?;
+        let k = fem.rest_stiffness(Watch::default())?;
         println!(
             "  K0 {:.0} {:.1} {:.1} {:.4} {:.3} {:.3}, y-thz {:.2}",
             k[0][0], k[1][1], k[2][2], k[3][3], k[4][4], k[5][5], k[1][5]

@@ -33,6 +33,7 @@ pub struct Point {
 
 /// What does not change during a solve.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Body {
     /// The mesh.
     pub mesh: Mesh,
@@ -68,7 +69,7 @@ pub struct Inverted;
 
 impl Body {
     /// Precomputes gradients and scales.
-    pub fn new(
+    pub(crate) fn new(
         mesh: Mesh,
         material: Box<dyn Material>,
         modulus_scale: Vec<f64>,
@@ -130,7 +131,7 @@ impl Body {
     }
 
     /// Deformation gradients at the points of element `e`.
-    pub fn deformation_gradients<'a>(
+    pub(crate) fn deformation_gradients<'a>(
         &'a self,
         e: usize,
         field: &Field,

@@ -154,6 +154,21 @@ pub enum FemError {
         /// Status of the load case without a wrench.
         status: &'static str,
     },
+    /// Wrenches and poses in one batch.
+    #[error(
+        "load {row} is a {found}, load 0 is a {first}; solve wrenches and poses in two batches"
+    )]
+    MixedLoads {
+        /// The first load of the other kind.
+        row: usize,
+        /// `wrench` or `pose`.
+        found: &'static str,
+        /// The kind of load 0.
+        first: &'static str,
+    },
+    /// The cancel flag was set before there was a result.
+    #[error("cancelled by the caller")]
+    Cancelled,
     /// An unknown word.
     #[error("{name} is \"{value}\"; expected {expected}")]
     Word {

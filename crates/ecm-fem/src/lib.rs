@@ -68,7 +68,6 @@ pub use material::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Respo
 pub use mesh::{Mesh, Profile, Quality};
 pub use ordering_cost::{Ordering, OrderingCost};
 pub use pattern::Constraint;
-pub use platform::Platform;
 pub use result::{CREASE, CaseResult, Reason, Status};
 pub use rod::Rod;
 pub use solve::{

@@ -131,6 +131,12 @@ impl Pattern {
             col_ptr.push(row_idx.len());
         }
         drop(columns);
+        if row_idx.len() >= NONE as usize {
+            return Err(FemError::Factorisation {
+                unknowns,
+                reason: format!("{} entries cannot be numbered", row_idx.len()),
+            });
+        }
         let mut scatter = Vec::with_capacity(tets.len() * ENTRIES);
         for tet in tets {
             let g = local(tet);

@@ -5,7 +5,7 @@ use crate::tensor::Mat3;
 
 impl Body {
     /// Cauchy stress σ = P Fᵀ / J at the points of element `e`, Pa, with P of W_d and pressure.
-    pub fn cauchy_stress_Pa(&self, e: usize, field: &Field) -> Vec<Mat3> {
+    pub(crate) fn cauchy_stress_Pa(&self, e: usize, field: &Field) -> Vec<Mat3> {
         let tet = &self.mesh.tetrahedra()[e];
         let gradients: Vec<Mat3> = self.deformation_gradients(e, field).collect();
         let condensed = self.condensed_pressures();

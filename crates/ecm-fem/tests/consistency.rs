@@ -153,7 +153,7 @@ fn stiffer_elements_make_a_stiffer_body() {
         let material = Box::new(NeoHookean::new(0.65e6, 0.49).unwrap());
         Fem::new(mesh.clone(), material, Some(scale))
             .unwrap()
-            .rest_stiffness()
+            .rest_stiffness(Watch::default())
             .unwrap()
     };
     let count = mesh.tetrahedra().len();

@@ -125,7 +125,7 @@ fn linear_gmsh_file_is_raised_to_quadratic() {
     // Straight edges cut off the rim.
     assert!(read.volume_m3() < mesh.volume_m3());
     let fem = Fem::new(read, Box::new(NeoHookean::new(1e6, 0.45).unwrap()), None).unwrap();
-    assert!(fem.rest_stiffness().unwrap()[0][0] > 0.0);
+    assert!(fem.rest_stiffness(Watch::default()).unwrap()[0][0] > 0.0);
 }
 
 #[test]

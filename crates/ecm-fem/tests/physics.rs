@@ -3,7 +3,8 @@
 
 use ecm_fem::output::vtu;
 use ecm_fem::{
-    Fem, Fibre, Gent, Load, Material, Mesh, MooneyRivlin, NeoHookean, Ogden, Quality, Status, Yeoh,
+    Fem, Fibre, Gent, Load, Material, Mesh, MooneyRivlin, NeoHookean, Ogden, Quality, Status,
+    Watch, Yeoh,
 };
 use std::f64::consts::PI;
 
@@ -175,10 +176,13 @@ fn tubes_and_hourglasses_are_solved() {
 fn vtu_holds_every_node_and_element() {
     let fem = small(Box::new(neo()));
     let (result, field) = fem
-        .solve_field(&Load::Wrench([-10.0, 5.0, 0.0, 0.0, 0.0, 0.3]))
+        .solve_field(
+            &Load::Wrench([-10.0, 5.0, 0.0, 0.0, 0.0, 0.3]),
+            Watch::default(),
+        )
         .unwrap();
     assert_eq!(result.status, Status::Solved);
-    let text = vtu(fem.body(), &field);
+    let text = vtu(fem.body(), &field).unwrap();
     let rows = |name: &str| {
         let start = text.find(&format!("Name=\"{name}\"")).unwrap();
         text[start..]
@@ -207,7 +211,10 @@ fn a_body_that_does_not_carry_its_weight_has_no_state() {
         let r = standing.solve_wrench(&[0.0; 6]).unwrap();
         assert_ne!(r.status, Status::Solved);
         assert!(!r.has_state() && r.residual.is_nan());
-        let error = standing.rest_stiffness().unwrap_err().to_string();
+        let error = standing
+            .rest_stiffness(Watch::default())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("own weight"), "{error}");
     }
     // The same body hangs, and sags by ρ g L² / (2 E).
@@ -217,7 +224,7 @@ fn a_body_that_does_not_carry_its_weight_has_no_state() {
     assert_eq!(r.inner_instabilities, 0);
     let sag = (r.pose[0] - 0.15) / (weight * 0.15 * 0.15 / (2.0 * 3e4));
     assert!((0.95..1.05).contains(&sag), "{sag}");
-    assert!(hanging.rest_stiffness().unwrap()[0][0] > 0.0);
+    assert!(hanging.rest_stiffness(Watch::default()).unwrap()[0][0] > 0.0);
 }
 
 const COARSE_COLUMN: Quality = Quality::Custom {

@@ -5,7 +5,7 @@ use ecm_fem::element::{Rule, tet10};
 use ecm_fem::tensor::{Mat3, cofactor, determinant};
 use ecm_fem::{
     Constraint, Fem, Formulation, Material, Mesh, NeoHookean, PrescribedResult, Quality, Settings,
-    Status,
+    Status, Watch,
 };
 use std::f64::consts::PI;
 
@@ -49,7 +49,7 @@ fn block(n: [usize; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
             }
         }
     }
-    let tets = Mesh::with_mid_nodes(&mut nodes, &corners);
+    let tets = Mesh::with_mid_nodes(&mut nodes, &corners).unwrap();
     Mesh::without_faces(nodes, tets, 1.0).unwrap()
 }
 
@@ -117,7 +117,7 @@ fn displacement_converges_with_the_third_order() {
             b
         });
         let fem = fem.with_dead_force(force).unwrap();
-        let result = fem.solve_prescribed(&given).unwrap();
+        let result = fem.solve_prescribed(&given, Watch::default()).unwrap();
         assert_eq!(result.status, Status::Solved);
         square_error(&fem, &result).sqrt()
     };
@@ -177,7 +177,9 @@ fn cook(n: usize, at: f64, load: f64, material: NeoHookean, hold_z: fn(f64) -> b
         .body()
         .surface_load(|x| x[0] > 48.0 - 1e-9, [0.0, load / 16.0, 0.0]);
     let fem = fem.with_dead_force(force).unwrap();
-    let result = fem.solve_prescribed(&vec![0.0; 3 * nodes.len()]).unwrap();
+    let result = fem
+        .solve_prescribed(&vec![0.0; 3 * nodes.len()], Watch::default())
+        .unwrap();
     assert_eq!(result.status, Status::Solved);
     let total: f64 = (0..nodes.len())
         .filter(|&i| nodes[i][0] < 1e-9)
@@ -274,7 +276,7 @@ fn neck(formulation: Formulation, poisson: f64) -> Fem {
 /// Transverse stiffness at rest, 4000(5) N/m converged: P2/P0 below, P2/P1 above, P2 far above.
 #[test]
 fn elements_bracket_the_stiffness() {
-    let k = |f| neck(f, 0.49).rest_stiffness().unwrap()[1][1] / 4000.0;
+    let k = |f| neck(f, 0.49).rest_stiffness(Watch::default()).unwrap()[1][1] / 4000.0;
     let (soft, mixed, plain) = (
         k(Formulation::ConstantPressure),
         k(Formulation::TaylorHood),

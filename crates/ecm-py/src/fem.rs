@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::arrays::{from_matrices, from_rows, rows};
 use crate::errors::FemError;
-use crate::py_task::{run_task, run_task_polling};
+use crate::py_task::{TaskState, run_task, run_task_polling};
 
 /// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
@@ -350,6 +350,14 @@ fn results(outcomes: Vec<Outcome>) -> FemResults {
     FemResults(results, fields)
 }
 
+/// Cancel flag and counter of a task, as the solver watches them.
+fn watch(task: &TaskState) -> Watch<'_> {
+    Watch {
+        cancel: Some(&task.cancel),
+        done: Some(&task.done),
+    }
+}
+
 #[derive(FromPyObject)]
 enum Numbers {
     One(f64),
@@ -428,15 +436,16 @@ impl Fem {
             (None, Some(p)) => Load::Pose(p),
             _ => return Err(FemError::new_err("write_vtu: give either wrench or pose")),
         };
-        let (result, field) = py.detach(|| self.0.solve_field(&load)).map_err(fem_error)?;
-        std::fs::write(path, vtu(self.0.body(), &field))?;
+        let (result, field) = run_task(py, 1, None, |task| self.0.solve_field(&load, watch(task)))?
+            .map_err(fem_error)?;
+        std::fs::write(path, vtu(self.0.body(), &field).map_err(fem_error)?)?;
         Ok(FemResults(vec![result], Vec::new()))
     }
 
     /// K at rest.
     fn rest_stiffness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let k = py.detach(|| self.0.rest_stiffness()).map_err(fem_error)?;
-        from_rows(py, &k)
+        let k = run_task(py, 1, None, |task| self.0.rest_stiffness(watch(task)))?;
+        from_rows(py, &k.map_err(fem_error)?)
     }
 
     /// Equilibria under dead wrenches.
@@ -486,12 +495,8 @@ impl Fem {
         run_task_polling(py, threads, progress, &poll, |task| {
             task.total
                 .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
-            let watch = Watch {
-                cancel: Some(&task.cancel),
-                done: Some(&task.done),
-            };
             self.0
-                .solve_from(&loads, warm_start.map(|w| &w.0), watch, &store)
+                .solve_from(&loads, warm_start.map(|w| &w.0), watch(task), &store)
         })?
         .map(results)
         .map_err(fem_error)
@@ -505,7 +510,9 @@ impl Fem {
         warm_start: &WarmStart,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let loads = loads("wrenches", &wrenches, Load::Wrench)?;
-        let poses = py.detach(|| self.0.predict_poses(&loads, &warm_start.0));
+        let poses = run_task(py, 0, None, |task| {
+            self.0.predict_poses(&loads, &warm_start.0, watch(task))
+        })?;
         from_rows(py, &poses.map_err(fem_error)?)
     }
 
@@ -520,10 +527,10 @@ impl Fem {
         let fields: Vec<Vec<f32>> = (fields.as_array().rows().into_iter())
             .map(|row| row.to_vec())
             .collect();
-        py.detach(|| {
+        run_task(py, 0, None, |task| {
             let fields: Vec<&[f32]> = fields.iter().map(Vec::as_slice).collect();
-            self.0.fit_warm_start(&loads, &fields)
-        })
+            self.0.fit_warm_start(&loads, &fields, watch(task))
+        })?
         .map(|fitted| fitted.map(WarmStart))
         .map_err(fem_error)
     }
@@ -553,11 +560,7 @@ impl Fem {
         run_task(py, threads, progress, |task| {
             task.total
                 .store(loads.len(), std::sync::atomic::Ordering::Relaxed);
-            let watch = Watch {
-                cancel: Some(&task.cancel),
-                done: Some(&task.done),
-            };
-            self.0.solve_all(&loads, watch)
+            self.0.solve_all(&loads, watch(task))
         })?
         .map(|results| FemResults(results, Vec::new()))
         .map_err(fem_error)

@@ -1,6 +1,6 @@
 //! Python bindings of the ECM crates. This crate converts arguments and results only.
 //!
-//! One file per bound crate, [`py_task`] for long work (GIL, Ctrl-C, progress, errors) and
+//! One file or folder per bound crate, [`py_task`] for long work (GIL, Ctrl-C, progress, errors) and
 //! [`arrays`] for array conversions.
 
 mod arrays;
@@ -33,8 +33,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::se3::{
-        check_rotations, convert_stiffness, left_jacobians, mid_frame, rotation_matrices,
-        rotation_vectors,
+        check_rotations, convert_stiffness, inverse_left_jacobians, left_jacobians, mid_frame,
+        rotation_matrices, rotation_vectors,
     };
 
     #[pymodule_export]

@@ -54,6 +54,18 @@ pub fn left_jacobians<'py>(
     from_matrices(py, &results)
 }
 
+/// J(theta)^-1 with dtheta = J^-1 dphi: (N, 3, 3).
+#[pyfunction]
+pub fn inverse_left_jacobians<'py>(
+    py: Python<'py>,
+    rotation_vectors: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let vectors = rows::<3>("rotation_vectors", &rotation_vectors)?;
+    checked_rotations("rotation_vectors", &vectors)?;
+    let results: Vec<_> = vectors.iter().map(ecm_se3::left_jacobian_inverse).collect();
+    from_matrices(py, &results)
+}
+
 /// q = (c, theta) of (N, 6) poses: c = A' r - (L, 0, 0), A = exp(theta/2).
 #[pyfunction]
 pub fn mid_frame<'py>(

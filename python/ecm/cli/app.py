@@ -19,6 +19,7 @@ COMMANDS = {
     "predict": "A model's wrench and stiffness at given poses.",
     "design": "The poses worth measuring, as a plan.",
     "campaign": "A simulated rig measures a plan.",
+    "import": "A log of any kind as a table.",
     "check": "Columns, units, what will be testable.",
     "compare": "Noise floor, excess error, where.",
     "diagnose": "Which effect is missing.",
@@ -30,6 +31,14 @@ COMMANDS = {
     "new": "A config, rig or data file to begin from.",
 }
 """Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
+
+_FILES = {"import": "import_log"}
+"""The file, and the function in it, of a command whose name is a word of Python."""
+
+
+def file_of(name: str) -> str:
+    """Return the file of a command, which is also the name of its function."""
+    return _FILES.get(name, name)
 
 
 class _Commands(TyperGroup):
@@ -49,6 +58,11 @@ class _Commands(TyperGroup):
             option.default = False  # typer loads a library to convert what is no bool
         return option
 
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        # One line, so that all commands fit on one screen.
+        formatter.write("\nOptions: --version, --help (also of each command)\n")
+        self.format_commands(ctx, formatter)
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
@@ -61,7 +75,8 @@ class _Commands(TyperGroup):
 
 def load_command(name: str) -> Any:
     """Return the parser of one command, or of a group of commands (a typer application)."""
-    function = getattr(import_module(f"ecm.cli.options.{name}"), name)
+    file = file_of(name)
+    function = getattr(import_module(f"ecm.cli.options.{file}"), file)
     if not isinstance(function, typer.Typer):
         single = new_application()
         single.command(name)(function)

@@ -2,21 +2,42 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from ecm.cli.options.check import Options
 from ecm.cli.session import Session
 from ecm.cli.text import columns
 from ecm.diagnosis.check import Check
 from ecm.diagnosis.check import check as check_table
+from ecm.diagnosis.suspect_rows import record_leave_out
 from ecm.effects import load_installed
+from ecm.errors import InputError
 
 
 def check(options: Options, session: Session) -> None:
     """Run `ecm check`."""
+    if options.leave_out:
+        _leave_out(options.data, session)
     table = session.read(options.data)
     load_installed()
     result = check_table(table)
     session.write_json(result.to_dict())
     _print(result, session)
+
+
+def _leave_out(data: list[Path], session: Session) -> None:
+    """Record the rows of each table that are no measurements, in its description."""
+    if session.meta is not None and len(data) > 1:
+        raise InputError("--leave-out records rows per table: give one table with --meta")
+    for path in data:
+        description = session.meta or path.with_suffix(".toml")
+        session.check_output(description)
+        found = record_leave_out(path, description)
+        session.print(
+            f"{description}: [leave_out] has {', '.join(found)}"
+            if found
+            else f"{path}: nothing to leave out"
+        )
 
 
 def _print(result: Check, session: Session) -> None:

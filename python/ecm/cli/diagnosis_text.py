@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ecm.cli.text import columns
+from ecm.diagnosis.sections import noise_words
 
 _SHOWN = 10
 
@@ -47,7 +48,7 @@ def _basis(document: Mapping[str, Any]) -> str:
     base, gate = document["base"], document["gate"]
     return (
         f"base: {base['kind']}, its own error {base['error_over_noise']:.2f} times the noise; "
-        f"noise: {document['noise']['source']}; "
+        f"noise: {noise_words(document['noise'])}; "
         f"lack of fit: F = {gate['F']:.3g}, p = {gate['p']:.2g}"
     )
 

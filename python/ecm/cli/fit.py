@@ -6,6 +6,7 @@ from typing import cast
 
 from ecm.cli.models import build_physics, is_mechanism, read_mechanism
 from ecm.cli.options.fit import Options
+from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.table import Table
@@ -20,6 +21,7 @@ from ecm.models import (
 from ecm.models.fit_summary import fit_summary
 from ecm.models.selection import default_candidates
 from ecm.models.specification import Weights
+from ecm.models.worse import refuse_worse
 
 _SIZES = (5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 700, 1000, 1500)
 
@@ -47,7 +49,6 @@ def fit(options: Options, session: Session) -> None:
         stable=options.stable,
         weights=cast("Weights", options.weights),
     )
-    model.save(options.out)
     summary = fit_summary(model, table, specification, seed=session.seed)
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
@@ -59,6 +60,11 @@ def fit(options: Options, session: Session) -> None:
     session.write_json(summary | {"warnings": list(table.warnings)})
     for sentence in summary["sentences"]:
         session.print(sentence)
+    if not options.force:
+        with saved_by_force(options.out):
+            held_out = (summary["held_out"] or {}).get("folds")
+            refuse_worse(model, table.measured(), held_out=held_out)
+    model.save(options.out)
     session.print(f"{options.out}: model {name}")
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
-from ecm.errors import InputError
-from ecm.io.table import Table
+from ecm.errors import ComputationError, InputError
+from ecm.io.table import Table, check_description
 
 
 class Outputs:
@@ -24,6 +26,8 @@ class Outputs:
             if path.is_dir():
                 raise InputError(f"{path}: found a directory, expected the name of a file to write")
             _check_writable(path, path.parent)
+            if path.suffix == ".csv":
+                check_description(path)
             self._before[path] = _identity(path)
 
     def sentence(self) -> str:
@@ -65,6 +69,16 @@ def check_plan(path: Path, table: Table) -> None:
         )
 
 
+def check_not_read(path: Path, source: Path) -> None:
+    """Raise InputError where the description beside a table would replace a file that is read."""
+    beside = path.with_suffix(".toml")
+    if beside.exists() and source.exists() and beside.samefile(source):
+        raise InputError(
+            f"{path}: beside it is {source}, which the command reads, and which the table's "
+            "description would overwrite. Choose another name."
+        )
+
+
 def check_output_directory(path: Path) -> None:
     """Raise InputError where a directory could not be made or written into."""
     if path.exists() and not path.is_dir():
@@ -80,3 +94,14 @@ def _check_writable(path: Path, directory: Path) -> None:
         raise InputError(f"{path}: {nearest} is a file, expected a directory. Check the path.")
     if not os.access(nearest, os.W_OK):
         raise InputError(f"{path}: no permission to write in {nearest}. Choose another place.")
+
+
+@contextmanager
+def saved_by_force(path: Path) -> Iterator[None]:
+    """Add to the refusal of a model that it was not saved, and how it would be."""
+    try:
+        yield
+    except ComputationError as error:
+        raise ComputationError(
+            f"{path}: not saved, {error}. --force saves it all the same."
+        ) from None

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from ecm.cli.models import open_model
 from ecm.cli.options.refit import Options
+from ecm.cli.outputs import saved_by_force
 from ecm.cli.session import Session
 from ecm.effects import load_installed
 from ecm.models.refit import refit as refit_model
 from ecm.models.refit import refit_summary
+from ecm.models.worse import refuse_worse
 
 
 def refit(options: Options, session: Session) -> None:
@@ -15,16 +17,21 @@ def refit(options: Options, session: Session) -> None:
     session.check_output(options.out)
     table = session.read(options.data, need="fit")
     load_installed()
+    before = open_model(options.model, session, table)
     fitted = refit_model(
-        open_model(options.model, session, table),
+        before,
         table,
         add=options.add or (),
         remove=options.remove or (),
         freeze=options.freeze or (),
     )
-    fitted.save(options.out)
     summary = refit_summary(fitted)
     session.write_json(summary)
     for line in summary["sentences"]:
         session.print(line)
+    if not options.force:
+        # Without an effect a model errs more: that was asked for.
+        with saved_by_force(options.out):
+            refuse_worse(fitted, table, before=None if options.remove else before)
+    fitted.save(options.out)
     session.print(f"{options.out}: written")

@@ -6,7 +6,7 @@ import shutil
 from dataclasses import replace
 
 from ecm.cli.options.simulate import Options
-from ecm.cli.outputs import check_output_directory
+from ecm.cli.outputs import check_not_read, check_output_directory
 from ecm.cli.session import Session
 from ecm.fem.simulate import simulate as simulate_pairs
 from ecm.fem.simulate import write_vtu
@@ -19,6 +19,7 @@ _VTU = 10
 def simulate(options: Options, session: Session) -> None:
     """Run `ecm simulate`."""
     out = options.out
+    check_not_read(out, options.config)
     session.check_output(out)
     if options.vtu is not None:
         check_output_directory(options.vtu)

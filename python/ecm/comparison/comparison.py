@@ -13,13 +13,16 @@ from ecm.comparison.residual_figures import residual_figure
 from ecm.comparison.residual_maps import WORST, ResidualMaps, residual_maps_of
 from ecm.comparison.residuals import residuals, residuals_by_block
 from ecm.comparison.run_outliers import run_outliers
+from ecm.comparison.structure import StructureTest, structure_test
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import unit_of
 from ecm.io.extras import require
 from ecm.io.table import as_table
+from ecm.models.joint_fit import base_columns
+from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
-from ecm.models.training import training_of
+from ecm.models.training import was_trained_on
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
 from ecm.regression.noise import Noise
@@ -113,6 +116,8 @@ class Comparison:
     row: I
     """(N,) rows in the table, from 0."""
     compared: _Compared
+    structure: StructureTest
+    """Whether the residual holds more than chance."""
     warnings: tuple[str, ...] = ()
     rows_used: RowsUsed | None = None
     """Rows of a large table that noise, references and maps rest on; None where they are all."""
@@ -158,22 +163,40 @@ class Comparison:
         """Return one plain sentence."""
         worst = max(self.components, key=lambda c: c.excess / max(c.floor, 1e-300))
         unit = unit_of(worst.name)
-        if self.noise.components is not None and self.noise.source == "assumed":
+        follows = "follows the pose, the order or another column"
+        if self.noise.is_residual:
+            part = f" A part of it {follows}." if self.missing else ""
             return (
                 f"{self.model} errs {worst.rmse:.3g} {unit} in {worst.name.rsplit('_', 1)[0]}; "
                 "without repeats or [instrument] figures nothing says how much of it is noise."
+                + part
             )
         where = {"repeats": "from repeats", "declared": "as declared", "assumed": "assumed"}
         floor = f"the noise floor {where[self.noise.source]}"
-        if self.excess_low <= 0.0:
+        if self.excess_low <= 0.0 and not self.missing:
             return (
                 f"{self.model} is as good as the measurements can show: its error is "
                 f"{self.whitened_rms:.2f} times {floor}."
+            )
+        if not self.missing:
+            return (
+                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, but nothing in it "
+                f"{follows}: that noise is likely too small."
+            )
+        if self.excess_low <= 0.0:
+            return (
+                f"{self.model} errs {self.whitened_rms:.2f} times {floor}, yet a part of it "
+                f"{follows}: something is missing, and that noise is likely too large."
             )
         return (
             f"{self.model} errs {self.whitened_rms:.2f} times {floor}: "
             f"{worst.excess:.3g} {unit} in {worst.name.rsplit('_', 1)[0]} is not noise."
         )
+
+    @property
+    def missing(self) -> bool:
+        """Whether the model lacks something on these rows: its residual holds structure."""
+        return self.structure.found
 
     def where(self) -> ResidualMaps:
         """Return residual maps, signature shares, residual stiffness and the worst rows."""
@@ -219,6 +242,8 @@ class Comparison:
             "whitened_rms": self.whitened_rms,
             "excess": {"value": self.excess, "low": self.excess_low, "high": self.excess_high},
             "lack_of_fit": None if self.lack_of_fit is None else asdict(self.lack_of_fit),
+            "missing": self.missing,
+            "structure": asdict(self.structure),
             "outside_domain": self.outside_domain,
             "where": self.where().to_dict(),
             "warnings": list(self.warnings),
@@ -336,8 +361,21 @@ def compare(
         row=np.flatnonzero(scored),
         warnings=tuple(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
         compared=_Compared(model, table, predicted, chosen),
+        structure=_structure(model, table, predicted, chosen, noise),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),
     )
+
+
+def _structure(model: Model, table: Table, predicted: F, chosen: I, noise: Noise) -> StructureTest:
+    """Return the test of the residual; coefficients that were fitted to these rows count."""
+    rows = Rows(_some(table, chosen), model.base)
+    errors = residuals(rows, predicted[chosen], noise, model.base.error)
+    own = None
+    refitted = not model.base_frozen and model.base.kind not in LEARNED
+    if refitted and _fitted_here(model, table):
+        own = np.einsum("nij,njk->nik", errors.whitener, base_columns(rows, model.base))
+    scored = is_pose_row(rows.table)
+    return structure_test(rows, errors.whitened, errors.whitener, scored, fitted=own)
 
 
 def _some(table: Table, rows: I) -> Table:
@@ -357,12 +395,8 @@ def _rows_used(total: int, used: int, outputs: int) -> RowsUsed | None:
 
 def _fitted_here(model: Model, table: Table) -> int:
     """Return how many values of the model were fitted to this very table."""
-    known, count = model.training.get("hash"), model.training.get("rows")
-    # A hash reads every number: only where there are as many rows as the fit had.
-    fitted = (
-        rows for rows in (table.measured(), without_zero_readings(table)) if len(rows) == count
-    )
-    if not any(training_of(rows)["hash"] == known for rows in fitted):
+    tables = (table.measured(), without_zero_readings(table))
+    if not any(was_trained_on(model.training, rows) for rows in tables):
         return 0
     base = 0 if model.base_frozen else len(model.base.coefficients)
     return base + sum(len(item.values) for item in model.effects if not item.frozen)

@@ -88,6 +88,14 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     return np.stack([values for values, _ in chosen], axis=1), tuple(n for _, n in chosen)
 
 
+def feature_columns(rows: Rows, whitener: F, most: int) -> F:
+    """Return (N, m, q) whitened `features` in each of the m components."""
+    values, _ = features(rows, most)
+    m = whitener.shape[1]
+    blocks = [whitener[:, :, j : j + 1] * values[:, None, :] for j in range(m)]
+    return np.concatenate(blocks, axis=2)
+
+
 def factors(feature: str, known: Collection[str]) -> tuple[str, ...]:
     """Return the names whose product a name of `features` stands for; none for the constant.
 

@@ -36,6 +36,11 @@ class AcceptanceCheck:
     robust: bool
     """It is still chosen without the most influential rows."""
     within_bounds: bool
+    """Every parameter is within its bounds, also where they are not imposed."""
+    explained_in_bounds: float
+    """Share of what it explains that stays within its bounds, which the answer keeps."""
+    correction_over_range: float
+    """Largest correction of a component over its largest reading."""
     own_seen: bool
     """Its own sign is seen, or its plain form is in its class."""
     winners: dict[str, float] = field(repr=False)
@@ -58,7 +63,8 @@ class AcceptanceCheck:
             and self.held_out_fall > limits.held_out_errors
             and self.chosen_share >= limits.chosen_share
             and self.robust
-            and self.within_bounds
+            and self.explained_in_bounds > limits.kept_within_bounds
+            and self.correction_over_range <= limits.most_of_range
             and self.own_seen
         )
 
@@ -158,6 +164,7 @@ def acceptance_check(
     others = [other for other in chosen if other is not item]
     ranked = {one.id: one for one in rank(problem, others)}
     own = ranked[item.id]
+    inside, kept = _bounds_kept(problem, chosen, item)
     if winners is None:
         least = settings.contender_share * own.drop
         contenders = {one.id for one in ranked.values() if one.drop > least}
@@ -169,7 +176,9 @@ def acceptance_check(
         held_out_fall=held_out_delta(problem, others, item),
         chosen_share=_share(winners, members, settings),
         robust=_is_robust(problem, others, item, members),
-        within_bounds=_is_within_bounds(problem, chosen, item),
+        within_bounds=inside,
+        explained_in_bounds=kept,
+        correction_over_range=_over_range(problem, chosen, item),
         own_seen=_is_own_seen(problem, chosen, item, members),
         winners=winners,
         settings=settings,
@@ -226,15 +235,34 @@ def _is_robust(
     return bool(own > settings.least_bic and own > float(falls.max()) - settings.least_bic)
 
 
-def _is_within_bounds(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> bool:
-    """Whether the effect explains nearly as much when its parameters keep their bounds.
+def _bounds_kept(
+    problem: Problem, chosen: Sequence[Candidate], item: Candidate
+) -> tuple[bool, float]:
+    """Return whether the effect keeps its bounds by itself, and the share it explains in them.
 
     A form that is not quite the truth's may push a parameter that is zero a little below it.
     """
     fit = bounded_estimate(problem, chosen, (item,))
     if not fit.at_bound.any():
-        return True
+        return True, 1.0
     others = [other for other in chosen if other is not item]
     before = explained_squares(*problem.equations, problem.base_index)
     gained = fit.explained - (before + delta_chi2(problem, others))
-    return bool(gained > problem.settings.kept_within_bounds * (gained + fit.lost))
+    return False, float(np.clip(gained / max(gained + fit.lost, 1e-300), 0.0, 1.0))
+
+
+def _over_range(problem: Problem, chosen: Sequence[Candidate], item: Candidate) -> float:
+    """Return the largest correction of a component over its largest reading.
+
+    A correction many times the readings is cancelled by the base: the data do not hold it.
+    """
+    fit = bounded_estimate(problem, chosen, (item,))
+    own = np.isin(fit.columns, item.columns)
+    whitened = problem.design[:, :, fit.columns[own]] @ fit.theta[own]
+    correction = np.linalg.solve(problem.whitener, whitened[:, :, None])[:, :, 0]
+    counted = problem.weights > 0.5
+    noise = np.sqrt(np.einsum("nij,nij->nj", *2 * (np.linalg.inv(problem.whitener),)))
+    readings = np.abs(problem.table.matrix(problem.base.outputs))[counted]
+    # A component that is only noise has no range of its own.
+    largest = np.maximum(readings.max(axis=0, initial=0.0), 10.0 * np.median(noise, axis=0))
+    return float((np.abs(correction[counted]).max(axis=0, initial=0.0) / largest).max())

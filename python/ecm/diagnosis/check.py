@@ -9,15 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
+from ecm.regression.folds import is_continuous
 from ecm.regression.repeats import noise_source, repeated_poses
 
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
 _STILL = 1e-12
 """A column that spans less than this share of its size is constant."""
+
+
+_SAMPLES = 100
+_SAMPLED_S = 0.5
+"""So many rows that follow each other faster are likely samples of a continuous test."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +78,10 @@ class Check:
     testable: tuple[str, ...]
     not_testable: tuple[NotTestable, ...]
     warnings: tuple[str, ...]
+    suspect: tuple[SuspectRows, ...] = ()
+    """Rows of a continuous log that are likely no measurement."""
+    remarks: tuple[str, ...] = ()
+    """What else a continuous log shows, in sentences."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain JSON."""
@@ -90,6 +101,10 @@ class Check:
         n = self.repeated_poses
         why = f"repeats of {n} pose{'s' * (n != 1)} are too few" if n else "no pose is repeated"
         lines.append(_NOISE_WORDS[self.noise].format(n=n, why=why))
+        lines.extend(self.remarks)
+        if self.suspect:
+            lines.append("Likely no measurements (ecm check --leave-out leaves them out for good):")
+            lines.extend(f"  {found.sentence()}" for found in self.suspect)
         return lines
 
 
@@ -166,7 +181,22 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         testable=testable,
         not_testable=not_testable,
         warnings=table.warnings,
+        suspect=tuple(suspect_rows(table)),
+        remarks=(*_sampling(table), *whole_turns(table)),
     )
+
+
+def _sampling(table: Table) -> list[str]:
+    """Say that rows which follow each other closely are samples of a continuous test."""
+    if is_continuous(table) or not table.has("time_s") or table.has("pose_id"):
+        return []
+    steps = np.diff(table.column("time_s"))
+    if len(steps) < _SAMPLES or not 0.0 < np.median(steps) < _SAMPLED_S:
+        return []
+    return [
+        f"Rows follow each other every {np.median(steps):.3g} s: samples of a continuous test? "
+        'Then say kind = "continuous" in [file], or repeats and held-out rows are judged wrongly.'
+    ]
 
 
 def _column(name: str, values: NDArray[Any]) -> ColumnCheck:

@@ -13,6 +13,7 @@ from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.io.arrays import F
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]
@@ -69,8 +70,8 @@ def verdict(
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
         return Verdict("unknown", nothing, replace(unknown, words=strange))
-    noisy = is_noisy(problem)
-    if accepted.effects and not left.remains and not noisy:
+    noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
+    if accepted.effects and not left.remains and not noisy and not mountain:
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
@@ -80,7 +81,35 @@ def verdict(
     if noisy:
         far = f"what no column explains is {np.sqrt(problem.scale):.1f} times the noise"
         unknown = replace(unknown, words=f"{far}; {unknown.words}")
+    elif mountain:
+        unknown = replace(unknown, words=f"{mountain}; {unknown.words}")
     return Verdict("unknown", accepted, unknown)
+
+
+def what_towers(problem: Problem, accepted: Accepted) -> str:
+    """Return the error that stays after the accepted effects, in words; empty where it is small.
+
+    Names over an error many times the noise would be names for a part of it.
+    """
+    settings = problem.settings
+    if not accepted.effects or problem.noise.is_residual:
+        return ""
+    before = _rms(problem, residual_after(problem, ()))
+    after = _rms(problem, residual_after(problem, accepted.effects))
+    little = problem.noise.source == "assumed" and (
+        after**2 < settings.most_left_of_error * before**2
+    )
+    if after <= settings.most_left_error or little:
+        return ""
+    return (
+        f"with what is named the error only falls from {before:.3g} to {after:.3g} times the noise"
+    )
+
+
+def _rms(problem: Problem, residual: F) -> float:
+    """Return the weighted rms of a whitened residual (N, m)."""
+    squares = (residual**2).sum(axis=1) @ problem.weights
+    return float(np.sqrt(squares / (problem.weights.sum() * residual.shape[1])))
 
 
 def is_noisy(problem: Problem) -> bool:

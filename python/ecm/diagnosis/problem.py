@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ecm.comparison.residuals import features
+from ecm.comparison.residuals import feature_columns
 from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
@@ -276,10 +276,8 @@ def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, lis
 
 def omnibus_columns(problem: Problem, most: int = 90) -> F:
     """Return (N, m, q) whitened smooth functions of pose and covariates, in each component."""
-    n, m = problem.response.shape
-    values, _ = features(problem.rows, max(1, min(most, 90, n // 3)))
-    blocks = [problem.whitener[:, :, j : j + 1] * values[:, None, :] for j in range(m)]
-    return np.concatenate(blocks, axis=2)
+    n = len(problem.response)
+    return feature_columns(problem.rows, problem.whitener, max(1, min(most, 90, n // 3)))
 
 
 def _base_error(base: StiffnessMap, rows: Rows, whitener: F) -> float:

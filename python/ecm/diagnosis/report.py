@@ -15,6 +15,7 @@ from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.detection_limits import detection_limits, least_strength_seen
+from ecm.diagnosis.given_model import judge_given_model
 from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.noise_effects import tested_noise
@@ -62,6 +63,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
     return Diagnosis(
         seed=seed,
+        model=judge_given_model(model, decision),
         base=BaseSummary(problem.base.kind, problem.base_error),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
@@ -174,19 +176,24 @@ def _held_out(problem: Problem, accepted: Sequence[Candidate], ceiling: Ceiling 
 def _component_errors(
     model: Model, decision: Decision, final: JointFit, ceiling: Ceiling | None
 ) -> ComponentErrors:
-    """Return the errors of the model as given, after the accepted effects, floor and ceiling."""
+    """Return the errors of the model as given, the base without and with effects, the floor."""
     problem, table = decision.problem, decision.prepared.table
     scored, names = problem.scored, problem.base.outputs
     measured = np.stack([table.column(name) for name in model.outputs], axis=1)
     before = np.sqrt(((measured - model.predict(table))[scored] ** 2).mean(axis=0))
+    alone = np.sqrt((problem.fit.residual[scored] ** 2).mean(axis=0))
     after = np.sqrt((final.residual[scored] ** 2).mean(axis=0))
-    covariance = problem.noise.covariance(problem.rows, problem.base.error)
-    floor = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
+    floor: dict[str, float] = {}
+    if not problem.noise.is_residual:
+        covariance = problem.noise.covariance(problem.rows, problem.base.error)
+        sd = np.sqrt(np.einsum("nii->ni", covariance)[scored].mean(axis=0))
+        floor = dict(zip(names, sd.tolist(), strict=True))
     reached = {} if ceiling is None else dict(zip(names, ceiling.components.tolist(), strict=True))
     return ComponentErrors(
         before=dict(zip(model.outputs, before.tolist(), strict=True)),
+        base=dict(zip(names, alone.tolist(), strict=True)),
         after=dict(zip(names, after.tolist(), strict=True)),
-        floor=dict(zip(names, floor.tolist(), strict=True)),
+        floor=floor,
         ceiling=reached,
     )
 
@@ -208,9 +215,14 @@ def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
         warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
     if strange := modulus_warning(problem):
         warnings.append(strange)
-    if problem.noise.source == "assumed":
+    if problem.noise.is_residual:
+        warnings.append(
+            "nothing is known of the noise: the spread of the base's own residual weighs the "
+            "components; record repeats, or give [instrument] figures"
+        )
+    elif problem.noise.source == "assumed":
         warnings.append("the noise is assumed: record repeats, or give [instrument] figures")
-    if problem.scale > 1.5:
+    if problem.scale > 1.5 and not problem.noise.is_residual:
         warnings.append(
             f"the noise is {np.sqrt(problem.scale):.2f} times as large as "
             f"{problem.noise.source}: every p allows for it"

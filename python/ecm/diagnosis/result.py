@@ -11,6 +11,7 @@ from ecm.diagnosis.check import NotTestable
 from ecm.diagnosis.classify import Headline
 from ecm.diagnosis.detection_limits import DetectionLimit
 from ecm.diagnosis.gate import Gate, Leftover
+from ecm.diagnosis.given_model import GivenModel
 from ecm.diagnosis.next_experiment import Proposal
 from ecm.diagnosis.noise_effects import NoiseFinding
 from ecm.diagnosis.refinement import Refinement
@@ -50,7 +51,8 @@ class NoiseSummary:
     def to_dict(self) -> dict[str, Any]:
         """Return the part of the report."""
         effects = {"effects": to_json(self.effects), "tested": list(self.tested)}
-        return self.figures.to_dict() | effects
+        own = {"is_residual": True} if self.figures.is_residual else {}
+        return self.figures.to_dict() | own | effects
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,13 @@ class ComponentErrors:
     """Root mean square error of each component, in the unit of its column."""
 
     before: dict[str, float]
-    """Errors of the model as given."""
+    """Errors of the model as given, not refitted."""
+    base: dict[str, float]
+    """Errors of the base that names are against, fitted to these rows."""
     after: dict[str, float]
-    """With the accepted effects."""
+    """Errors of that base with the accepted effects."""
     floor: dict[str, float]
-    """Errors by noise alone."""
+    """Errors by noise alone; empty where nothing is known of the noise."""
     ceiling: dict[str, float]
     """Held-out errors of the base with a free cubic of the pose; empty without full poses."""
 
@@ -93,7 +97,7 @@ class RunError:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Whitened root mean square on held-out rows."""
+    """Whitened root mean square of the base on held-out rows, without and with the effects."""
 
     before: float
     after: float
@@ -121,6 +125,8 @@ class Diagnosis:
     """
 
     seed: int
+    model: GivenModel
+    """The model that was given: how it fits these rows as it stands, and what is wrong with it."""
     base: BaseSummary
     noise: NoiseSummary
     gate: Gate
@@ -157,8 +163,13 @@ class Diagnosis:
         return self.sentence()
 
     def sentence(self) -> str:
-        """Return one plain sentence."""
-        return self._headline() + {
+        """Return what is wrong with the model that was given, and the verdict, in plain words."""
+        return f"{self.model.sentence()} {self._headline()}{self._source_of_noise()}"
+
+    def _source_of_noise(self) -> str:
+        if self.noise.figures.is_residual:
+            return " Nothing is known of the noise: give repeats or [instrument] figures."
+        return {
             "repeats": "",
             "declared": " The noise is as declared, not measured.",
             "assumed": " The noise is assumed: give repeats or [instrument] figures.",
@@ -174,11 +185,16 @@ class Diagnosis:
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
             listed = ", ".join(item.id for item in self.effects)
-            already = f" beside {listed}" if listed else ""
+            already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."
         names = " and ".join(" or ".join(members) for members in self.answer)
+        return f"Missing: {names}; {self._fall()}."
+
+    def _fall(self) -> str:
         before, after = self.held_out.before, self.held_out.after
-        return f"Missing: {names}; held-out error {before:.2f} -> {after:.2f} times the noise."
+        if self.noise.figures.is_residual:
+            return f"the base's held-out error falls to {after / max(before, 1e-300):.0%}"
+        return f"the base's held-out error {before:.2f} -> {after:.2f} times the noise"
 
     def to_pandas(self) -> Any:
         """Return the ranking as a DataFrame; needs pandas.
@@ -211,9 +227,15 @@ class Diagnosis:
                 x=[one.delta_bic for one in shown], y=[one.id for one in shown], orientation="h"
             )
         )
-        return figure.update_layout(title=self.sentence(), xaxis_title="fall of BIC")
+        return figure.update_layout(title=self._headline(), xaxis_title="fall of BIC")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report of interfaces.md."""
+        partial = [item.id for item in self.effects] if self.verdict == "unknown" else []
         document = {"schema": 1, "seed": self.seed, "sentence": self.sentence()}
-        return document | fields_json(self) | {"outliers": [row + 1 for row in self.outliers]}
+        return (
+            document
+            | fields_json(self)
+            | {"partial": partial}
+            | {"outliers": [row + 1 for row in self.outliers]}
+        )

@@ -8,7 +8,7 @@ from typing import Any
 from ecm.report.page import Block, CodeBlock, Section, TableBlock, TextBlock, number, warnings_table
 
 _SHOWN = 12
-_STEPS = ("before", "after", "floor", "ceiling")
+_STEPS = ("before", "base", "after", "floor", "ceiling")
 
 
 def verdict_section(document: Mapping[str, Any]) -> Section:
@@ -40,7 +40,7 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     rows = [
         ["base", base["kind"]],
         ["the base's own error over the noise", f"{base['error_over_noise']:.2f}"],
-        ["source of the noise", document["noise"]["source"]],
+        ["source of the noise", noise_words(document["noise"])],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]
     if "rows_used" in document:
@@ -49,6 +49,13 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
         bound = f"below {document['upper_bound']:.2f} times the noise, with 95 % confidence"
         rows.append(["what smooth functions could still hide", bound])
     return TableBlock("What the verdict rests on.", ("", ""), rows)
+
+
+def noise_words(noise: Mapping[str, Any]) -> str:
+    """Where the noise comes from; a spread of the residual is not called noise."""
+    if noise.get("is_residual"):
+        return "not known (the base's own residual weighs the components)"
+    return str(noise["source"])
 
 
 def _errors(document: Mapping[str, Any]) -> list[Block]:
@@ -60,18 +67,24 @@ def _errors(document: Mapping[str, Any]) -> list[Block]:
         for name in errors["before"]
     ]
     caption = (
-        "Root mean square error in the unit of each column. Before: the model as given. The floor "
-        "is the noise"
+        "Root mean square error in the unit of each column. Before: the model as given, not "
+        "refitted. Base: what names are against, fitted to these rows. After: the base with the "
+        "accepted effects"
     )
+    if errors["floor"]:
+        caption += ". The floor is the noise"
     more = "; the ceiling is the base with a free cubic of the pose, on held-out rows."
     caption += more if errors["ceiling"] else "."
-    over_noise = {"before": held_out["before"], "after": held_out["after"], "floor": 1.0}
+    over_noise = {"before": held_out["before"], "after": held_out["after"]}
+    unit = "the base's own residual" if document["noise"].get("is_residual") else "the noise"
+    if errors["floor"]:
+        over_noise["floor"] = 1.0
     if "ceiling" in held_out:
         over_noise["ceiling"] = held_out["ceiling"]
     return [
         TableBlock(caption, ("component", *steps), rows),
         TableBlock(
-            "Held-out error over the noise. Before: the base alone.",
+            f"Held-out error over {unit}. Before: the base alone.",
             ("", *over_noise),
             [["held-out rows", *(number(value) for value in over_noise.values())]],
         ),

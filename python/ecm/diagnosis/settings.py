@@ -156,6 +156,24 @@ class DiagnosisSettings(Checked):
     most_scale_declared: float = setting(
         9.0, above=0.0, doc="The same over declared noise; over assumed noise there is no limit."
     )
+    most_left_error: float = setting(
+        3.0,
+        above=1.0,
+        doc="Largest error after the accepted effects, over the noise, for a name; what they "
+        "explain is a part.",
+    )
+    most_left_of_error: float = setting(
+        0.5,
+        above=0.0,
+        high=1.0,
+        doc="Over assumed noise, which may be far too small: the squares that may stay beside it.",
+    )
+    most_of_range: float = setting(
+        3.0,
+        above=1.0,
+        doc="Largest correction of an effect over the largest reading: beyond it the base takes "
+        "back what the effect adds.",
+    )
     other_body_single: float = setting(
         1.5,
         low=0.0,

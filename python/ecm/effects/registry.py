@@ -127,16 +127,20 @@ def with_shape(id: str, shape: Shape) -> Effect:
     effect = get_effect(id)
     if not shape:
         return effect
-    for form in (effect, FORMS.get(id, effect)):
-        known = getattr(form, "__dataclass_fields__", {})
-        needed = {name for name, item in known.items() if not item.metadata.get("optional")}
-        if needed <= set(shape) <= set(known):
-            variant: Effect = type(form)(**shape)
-            return variant
-    raise InputError(
-        f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
-        "another version, refit it"
-    )
+    # The fields that a form always states say which one it is.
+    form = FORMS.get(id, effect)
+    known = getattr(form, "__dataclass_fields__", {})
+    needed = {name for name, item in known.items() if not item.metadata.get("optional")}
+    if needed <= set(shape) <= set(known):
+        effect = form
+    try:
+        variant: Effect = type(effect)(**shape)
+    except TypeError:
+        raise InputError(
+            f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
+            "another version, refit it"
+        ) from None
+    return variant
 
 
 def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> tuple[Effect, ...]:

@@ -35,6 +35,7 @@ class StressRelaxation(LinearEffect):
     against rest (`linear`), or with d h_e in place of d(K_m p) (`elastic`). The dwell form is the
     limit of both for a fast approach. A second branch has a time constant of its own. `visits` is
     the same integral over the path between readings, which includes the rest of earlier poses.
+    In the continuous forms the factor is no share: it is what relaxes over the static load.
     """
 
     id = "stress_relaxation"
@@ -61,8 +62,8 @@ class StressRelaxation(LinearEffect):
 
     def __post_init__(self) -> None:
         if self.overstress:
-            names = ("g", "g_second")[: self.branches]
-            # A soft adhesive carries several times its static load while it is moved.
+            # Over the static load: a soft adhesive carries several times that while it is moved.
+            names = ("over_static", "over_static_second")[: self.branches]
             self.parameters = tuple(Parameter(name, "1", 0.1, -0.5, 50.0) for name in names)
 
     @property

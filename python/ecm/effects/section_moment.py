@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm._native import left_jacobians, mid_frame, rotation_matrices
+from ecm._native import inverse_left_jacobians, mid_frame, rotation_matrices
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
 from ecm.regression.rows import Rows
@@ -35,7 +35,7 @@ def section_moment_slopes(rows: Rows, along: F) -> F:
         down = _moments(rows.poses - change, rows.wrench - load, length, share, along)
         slopes[..., j] = (up - down) / (2.0 * step)
     # From rotation vectors to rotation increments, with which torques work.
-    inverse = np.linalg.inv(left_jacobians(rows.rotation_vectors))
+    inverse = inverse_left_jacobians(rows.rotation_vectors)
     slopes[..., 3:] = np.einsum("npki,nij->npkj", slopes[..., 3:], inverse)
     return slopes
 

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 
 from ecm.errors import InputError
 from ecm.io.columns import is_standard, likely_name
+from ecm.io.frames import Frames
+from ecm.io.leave_out import read_leave_out
 from ecm.io.mechanism import MECHANISM_KEYS, Mechanism, length_of_mesh
 from ecm.io.settings import Checked, read_settings, setting
 from ecm.io.toml import check_keys, read_toml, write_toml
@@ -132,6 +134,12 @@ class Meta:
         Gravity and payload.
     runs
         Conditions that differ between runs, by the number of the run.
+    frames
+        Frames of the table's columns; applied when it is read, and empty afterwards.
+    leave_out
+        Ranges of rows that are left out, by reason; applied when it is read, and empty afterwards.
+    origin
+        `[import]`: the log that the table was made of, and what each column was read from.
     source
         File it was read from, for messages and for the path of a relative mesh.
 
@@ -153,6 +161,9 @@ class Meta:
     instrument: Instrument = field(default_factory=Instrument)
     scene: Scene = field(default_factory=Scene)
     runs: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    frames: Frames = field(default_factory=Frames)
+    leave_out: Mapping[str, str] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)
     source: str = ""
 
     @property
@@ -190,7 +201,8 @@ class Meta:
 
     def applied(self) -> Meta:
         """Return the description of the table after its columns got their standard names."""
-        return replace(self, columns={}, file=replace(self.file, header_rows=1))
+        file = replace(self.file, header_rows=1)
+        return replace(self, columns={}, file=file, frames=Frames(), leave_out={})
 
     def beside(self, table: Path) -> Meta:
         """Return the description that is written beside a table: a mesh file as seen from there."""
@@ -217,6 +229,9 @@ class Meta:
             "instrument": _changed(self.instrument),
             "scene": _changed(self.scene),
             "run": {str(run): dict(values) for run, values in self.runs.items()},
+            "frames": _changed(self.frames),
+            "leave_out": dict(self.leave_out),
+            "import": dict(self.origin),
         }
         return {key: value for key, value in document.items() if value}
 
@@ -247,11 +262,17 @@ class Meta:
             instrument=section(Instrument, "instrument"),
             scene=section(Scene, "scene"),
             runs=_runs(document.get("run", {}), where),
+            frames=section(Frames, "frames"),
+            leave_out=read_leave_out(document.get("leave_out", {}), where),
+            origin=_origin(document.get("import", {}), f"{where} [import]"),
             source=where,
         )
 
 
-_TABLES = ("file", "columns", "mechanism", "instrument", "scene", "run")
+_TABLES = (
+    *("file", "columns", "mechanism", "instrument", "scene", "run", "frames", "leave_out"),
+    "import",
+)
 
 
 def read_meta(path: Path) -> Meta:
@@ -320,6 +341,17 @@ def _runs(table: Any, where: str) -> dict[int, dict[str, Any]]:
         read_settings(Run, values, place)
         runs[int(key)] = dict(values)
     return runs
+
+
+def _origin(table: Any, where: str) -> dict[str, Any]:
+    """Read [import]: text or lists of text, which nothing here depends on."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: found {table!r}, expected a table")
+    for name, value in table.items():
+        entries = value if isinstance(value, list) else [value]
+        if not all(isinstance(entry, str) for entry in entries):
+            raise InputError(f"{where}: {name} = {value!r}: expected text")
+    return dict(table)
 
 
 def _changed(section: Any) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from ecm.io.description import Meta, as_meta, read_meta
 from ecm.io.extras import require
 from ecm.io.interrupts import uninterrupted
 from ecm.io.join import join_runs
+from ecm.io.leave_out import without_rows
 from ecm.io.parquet import read_parquet
 from ecm.io.raw_table import RawTable, raw_table
 from ecm.io.toml import did_you_mean
@@ -66,6 +67,8 @@ class Table:
         Times of sensor zeros whose readings are no longer rows.
     whole, places
         Of a thinned table: the table that its rows were chosen from, and their places (N,) there.
+    file_rows
+        (N,) number of each row in its file, from 1, where rows were left out.
 
     Examples
     --------
@@ -88,6 +91,7 @@ class Table:
     zeros_s: tuple[float, ...] = ()
     whole: Table | None = None
     places: I | None = None
+    file_rows: I | None = None
 
     def __init__(
         self,
@@ -98,12 +102,13 @@ class Table:
         zeros_s: tuple[float, ...] = (),
         whole: Table | None = None,
         places: I | None = None,
+        file_rows: I | None = None,
     ) -> None:
         if not isinstance(meta, Meta):
             checked = as_table(columns, meta=meta, source=source)
             columns, meta, source = checked.columns, checked.meta, checked.source
             warnings = (*warnings, *checked.warnings)
-        values = (columns, meta, source, warnings, zeros_s, whole, places)
+        values = (columns, meta, source, warnings, zeros_s, whole, places, file_rows)
         for item, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, item.name, value)
 
@@ -219,7 +224,8 @@ class Table:
         index = np.asarray(rows)
         columns = {name: col[index] for name, col in self.columns.items()}
         places = None if self.places is None else self.places[index]
-        return replace(self, columns=columns, places=places)
+        file_rows = None if self.file_rows is None else self.file_rows[index]
+        return replace(self, columns=columns, places=places, file_rows=file_rows)
 
     @property
     def row_numbers(self) -> I:
@@ -285,11 +291,12 @@ class Table:
         """Write NAME.csv, whose numbers read back bit for bit, and NAME.toml where needed.
 
         Each file appears complete or not at all. InputError for another suffix, and where a
-        NAME.toml of another table exists.
+        NAME.toml of another table, or that describes no table, exists.
         """
         target = Path(path)
         if target.suffix == ".parquet":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
+        check_description(target)
         description = target.with_suffix(".toml")
         if self.meta.empty and description.exists():
             raise InputError(
@@ -300,6 +307,23 @@ class Table:
             if not self.meta.empty:
                 write_atomically(description, self.meta.beside(target).to_toml())
             write_csv(target, self.columns)
+
+
+def check_description(path: Path) -> None:
+    """Raise InputError where the description beside a table would replace a file of another kind.
+
+    Settings of a mechanism or a rig are TOML files as well: `neck.csv` beside `neck.toml`.
+    """
+    beside = path.with_suffix(".toml")
+    if not beside.exists():
+        return
+    try:
+        read_meta(beside)
+    except InputError:
+        raise InputError(
+            f"{path}: beside it is {beside}, which describes no table, and which the table's "
+            "description would overwrite. Choose another name."
+        ) from None
 
 
 def read_table(
@@ -437,28 +461,40 @@ def require_columns(table: Table, need: Need | None) -> None:
         raise InputError(f"{table.source}: no row of kind 'pose' was found, expected at least one")
 
 
+def unreadable_rows(path: Path, meta: MetaLike = None) -> I:
+    """Return the numbers from 1 of the rows that skip_bad_rows leaves out, beyond [leave_out]."""
+    raw, description = _raw(path, None if meta is None else as_meta(meta))
+    left, kept, _ = without_rows(raw, description.leave_out, str(path))
+    _, index, _ = validated_columns(left, description, str(path), True)
+    return np.setdiff1d(kept, kept[index])
+
+
 def _read_one(path: Path, meta: Meta | None, skip_bad_rows: bool) -> Table:
-    """Read one file; its description is NAME.toml beside it unless one is given."""
+    return _checked(*_raw(path, meta), str(path), skip_bad_rows)
+
+
+def _raw(path: Path, meta: Meta | None) -> tuple[RawTable, Meta]:
+    """Cells of one file, and its description: NAME.toml beside it unless one is given."""
     if meta is None:
         own = path.with_suffix(".toml")
         meta = read_meta(own) if own.is_file() and own != path else Meta()
     if path.suffix.lower() in (".parquet", ".pq"):
-        raw = read_parquet(path)
-    else:
-        text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
-        raw = read_csv(path, meta.file.header_rows, text)
-    return _checked(raw, meta, str(path), skip_bad_rows)
+        return read_parquet(path), meta
+    text = {*TEXT, *(own.column for name, own in meta.columns.items() if name in TEXT)}
+    return read_csv(path, meta.file.header_rows, text), meta
 
 
 def _checked(raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool) -> Table:
-    columns, warnings = validated_columns(raw, meta, source, skip_bad_rows)
+    left, kept, left_out = without_rows(raw, meta.leave_out, source)
+    columns, index, warnings = validated_columns(left, meta, source, skip_bad_rows)
     for name in meta.group:
         if name not in columns:
             raise InputError(
                 f"{meta.source or source} [columns]: group names the column '{name}', which is not "
                 f"in {source}, {did_you_mean(name, columns)}"
             )
-    return Table(columns, meta.applied(), source, warnings)
+    numbers = kept[index] if left_out or len(index) < len(kept) else None
+    return Table(columns, meta.applied(), source, (*left_out, *warnings), file_rows=numbers)
 
 
 def _joined(tables: Sequence[Table]) -> Table:

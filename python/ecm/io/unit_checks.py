@@ -16,19 +16,27 @@ _LONGEST_M = 2.0
 """Largest position, m, if the length of the mechanism is unknown."""
 _LARGEST_LENGTHS = 5.0
 """Largest position in lengths of the mechanism."""
+_LARGEST_REACH_M = 3.0
+"""Largest position in a robot's or a camera's own frame."""
 _FEW_ROWS = 0.1
 """If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 
 
-def check_pose_units(
+def check_positions(
     columns: Mapping[str, F], rows: I, length_m: float | None, errors: RowErrors
 ) -> None:
-    """Add poses beyond the size limits to `errors`; InputError if the unit seems wrong."""
+    """Add positions beyond the size limit to `errors`; InputError if unit or frame seems wrong."""
     limit_m = _LONGEST_M if length_m is None else max(_LARGEST_LENGTHS * length_m, 1e-9)
-    for name in POSE:
+    for name in POSE[:3]:
         if name in columns:
-            limit = limit_m if name in POSE[:3] else math.pi
-            _check_column(name, columns[name], rows, limit, errors)
+            _check_column(name, columns[name], rows, limit_m, errors)
+
+
+def check_rotations(columns: Mapping[str, F], rows: I, errors: RowErrors) -> None:
+    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong."""
+    for name in POSE[3:]:
+        if name in columns:
+            _check_column(name, columns[name], rows, math.pi, errors)
     if not all(name in columns for name in POSE[3:]):
         return
     theta = np.column_stack([columns[name][rows] for name in POSE[3:]])
@@ -49,11 +57,18 @@ def _check_column(name: str, values: F, rows: I, limit: float, errors: RowErrors
     raise InputError(
         f"{errors.source}: column '{name}', {errors.place(int(outside[0]))}: found "
         f"{values[outside[0]]:g} ({len(outside)} of {len(rows)} rows beyond {limit:.3g}), "
-        f"{guess(name, float(np.max(np.abs(values[rows]))), limit)}"
+        f"{guess(name, values[rows], limit)}"
     )
 
 
-def _guess_length(name: str, largest: float, limit: float) -> str:
+def _guess_length(name: str, values: F, limit: float) -> str:
+    largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
+    if largest <= _LARGEST_REACH_M and span <= limit:
+        return (
+            f"but they move by {span:.3g} m only: positions from another origin, for example the "
+            "robot's base. Say where it is: base_from_robot = [x, y, z, 1, 0, 0, 0] in [frames] "
+            "(docs/import.md)."
+        )
     if largest / 1e3 > limit:
         return "no plausible position in metres. Check the unit and the frame."
     return (
@@ -62,8 +77,8 @@ def _guess_length(name: str, largest: float, limit: float) -> str:
     )
 
 
-def _guess_angle(name: str, largest: float, _: float) -> str:
-    if largest > 720.0:
+def _guess_angle(name: str, values: F, _: float) -> str:
+    if float(np.max(np.abs(values))) > 720.0:
         return "no plausible rotation vector in radians. Check the unit."
     return (
         "expected radians: these look like degrees. Multiply by pi/180, or give "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,11 @@ from ecm.io.columns import (
     likely_name,
 )
 from ecm.io.description import ColumnSource, Meta
+from ecm.io.frames import to_base
 from ecm.io.raw_table import Cells, RawTable
 from ecm.io.row_errors import RowError, RowErrors
 from ecm.io.toml import did_you_mean
-from ecm.io.unit_checks import check_pose_units
+from ecm.io.unit_checks import check_positions, check_rotations
 
 _MOST_HINTS = 50
 Columns = dict[str, NDArray[Any]]
@@ -34,8 +36,11 @@ _MOST_SIZE = 1e100
 
 def validated_columns(
     raw: RawTable, meta: Meta, source: str, skip_bad_rows: bool
-) -> tuple[Columns, tuple[str, ...]]:
-    """Return standard columns and warnings; InputError for wrong input."""
+) -> tuple[Columns, I, tuple[str, ...]]:
+    """Return standard columns, index (N,) of the kept rows, and warnings.
+
+    InputError for wrong input.
+    """
     if len(raw.numbers) == 0 and not raw.ragged:
         raise InputError(f"{source}: no rows of data, expected at least one below the header.")
     warnings: list[str] = []
@@ -57,10 +62,13 @@ def validated_columns(
         _check_whole(name, values, errors)
         columns[name] = values
     numeric = {name: column for name, column in columns.items() if name not in TEXT}
-    check_pose_units(
-        numeric, np.flatnonzero(_good(columns, numbers, errors)), meta.length_m, errors
-    )
-    _check_time(columns, numbers, errors)
+    check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
+    if not meta.frames.empty:
+        columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
+        numeric = {name: column for name, column in columns.items() if name not in TEXT}
+    rows = np.flatnonzero(_good(columns, numbers, errors))
+    check_positions(numeric, rows, meta.length_m, errors)
+    warnings += _check_time(columns, numbers, errors)
     repeated = _repeated_rows(columns, _good(columns, numbers, errors))
     if "time_s" in columns:
         for row, first in repeated:
@@ -73,6 +81,7 @@ def validated_columns(
             f"(first: {raw.word} {numbers[row]} as {raw.word} {numbers[first]}); they are kept, "
             "as without time_s copies cannot be told from repeats"
         )
+    keep = np.ones(len(numbers), dtype=bool)
     if errors.errors:
         bad = errors.bad_numbers()
         keep = ~np.isin(numbers, list(bad))
@@ -82,7 +91,7 @@ def validated_columns(
             raise InputError(f"{errors.summary()}\nNo row is left without them. Correct the file.")
         columns = {name: column[keep] for name, column in columns.items()}
         warnings.append(f"left out {len(bad)} row(s). {errors.summary()}")
-    return columns, (*warnings, *_covariate_warnings(columns, source))
+    return columns, np.flatnonzero(keep), (*warnings, *_covariate_warnings(columns, source))
 
 
 def _mapping(raw: RawTable, meta: Meta, source: str) -> dict[str, tuple[int, ColumnSource | None]]:
@@ -213,15 +222,42 @@ def _good(columns: Columns, numbers: I, errors: RowErrors) -> B:
     return good
 
 
-def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> None:
+def _check_time(columns: Columns, numbers: I, errors: RowErrors) -> list[str]:
+    """Note times that do not grow; runs that each begin anew are taken one after the other."""
     if "time_s" not in columns:
-        return
+        return []
     rows = np.flatnonzero(_good(columns, numbers, errors))
     time = columns["time_s"][rows]
+    warnings = []
+    if "run" in columns:
+        time, shifted = _following(time, columns["run"][rows])
+        if shifted:
+            columns["time_s"][rows] = time
+            warnings = [
+                f"{errors.source}: time_s begins again in {shifted} run(s); each is taken as "
+                "following the one before at once (effects of time see no pause)"
+            ]
     before = np.maximum.accumulate(time)[:-1] if len(time) else time
     for i in np.flatnonzero(time[1:] < before):
         found = f"{time[i + 1]:g} after {before[i]:g}"
         errors.add(int(rows[i + 1]), "time_s", found, "a time that grows over the whole table")
+    return warnings
+
+
+def _following(time: F, run: F) -> tuple[F, int]:
+    """Times with each run that begins before the end of the one before moved behind it.
+
+    Also the number of runs that were moved.
+    """
+    moved, shifted = time.copy(), 0
+    begins = np.flatnonzero(np.diff(run) != 0.0) + 1
+    for first, last in itertools.pairwise([*begins, len(time)]):
+        if moved[first] < moved[first - 1]:
+            steps = np.diff(time[first:last])
+            step = max(float(np.median(steps)) if len(steps) else 1.0, 1e-3)
+            moved[first:last] += moved[first - 1] + step - time[first]
+            shifted += 1
+    return moved, shifted
 
 
 def _repeated_rows(columns: Columns, good: B) -> list[tuple[int, int]]:

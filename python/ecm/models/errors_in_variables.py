@@ -24,7 +24,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ecm._native import left_jacobians
+from ecm._native import inverse_left_jacobians
 from ecm.effects import Rows
 from ecm.io.arrays import F, I
 from ecm.io.columns import POSE
@@ -242,7 +242,6 @@ def _shifted(measured: F, shift: F, inputs: tuple[str, ...]) -> F:
     """Poses with p~ - p = shift; exp([shift]x) R(theta) = R(theta~) to first order."""
     poses = measured - shift
     if inputs == POSE:
-        jacobian = left_jacobians(np.ascontiguousarray(measured[:, 3:]))
-        rotation = np.linalg.solve(jacobian, shift[:, 3:, None])[:, :, 0]
-        poses[:, 3:] = measured[:, 3:] - rotation
+        inverse = inverse_left_jacobians(np.ascontiguousarray(measured[:, 3:]))
+        poses[:, 3:] = measured[:, 3:] - np.einsum("nij,nj->ni", inverse, shift[:, 3:])
     return np.ascontiguousarray(poses)

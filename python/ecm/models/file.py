@@ -145,7 +145,10 @@ def scene_of(document: dict[str, Any]) -> Scene:
 def effect_of(document: dict[str, Any]) -> FittedEffect:
     """An effect of a model file."""
     effect = with_shape(document["id"], dict(document["shape"]))
-    stored = document["parameters"]
+    stored, names = dict(document["parameters"]), [p.name for p in effect.parameters]
+    if not set(names) & set(stored):
+        # Parameters that had other names in an older version stand in the same order.
+        stored = dict(zip(names, stored.values(), strict=True))
     values = [float(stored[p.name]["value"]) for p in effect.parameters]
     sds = [stored[p.name]["sd"] for p in effect.parameters]
     return FittedEffect(

@@ -25,6 +25,8 @@ from ecm.models.specification import (
     pose_and_wrench_columns,
 )
 
+LEARNED = ("gp", "mlp")
+"""Kinds of maps without columns of coefficients that a refit could change."""
 _HIDDEN = (32, 32)
 
 

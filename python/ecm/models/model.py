@@ -26,7 +26,7 @@ from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.registry import map_from_document
-from ecm.models.training import domain_of, noise_for, training_of
+from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
 
@@ -370,7 +370,7 @@ class Model:
         """
         table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
         training = training_of(table)
-        same_rows = self.training.get("hash") == training["hash"]
+        same_rows = was_trained_on(self.training, table)
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ecm.io.cache import hash_of
 from ecm.io.table import Table
@@ -22,6 +24,19 @@ def training_of(table: Table) -> dict[str, Any]:
         "source": Path(table.source).name if table.source else "",
         "seed": None,
     }
+
+
+def was_trained_on(training: Mapping[str, Any], table: Table) -> bool:
+    """Whether these very rows are the training data that a model file names."""
+    known = training.get("hash")
+    # A hash reads every number: only where there are as many rows as the fit had.
+    if known is None or training.get("rows") not in (None, len(table)):
+        return False
+    if known == training_of(table)["hash"]:
+        return True
+    # Model files of before 0.1.0 hashed the columns as lists.
+    lists = {name: np.asarray(values).tolist() for name, values in table.columns.items()}
+    return bool(known == hash_of(lists, ""))
 
 
 def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: bool) -> Noise:

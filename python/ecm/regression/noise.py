@@ -54,6 +54,14 @@ class Noise:
     growth_per_N: float = 0.0
     growth_per_Nm: float = 0.0
 
+    @property
+    def is_residual(self) -> bool:
+        """Whether nothing is known of the noise, and the spread of a residual stands in its place.
+
+        Such figures weigh the components; they are no noise, and no error may be held against them.
+        """
+        return self.components is not None and self.source == "assumed"
+
     def parameters(self) -> F:
         """(4,) position, rotation, force, torque."""
         return np.array(

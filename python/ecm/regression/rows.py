@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ecm._native import left_jacobians, rotation_matrices
+from ecm._native import inverse_left_jacobians, rotation_matrices
 from ecm.errors import InputError
 from ecm.io.arrays import B, F, I
 from ecm.io.columns import WRENCH
@@ -171,7 +171,7 @@ class Rows:
     @cached_property
     def screw_stiffness(self) -> F:
         """(N, 6, 6) K_s = K diag(I, J^-1), in rotation increments of base axes."""
-        inverse = np.linalg.inv(left_jacobians(self.rotation_vectors))
+        inverse = inverse_left_jacobians(self.rotation_vectors)
         screw: F = self.stiffness.copy()
         screw[:, :, 3:] = self.stiffness[:, :, 3:] @ inverse
         return screw

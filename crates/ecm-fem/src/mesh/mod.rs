@@ -70,20 +70,44 @@ impl Mesh {
     /// A body without platform, left where it is; `length_m` only scales residuals.
     ///
     /// # Errors
-    /// As [`Mesh::new`], but for the faces.
+    /// As [`Mesh::new`], but for the faces; a length that is not positive.
     pub fn without_faces(
         nodes_m: Vec<[f64; 3]>,
         tetrahedra: Vec<[usize; 10]>,
         length_m: f64,
     ) -> Result<Self, FemError> {
+        if !(length_m.is_finite() && length_m > 0.0) {
+            return Err(FemError::Parameter {
+                name: "length_m",
+                value: length_m,
+                expected: "a positive length in metres",
+            });
+        }
         Self::in_place(nodes_m, tetrahedra, Vec::new(), Vec::new(), length_m)
     }
 
     /// Straight-edged ten-node tetrahedra from corners: mid-edge nodes are added to `nodes_m`.
-    pub fn with_mid_nodes(nodes_m: &mut Vec<[f64; 3]>, corners: &[[usize; 4]]) -> Vec<[usize; 10]> {
-        quadratic::raise(nodes_m, corners, |a, b, x| {
+    ///
+    /// # Errors
+    /// A corner that is no node.
+    pub fn with_mid_nodes(
+        nodes_m: &mut Vec<[f64; 3]>,
+        corners: &[[usize; 4]],
+    ) -> Result<Vec<[usize; 10]>, FemError> {
+        let nodes = nodes_m.len();
+        for (index, &node) in corners.iter().flatten().enumerate() {
+            if node >= nodes {
+                return Err(FemError::NoSuchNode {
+                    what: "tetrahedron",
+                    index: index / 4,
+                    node,
+                    nodes,
+                });
+            }
+        }
+        Ok(quadratic::raise(nodes_m, corners, |a, b, x| {
             [0, 1, 2].map(|k| 0.5 * (x[a][k] + x[b][k]))
-        })
+        }))
     }
 
     /// As [`Mesh::new`] for a body that is built in place, `length_m` long to the last bit.

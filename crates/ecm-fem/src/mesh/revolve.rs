@@ -62,8 +62,42 @@ impl std::str::FromStr for Quality {
     }
 }
 
+/// Most rings, layers and points around.
+const MOST: usize = 200;
+
+/// Most prisms, three tetrahedra each: some 10⁶ nodes, far more than can be factorised.
+const MOST_PRISMS: usize = 200_000;
+
 fn counts(word: &str) -> bool {
-    matches!(word.parse(), Ok(1..=200usize))
+    matches!(word.parse(), Ok(1..=MOST))
+}
+
+impl Quality {
+    fn check(self) -> Result<(), FemError> {
+        let Self::Custom {
+            rings,
+            layers,
+            around,
+            ..
+        } = self
+        else {
+            return Ok(());
+        };
+        for (name, value) in [
+            ("rings", rings),
+            ("layers", layers),
+            ("points around", around),
+        ] {
+            if value > MOST || (name == "points around" && (1..3).contains(&value)) {
+                return Err(FemError::Parameter {
+                    name,
+                    value: value as f64,
+                    expected: "at most 200, and at least 3 points around",
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Outline of the solid.
@@ -352,6 +386,7 @@ fn sizes(profile: &Profile, length_m: f64, quality: Quality) -> Sizes {
 /// The mesh of `profile` between x = 0 and x = `length_m`.
 pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, FemError> {
     profile.check(length_m)?;
+    quality.check()?;
     let Sizes {
         rings,
         around,
@@ -373,6 +408,14 @@ pub fn mesh(length_m: f64, profile: &Profile, quality: Quality) -> Result<Mesh, 
             .collect();
         rings_of(&crowd_to_one(rings, ring_grading), &counts)
     };
+    let prisms = section.triangles.len() * layers;
+    if prisms > MOST_PRISMS {
+        return Err(FemError::Parameter {
+            name: "the number of prisms of the mesh",
+            value: prisms as f64,
+            expected: "at most 200000: choose fewer rings, layers or points around",
+        });
+    }
     let stations = crowd_to_ends(layers, layer_grading);
     let radius_at = |fraction: f64, s: f64| {
         profile.inner_m() + fraction * (profile.outer_m(s) - profile.inner_m())

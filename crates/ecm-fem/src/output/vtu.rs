@@ -1,5 +1,6 @@
 //! VTK's XML for unstructured grids (VTK file formats, ASCII), for ParaView.
 
+use crate::FemError;
 use crate::body::{Body, Field};
 use crate::tensor::{product, symmetric_eigenvalues, transpose};
 use std::fmt::Write;
@@ -10,7 +11,28 @@ const QUADRATIC_TETRAHEDRON: usize = 24;
 /// The text of a `.vtu` file: undeformed nodes with `displacement_m`; per element the
 /// means `largest_stretch`, `jacobian`, Cauchy stress `stress_Pa` (9 components) and
 /// `von_mises_Pa`.
-pub fn vtu(body: &Body, field: &Field) -> String {
+///
+/// # Errors
+/// A field that is not of this body.
+pub fn vtu(body: &Body, field: &Field) -> Result<String, FemError> {
+    let rest = body.rest();
+    for (what, found, expected) in [
+        (
+            "the displacement of a field",
+            &field.displacement,
+            &rest.displacement,
+        ),
+        ("the pressure of a field", &field.pressure, &rest.pressure),
+    ] {
+        if found.len() != expected.len() {
+            return Err(FemError::Size {
+                what,
+                found: found.len(),
+                expected: expected.len(),
+                why: "as many as this body has",
+            });
+        }
+    }
     let mesh = &body.mesh;
     let (nodes, elements) = (mesh.nodes_m().len(), mesh.tetrahedra().len());
     let mut cells = [String::new(), String::new(), String::new(), String::new()];
@@ -63,7 +85,7 @@ pub fn vtu(body: &Body, field: &Field) -> String {
              format=\"ascii\">\n{content}</DataArray>\n"
         )
     };
-    [
+    let parts = [
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\">\n".into(),
         format!(
             "<UnstructuredGrid>\n<Piece NumberOfPoints=\"{nodes}\" NumberOfCells=\"{elements}\">\n"
@@ -83,8 +105,8 @@ pub fn vtu(body: &Body, field: &Field) -> String {
         array("Float64", "stress_Pa", 9, &cells[2]),
         array("Float64", "von_mises_Pa", 1, &cells[3]),
         "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n".into(),
-    ]
-    .concat()
+    ];
+    Ok(parts.concat())
 }
 
 fn line(text: &mut String, values: &[f64]) {

@@ -46,7 +46,7 @@ impl Fem {
     /// first poses at the linear prediction from rest.
     ///
     /// # Errors
-    /// A load that is not finite, with its row.
+    /// A load that is not finite, with its row; wrenches and poses mixed.
     ///
     /// ```
     /// use ecm_fem::{Fem, Load, Mesh, NeoHookean, Quality, Status, Watch};
@@ -94,7 +94,7 @@ impl Fem {
                 };
                 let loads: Vec<Load> = states.iter().map(equilibrium).collect();
                 let fields: Vec<&[f32]> = states.iter().map(|o| o.field.as_slice()).collect();
-                warm_start = self.fit_warm_start(&loads, &fields)?.or(warm_start);
+                warm_start = self.fitted(&loads, &fields, watch).or(warm_start);
             }
         }
         Ok(outcomes.into_iter().flatten().map(|o| o.result).collect())
@@ -104,7 +104,7 @@ impl Fem {
     /// rest without one.
     ///
     /// # Errors
-    /// A load that is not finite, with its row; a warm start of another body.
+    /// As [`Fem::solve_all`]; a warm start of another body.
     pub fn solve_from(
         &self,
         loads: &[Load],
@@ -122,11 +122,12 @@ impl Fem {
     /// all poses; `None` when there are too few.
     ///
     /// # Errors
-    /// A load that is not finite; not as many fields as loads; fields of another body.
+    /// As [`Fem::solve_all`]; not as many fields as loads; fields of another body; the cancel flag.
     pub fn fit_warm_start(
         &self,
         loads: &[Load],
         fields: &[&[f32]],
+        watch: Watch,
     ) -> Result<Option<WarmStart>, FemError> {
         self.check_loads(loads)?;
         let size = |what, found, expected, why| FemError::Size {
@@ -147,23 +148,33 @@ impl Fem {
                 "the length of this body's state vector",
             ));
         }
-        let points = self.points(loads, Watch::default());
+        let fitted = self.fitted(loads, fields, watch);
+        not_cancelled(watch).map(|()| fitted)
+    }
+
+    fn fitted(&self, loads: &[Load], fields: &[&[f32]], watch: Watch) -> Option<WarmStart> {
+        let points = self.points(loads, watch);
         let samples: Vec<_> = points.iter().zip(fields.iter().copied()).collect();
-        Ok(WarmStart::fit(&samples))
+        if watch.cancelled() {
+            return None;
+        }
+        WarmStart::fit(&samples)
     }
 
     /// Poses (m, rad) predicted by a warm start, without solving.
     ///
     /// # Errors
-    /// As [`Fem::solve_from`].
+    /// As [`Fem::solve_from`]; the cancel flag.
     pub fn predict_poses(
         &self,
         loads: &[Load],
         warm_start: &WarmStart,
+        watch: Watch,
     ) -> Result<Vec<[f64; 6]>, FemError> {
         self.check_loads(loads)?;
         self.check_warm_start(warm_start)?;
-        let points = self.points(loads, Watch::default());
+        let points = self.points(loads, watch);
+        not_cancelled(watch)?;
         Ok(points.par_iter().map(|p| warm_start.pose(p)).collect())
     }
 
@@ -187,6 +198,11 @@ impl Fem {
     }
 
     fn check_loads(&self, loads: &[Load]) -> Result<(), FemError> {
+        let first = loads.first().map_or("", Load::kind);
+        let mixed = loads.iter().map(Load::kind).enumerate();
+        if let Some((row, found)) = mixed.into_iter().find(|(_, kind)| *kind != first) {
+            return Err(FemError::MixedLoads { row, found, first });
+        }
         (loads.iter().enumerate()).try_for_each(|(row, load)| self.check_load(row, load))
     }
 
@@ -242,7 +258,7 @@ impl Fem {
     }
 
     /// Result without load on the platform.
-    fn result_at_rest(&self, watch: Watch) -> CaseResult {
+    pub(super) fn result_at_rest(&self, watch: Watch) -> CaseResult {
         if let Some(result) = self.at_rest.get() {
             return result.clone();
         }
@@ -270,6 +286,9 @@ impl Fem {
     /// a Cosserat rod with this body's stiffness at rest takes. States are nearly linear in these
     /// coordinates, but not in wrenches.
     pub(super) fn point(&self, load: &Load, watch: Watch) -> [f64; 6] {
+        if watch.cancelled() {
+            return [f64::NAN; 6];
+        }
         let length = self.body.mesh.length_m();
         let pose = match load {
             Load::Wrench(h) => {
@@ -285,6 +304,13 @@ impl Fem {
         let q = ecm_se3::mid_frame::coordinates(&pose, length);
         std::array::from_fn(|k| if k < 3 { q[k] / length } else { q[k] })
     }
+}
+
+fn not_cancelled(watch: Watch) -> Result<(), FemError> {
+    if watch.cancelled() {
+        return Err(FemError::Cancelled);
+    }
+    Ok(())
 }
 
 fn pop(spare: &Mutex<Vec<Workspace>>) -> Option<Workspace> {

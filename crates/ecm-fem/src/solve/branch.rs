@@ -134,6 +134,10 @@ impl Fem {
         (direction, size): (&Option<Vec<f64>>, f64),
         watch: Watch,
     ) -> Result<usize, Failure> {
+        // Where every displacement is given there is none to step along.
+        if self.pattern.unknowns == 0 {
+            return Err(Failure::Diverged);
+        }
         let (load, weight) = path.at(*share);
         work.sums.dead_share = weight;
         if !work.ready {

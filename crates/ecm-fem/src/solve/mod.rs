@@ -12,6 +12,7 @@ mod own_weight;
 mod path;
 mod prescribed;
 mod report;
+mod settings;
 mod stability;
 #[cfg(test)]
 mod tests;
@@ -20,10 +21,10 @@ mod warm_start;
 pub use batch::{Finished, Outcome};
 pub use newton::Timing;
 pub use prescribed::PrescribedResult;
+pub use settings::Settings;
 pub use warm_start::WarmStart;
 
 use crate::body::{Body, Field, Formulation};
-use crate::element::Rule;
 use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::pattern::{Constraint, Pattern};
@@ -46,39 +47,16 @@ pub enum Load {
 }
 
 impl Load {
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::Wrench(_) => "wrench",
+            Self::Pose(_) => "pose",
+        }
+    }
+
     fn values(&self) -> &[f64; 6] {
         match self {
             Self::Wrench(v) | Self::Pose(v) => v,
-        }
-    }
-}
-
-/// Settings of the nonlinear solver.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Residual over the force unit μ V / L at which a state counts as equilibrium (1e-9).
-    pub tolerance: f64,
-    /// Newton iterations per load step (14).
-    pub iterations: usize,
-    /// Largest platform rotation (rad) or translation (over L) of one Newton step (0.5).
-    pub step_limit: f64,
-    /// Smallest load step as a share of the way (1/32).
-    pub smallest_load_step: f64,
-    /// Quadrature ([`Rule::Degree2`]).
-    pub rule: Rule,
-    /// Treatment of the pressure ([`Formulation::TaylorHood`]).
-    pub formulation: Formulation,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            tolerance: 1e-9,
-            iterations: 14,
-            step_limit: 0.5,
-            smallest_load_step: 1.0 / 32.0,
-            rule: Rule::Degree2,
-            formulation: Formulation::TaylorHood,
         }
     }
 }
@@ -122,7 +100,8 @@ impl Fem {
     /// `modulus_scale`: factor on the moduli of each tetrahedron.
     ///
     /// # Errors
-    /// A scale of the wrong length or not positive; a mesh too large to factorise.
+    /// A scale of the wrong length or not positive; a mesh too large to factorise; a body whose
+    /// stiffness is no number that can be computed with.
     pub fn new(
         mesh: Mesh,
         material: Box<dyn Material>,
@@ -134,7 +113,7 @@ impl Fem {
     /// As [`Fem::new`] with other solver settings.
     ///
     /// # Errors
-    /// As [`Fem::new`].
+    /// As [`Fem::new`]; settings out of their ranges ([`Settings::validate`]).
     pub fn with_settings(
         mesh: Mesh,
         material: Box<dyn Material>,
@@ -159,6 +138,7 @@ impl Fem {
         settings: Settings,
         constraints: &[Constraint],
     ) -> Result<Self, FemError> {
+        settings.validate()?;
         let elements = mesh.tetrahedra().len();
         let modulus_scale = modulus_scale.unwrap_or_else(|| vec![1.0; elements]);
         if modulus_scale.len() != elements {
@@ -185,8 +165,15 @@ impl Fem {
                 expected: "a finite number for P2, which locks without; use P2/P1 or P2/P0",
             });
         }
-        let pattern = Pattern::new(&mesh, constraints, mixed)?;
         let force_unit_N = material.shear_modulus_Pa() * mesh.volume_m3() / mesh.length_m();
+        if !(force_unit_N.is_normal() && force_unit_N > 0.0) {
+            return Err(FemError::Parameter {
+                name: "shear modulus times volume over length, N,",
+                value: force_unit_N,
+                expected: "a positive number; check lengths in m and moduli in Pa",
+            });
+        }
+        let pattern = Pattern::new(&mesh, constraints, mixed)?;
         let body = Body::new(
             mesh,
             material,
@@ -222,11 +209,12 @@ impl Fem {
     /// K at rest, under the body's own weight.
     ///
     /// # Errors
-    /// A body that does not carry its own weight.
-    pub fn rest_stiffness(&self) -> Result<[[f64; 6]; 6], FemError> {
-        let result = self.solve_wrench(&[0.0; 6])?;
+    /// A body that does not carry its own weight; the cancel flag.
+    pub fn rest_stiffness(&self, watch: Watch) -> Result<[[f64; 6]; 6], FemError> {
+        let result = self.result_at_rest(watch);
         match result.status {
             Status::Solved => Ok(result.stiffness),
+            Status::Cancelled => Err(FemError::Cancelled),
             status => Err(FemError::NoRest {
                 status: status.word(),
             }),
@@ -264,10 +252,10 @@ impl Fem {
     ///
     /// # Errors
     /// A load that is not finite.
-    pub fn solve_field(&self, load: &Load) -> Result<(CaseResult, Field), FemError> {
+    pub fn solve_field(&self, load: &Load, watch: Watch) -> Result<(CaseResult, Field), FemError> {
         self.check_load(0, load)?;
         let mut work = Workspace::new(self);
-        let (result, state) = self.follow_from_rest(&mut work, load, Watch::default());
+        let (result, state) = self.follow_from_rest(&mut work, load, watch);
         Ok((result, state.field))
     }
 

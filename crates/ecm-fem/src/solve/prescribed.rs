@@ -70,7 +70,11 @@ impl Fem {
     ///
     /// # Errors
     /// A list of the wrong length, or an entry that is not finite.
-    pub fn solve_prescribed(&self, displacement_m: &[f64]) -> Result<PrescribedResult, FemError> {
+    pub fn solve_prescribed(
+        &self,
+        displacement_m: &[f64],
+        watch: Watch,
+    ) -> Result<PrescribedResult, FemError> {
         self.check_components("prescribed displacement", displacement_m)?;
         let mut work = Workspace::new(self);
         let load = Load::Pose(self.rest().platform.pose());
@@ -88,7 +92,7 @@ impl Fem {
                 }
             }
             let most = (self.settings.iterations, MOST_UNSTABLE_ITERATES);
-            let outcome = self.newton(&mut work, &mut state, &load, most, Watch::default());
+            let outcome = self.newton(&mut work, &mut state, &load, most, watch);
             let failure = match outcome {
                 Ok(n) => {
                     iterations += n;
@@ -107,7 +111,7 @@ impl Fem {
                 }
             };
             step *= 0.5;
-            if step < self.settings.smallest_load_step {
+            if failure == Status::Cancelled || step < self.settings.smallest_load_step {
                 break failure;
             }
             state.clone_from(&last_equilibrium);

@@ -303,7 +303,7 @@ fn plate(n: [usize; 2]) -> Mesh {
             nodes.extend([0.0, 0.1].map(|z| [i as f64 / n[0] as f64, y, z]));
         }
     }
-    let tets = Mesh::with_mid_nodes(&mut nodes, &corners);
+    let tets = Mesh::with_mid_nodes(&mut nodes, &corners).unwrap();
     Mesh::without_faces(nodes, tets, 1.0).unwrap()
 }
 

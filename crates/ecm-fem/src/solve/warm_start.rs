@@ -106,8 +106,12 @@ impl WarmStart {
         let floats = (rest.chunks_exact(4)).map(|b| b.try_into().map(f32::from_le_bytes));
         let scale: Vec<f64> = doubles.collect::<Result<_, _>>().ok()?;
         let coefficients: Vec<f32> = floats.collect::<Result<_, _>>().ok()?;
+        // A larger degree than any that is fitted would ask for all memory.
+        if degree > CASES_FOR_DEGREE[0].0 {
+            return None;
+        }
         let mut row = Vec::new();
-        monomials(&[0.0; 6], degree.min(CASES_FOR_DEGREE[0].0), &mut row);
+        monomials(&[0.0; 6], degree, &mut row);
         (row.len() == terms && rest.len() % (4 * terms) == 0).then_some(Self {
             degree,
             scale: scale.try_into().ok()?,

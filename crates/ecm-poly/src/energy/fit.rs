@@ -7,7 +7,7 @@ use ecm_se3::{Mat6, Vec6};
 use crate::energy::groups::Group;
 use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
-use crate::energy::regressor::{check_length, regressor};
+use crate::energy::regressor::{Regressor, check_length};
 use crate::energy::terms::EnergyTerms;
 use crate::error::{ModelError, check_count, check_finite, check_sizes, checked_poses};
 use crate::regression::Method;
@@ -97,24 +97,30 @@ impl EnergyFit<'_> {
         if let Some(covariance) = self.covariance {
             check_count("covariance", "rows", covariance.len(), poses.len())?;
         }
-        checked_poses("poses", poses)?;
-        let terms = self.terms()?;
-        let k = terms.count();
+        check_sizes("poses", poses.as_flattened(), 6)?;
+        let poses = checked_poses("poses", poses)?;
+        let regressor = Regressor::new(self.length_m, &self.terms()?, scale)?;
+        let columns = regressor.columns() + 1;
         let spreads = spreads(wrenches);
-        Triangle::of_rows(poses.len(), 6, k + 1, |range| {
-            let phi = regressor(&poses[range.clone()], self.length_m, &terms, scale)?;
-            let sides = wrenches[range.clone()].as_flattened();
-            let mut block = Vec::with_capacity(sides.len() * (k + 1));
-            for (row, side) in phi.chunks_exact(k).zip(sides) {
-                block.extend_from_slice(row);
-                block.push(*side);
-            }
-            match self.covariance {
-                Some(covariance) => {
-                    whiten(&covariance[range.clone()], &mut block, k + 1, range.start)?
+        Triangle::of_rows(poses.len(), 6, columns, |range| {
+            let mut block = std::vec![0.0; 6 * range.len() * columns];
+            let mut scratch = regressor.scratch();
+            for (row, lines) in range.zip(block.chunks_exact_mut(6 * columns)) {
+                let lower = match self.covariance {
+                    Some(covariance) => {
+                        cholesky(&covariance[row]).ok_or(ModelError::Covariance { row })?
+                    }
+                    None => spreads,
+                };
+                let weigh = |wrench: &mut Vec6<f64>| weigh(&lower, wrench);
+                regressor.rows(&poses[row], weigh, &mut scratch, (lines, columns));
+                let mut side = wrenches[row];
+                weigh(&mut side);
+                for (line, side) in lines.chunks_exact_mut(columns).zip(side) {
+                    line[columns - 1] = side;
                 }
-                None => weigh(&spreads, &mut block, k + 1),
             }
+            check_finite("the regressor", &block, columns)?;
             Ok(block)
         })
     }
@@ -162,6 +168,7 @@ impl EnergyFit<'_> {
             }
         }
         check_finite("the covariance of the coefficients", &covariance, k)?;
+        check_finite("the sum of the squared residuals", &[residual], 1)?;
         let mut model = EnergyModel::of_terms(self.length_m, terms, scale, &coefficients)?;
         model.set_fit(
             covariance,
@@ -201,30 +208,12 @@ pub fn scale_of(poses: &[Vec6<f64>], length_m: f64) -> Result<[f64; 2], ModelErr
     Ok([usable(largest[0], 0.1 * length_m), usable(largest[1], 1.0)])
 }
 
-/// Multiplies the six rows of each pose by L⁻¹, Σ = L Lᵀ; `first` is the number of the first pose.
-fn whiten(
-    covariance: &[Mat6<f64>],
-    block: &mut [f64],
-    columns: usize,
-    first: usize,
-) -> Result<(), ModelError> {
-    let poses = block.chunks_exact_mut(6 * columns);
-    for (row, (sigma, rows)) in (first..).zip(covariance.iter().zip(poses)) {
-        let factor = cholesky(sigma).ok_or(ModelError::Covariance { row })?;
-        for i in 0..6 {
-            for j in 0..i {
-                let l = factor[i][j];
-                let (above, below) = rows.split_at_mut(i * columns);
-                for t in 0..columns {
-                    below[t] -= l * above[j * columns + t];
-                }
-            }
-            for t in 0..columns {
-                rows[i * columns + t] /= factor[i][i];
-            }
-        }
+/// L⁻¹ h in place of h.
+fn weigh(lower: &Mat6<f64>, wrench: &mut Vec6<f64>) {
+    for i in 0..6 {
+        let before: f64 = (0..i).map(|j| lower[i][j] * wrench[j]).sum();
+        wrench[i] = (wrench[i] - before) / lower[i][i];
     }
-    Ok(())
 }
 
 /// Lower L with L Lᵀ = Σ; `None` where Σ is not symmetric positive definite.
@@ -253,20 +242,14 @@ fn cholesky(sigma: &Mat6<f64>) -> Option<Mat6<f64>> {
     Some(l)
 }
 
-/// Standard deviation of each wrench component over the rows; 1 where it never varies.
-fn spreads(wrenches: &[Vec6<f64>]) -> [f64; 6] {
+/// Diagonal matrix of the standard deviations of the wrench components; 1 for one that never varies.
+fn spreads(wrenches: &[Vec6<f64>]) -> Mat6<f64> {
     let n = wrenches.len() as f64;
-    std::array::from_fn(|component| {
+    let spread = |component: usize| {
         let values = || wrenches.iter().map(|h| h[component]);
         let mean = values().sum::<f64>() / n;
         let square = values().map(|h| (h - mean).powi(2)).sum::<f64>() / n;
         if square > 0.0 { square.sqrt() } else { 1.0 }
-    })
-}
-
-/// Divides the six rows of each pose by the spread of their component.
-fn weigh(spreads: &[f64; 6], block: &mut [f64], columns: usize) {
-    for (row, spread) in block.chunks_exact_mut(columns).zip(spreads.iter().cycle()) {
-        row.iter_mut().for_each(|x| *x /= spread);
-    }
+    };
+    std::array::from_fn(|i| std::array::from_fn(|j| if i == j { spread(i) } else { 0.0 }))
 }

@@ -1,10 +1,11 @@
 //! The regressor Φ of an energy: wrenches are linear in its coefficients, h = Φ β.
 
+use std::boxed::Box;
 use std::format;
 use std::vec::Vec;
 
-use ecm_se3::Vec6;
 use ecm_se3::mid_frame::MidFrame;
+use ecm_se3::{Mat6, Pose, Vec6};
 
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::fill_monomials;
@@ -25,29 +26,102 @@ pub fn regressor(
     terms: &EnergyTerms,
     scale: [f64; 2],
 ) -> Result<Vec<f64>, ModelError> {
-    check_length(length_m)?;
-    check_scale(scale)?;
     check_sizes("poses", poses.as_flattened(), 6)?;
     let poses = checked_poses("poses", poses)?;
-    let symmetric = terms.symmetric().iter().map(|e| std::vec![(*e, 1.0)]);
-    let symmetric = Columns::new(terms.symmetry(), symmetric, scale);
-    let broken = terms.broken().iter().map(|term| term.monomials.clone());
-    let broken = Columns::new(Symmetry::General, broken, scale);
-    let k = terms.count();
+    let regressor = Regressor::new(length_m, terms, scale)?;
+    let k = regressor.columns();
     let mut matrix = std::vec![0.0; 6 * poses.len() * k];
+    let mut scratch = regressor.scratch();
     for (pose, block) in poses.iter().zip(matrix.chunks_exact_mut((6 * k).max(1))) {
-        let frame = MidFrame::new(pose, length_m);
-        let mut add = |t: usize, column: Vec6<f64>| {
-            for i in 0..6 {
-                block[i * k + t] = column[i];
-            }
-        };
-        symmetric.wrenches(&frame, &mut add);
-        let first = symmetric.count;
-        broken.wrenches(&frame, &mut |t, column| add(first + t, column));
+        regressor.rows(pose, |_| {}, &mut scratch, (block, k));
     }
     check_finite("the regressor", &matrix, k)?;
     Ok(matrix)
+}
+
+/// The terms of an energy, ready to give the six rows of Φ of any pose.
+pub(crate) struct Regressor {
+    length_m: f64,
+    /// Of the symmetry and of the groups.
+    parts: [Columns; 2],
+}
+
+/// Numbers of one pose.
+pub(crate) struct Scratch {
+    monomials: Box<[f64; LARGEST_MEMORY]>,
+    /// ∂U/∂v of each term; what no slope fills stays 0.
+    slopes: [[Vec<f64>; 6]; 2],
+}
+
+impl Regressor {
+    /// # Errors
+    /// A length or scale that is not above 0.
+    pub(crate) fn new(
+        length_m: f64,
+        terms: &EnergyTerms,
+        scale: [f64; 2],
+    ) -> Result<Self, ModelError> {
+        check_length(length_m)?;
+        check_scale(scale)?;
+        let symmetric = terms.symmetric().iter().map(|e| std::vec![(*e, 1.0)]);
+        let broken = terms.broken().iter().map(|term| term.monomials.clone());
+        let parts = [
+            Columns::new(terms.symmetry(), symmetric, scale),
+            Columns::new(Symmetry::General, broken, scale),
+        ];
+        Ok(Self { length_m, parts })
+    }
+
+    /// Number of terms.
+    pub(crate) fn columns(&self) -> usize {
+        self.parts.iter().map(|part| part.count).sum()
+    }
+
+    pub(crate) fn scratch(&self) -> Scratch {
+        let slopes = |part: &Columns| std::array::from_fn(|_| std::vec![0.0; part.count]);
+        Scratch {
+            monomials: Box::new([1.0; LARGEST_MEMORY]),
+            slopes: [slopes(&self.parts[0]), slopes(&self.parts[1])],
+        }
+    }
+
+    /// Writes the six rows of a pose, `stride` numbers apart; `weigh` changes each wrench linearly.
+    ///
+    /// A term's wrench is linear in its ∂U/∂v. So the wrenches of six unit slopes, weighed once,
+    /// serve all terms.
+    pub(crate) fn rows(
+        &self,
+        pose: &Pose<f64>,
+        weigh: impl Fn(&mut Vec6<f64>),
+        scratch: &mut Scratch,
+        (rows, stride): (&mut [f64], usize),
+    ) {
+        let frame = MidFrame::new(pose, self.length_m);
+        let q = frame.coordinates();
+        let mut first = 0;
+        for (part, slopes) in self.parts.iter().zip(&mut scratch.slopes) {
+            if part.count == 0 {
+                continue;
+            }
+            part.fill_slopes(&q, &mut scratch.monomials, slopes);
+            let wrenches: Mat6<f64> = std::array::from_fn(|i| {
+                let unit = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
+                let mut wrench = frame.wrench(&part.symmetry.gradient(&q, &unit)).to_array();
+                weigh(&mut wrench);
+                wrench
+            });
+            let [s0, s1, s2, s3, s4, s5] = slopes.each_ref().map(|s| &s[..part.count]);
+            for (i, row) in rows.chunks_mut(stride).enumerate().take(6) {
+                let w = wrenches.map(|wrench| wrench[i]);
+                for (t, x) in row[first..first + part.count].iter_mut().enumerate() {
+                    *x = (w[0] * s0[t] + w[1] * s1[t])
+                        + (w[2] * s2[t] + w[3] * s3[t])
+                        + (w[4] * s4[t] + w[5] * s5[t]);
+                }
+            }
+            first += part.count;
+        }
+    }
 }
 
 /// The plan of a sum of terms, kept apart term by term.
@@ -101,21 +175,20 @@ impl Columns {
         }
     }
 
-    /// Gives `take` the number and the wrench of each term.
-    fn wrenches(&self, frame: &MidFrame<f64>, take: &mut impl FnMut(usize, Vec6<f64>)) {
-        if self.count == 0 {
-            return;
+    /// ∂U/∂v of each term at mid-frame coordinates q.
+    fn fill_slopes(
+        &self,
+        q: &Vec6<f64>,
+        monomials: &mut [f64; LARGEST_MEMORY],
+        slopes: &mut [Vec<f64>; 6],
+    ) {
+        fill_monomials(&self.products, &self.symmetry.variables(q), monomials);
+        for slope in &self.slopes {
+            slopes[slope.variable][slope.term] = 0.0;
         }
-        let q = frame.coordinates();
-        let mut monomials = [1.0; LARGEST_MEMORY];
-        fill_monomials(&self.products, &self.symmetry.variables(&q), &mut monomials);
-        for slopes in self.slopes.chunk_by(|a, b| a.term == b.term) {
-            let mut first = [0.0; 6];
-            for slope in slopes {
-                first[slope.variable] += slope.weight * monomials[usize::from(slope.monomial)];
-            }
-            let force = self.symmetry.gradient(&q, &first);
-            take(slopes[0].term, frame.wrench(&force).to_array());
+        for slope in &self.slopes {
+            let value = slope.weight * monomials[usize::from(slope.monomial)];
+            slopes[slope.variable][slope.term] += value;
         }
     }
 }

@@ -5,6 +5,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
+use ecm_se3::Real;
 use serde_json::{Map, Value};
 
 use crate::energy::invariants::Symmetry;
@@ -54,7 +55,12 @@ pub fn export(
     let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
+    let half_turn = match precision {
+        Precision::Single => format!("{:e}", half_turn_squared::<f32>()),
+        Precision::Double => format!("{:e}", half_turn_squared::<f64>()),
+    };
     let (sum, inputs, outputs) = (text("sha256"), columns("inputs"), columns("outputs"));
+    let turns = turns(&inputs);
     let common = [
         ("NAME", name.as_str()),
         ("GUARD", &guard),
@@ -67,10 +73,12 @@ pub fn export(
         ("N", &sizes[0]),
         ("M", &sizes[1]),
         ("NM", &sizes[2]),
+        ("TURNS", &turns),
+        ("HALFTURN", &half_turn),
     ];
     let golden = Golden::new(&model, precision)?;
     let hold = list(golden.hold.iter().map(|&x| cast(x, &name)));
-    let golden = golden_header(&golden, &name, n, m);
+    let golden = golden_header(&golden, &name, (n, m), &turns);
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
         text,
@@ -203,7 +211,22 @@ fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
     Ok((text, rows.len() + n))
 }
 
-fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
+/// 1 for each input that is a component of the rotation vector, else 0.
+fn turns(inputs: &str) -> String {
+    let is_turn = |name: &str| name.starts_with("theta_") && name.ends_with("_rad");
+    list(
+        inputs
+            .split(", ")
+            .map(|name| u8::from(is_turn(name)).to_string()),
+    )
+}
+
+/// The limit of [`ecm_se3::Pose::checked`].
+fn half_turn_squared<R: Real>() -> R {
+    R::PI * R::PI * (R::ONE + R::from_u16(8) * R::EPSILON)
+}
+
+fn golden_header(golden: &Golden, name: &str, (n, m): (usize, usize), turns: &str) -> String {
     let table = |rows: &[Vec<f64>]| {
         let lines = rows
             .iter()
@@ -217,6 +240,7 @@ fn golden_header(golden: &Golden, name: &str, n: usize, m: usize) -> String {
          #include \"{name}.h\"\n\nenum {{ {name}_golden_count = {count} }};\n\n\
          static const {name}_real {name}_golden_h_tolerance = {h};\n\
          static const {name}_real {name}_golden_k_tolerance = {k};\n\
+         static const uint8_t {name}_golden_turns[{n}] = {{{turns}}};\n\
          static const {name}_real {name}_golden_p[{count}][{n}] = {{{points}}};\n\
          static const {name}_real {name}_golden_h[{count}][{m}] = {{{values}}};\n\
          static const {name}_real {name}_golden_k[{count}][{size}] = {{{jacobians}}};\n\n#endif\n",

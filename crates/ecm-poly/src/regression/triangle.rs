@@ -4,11 +4,18 @@
 //! triangle of two stacked triangles is that of their rows (TSQR: Demmel, Grigori, Hoemmen and Langou,
 //! SIAM J. Sci. Comput. 34 (2012) A206). No block of rows outlives its turn, and unlike in the Gram
 //! matrix the condition number is not squared.
+//!
+//! A block B joins R by matrix products alone, twice as fast as by Householder's reflections: with
+//! Z = B R⁻¹ the rows of both have the Gram matrix Rᵀ (I + Zᵀ Z) R, so that the next triangle is Lᵀ R
+//! of L Lᵀ = I + Zᵀ Z. That matrix has a condition number of at most its trace, whatever that of R is;
+//! a block whose rows are far beyond those before it goes by reflections.
 
 use std::ops::Range;
 use std::vec::Vec;
 
-use faer::{Mat, MatRef};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 use rayon::prelude::*;
 
 use crate::dense::ThinSvd;
@@ -19,6 +26,8 @@ use crate::regression::{Method, Solution, solve};
 const BLOCK: usize = 1 << 17;
 /// Blocks that one thread reduces in turn.
 const TURN: usize = 16;
+/// Largest trace of I + Zᵀ Z per column: four of the sixteen digits.
+const FAR: f64 = 1e4;
 
 /// R of rows [X | Y], and how many rows it stands for.
 #[derive(Clone, Debug)]
@@ -107,8 +116,51 @@ impl Triangle {
     pub fn add(&mut self, rows: &[f64]) {
         let columns = self.r.ncols();
         let count = rows.len() / columns.max(1);
-        self.stack(MatRef::from_row_major_slice(rows, count, columns));
+        let joined = count > columns && self.rows > columns && self.join(rows.to_vec(), count);
+        if !joined {
+            self.stack(MatRef::from_row_major_slice(rows, count, columns));
+        }
         self.rows += count;
+    }
+
+    /// R ← Lᵀ R with L Lᵀ = I + Zᵀ Z, Z = B R⁻¹ of the row-major rows B; whether they are near enough.
+    fn join(&mut self, mut rows: Vec<f64>, count: usize) -> bool {
+        let columns = self.r.ncols();
+        let mut z = MatMut::from_column_major_slice_mut(&mut rows, columns, count);
+        solve_lower_triangular_in_place(self.r.transpose(), z.as_mut(), Par::Seq);
+        let mut gram = Mat::identity(columns, columns);
+        triangular::matmul(
+            &mut gram,
+            BlockStructure::TriangularLower,
+            Accum::Add,
+            z.as_ref(),
+            BlockStructure::Rectangular,
+            z.as_ref().transpose(),
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        let trace: f64 = (0..columns).map(|j| gram[(j, j)]).sum();
+        if trace.is_nan() || trace > FAR * columns as f64 {
+            return false;
+        }
+        let Ok(factor) = gram.llt(Side::Lower) else {
+            return false;
+        };
+        let mut next = Mat::zeros(columns, columns);
+        triangular::matmul(
+            &mut next,
+            BlockStructure::TriangularUpper,
+            Accum::Replace,
+            factor.L().transpose(),
+            BlockStructure::TriangularUpper,
+            &self.r,
+            BlockStructure::TriangularUpper,
+            1.0,
+            Par::Seq,
+        );
+        self.r = next;
+        true
     }
 
     /// Adds the rows of another triangle.

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+import typer
 
 from ecm.cli.command import Data, command
 
@@ -12,6 +15,9 @@ class Options:
     """Check columns and units; say what was never excited and which effects can be tested."""
 
     data: Data
+    leave_out: Annotated[
+        bool, typer.Option("--leave-out", help="Record what is no measurement in NAME.toml.")
+    ] = False
 
 
 check = command("check", Options, tables=True)

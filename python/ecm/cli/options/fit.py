@@ -10,8 +10,8 @@ import typer
 from ecm.cli.command import Data, Out, command
 
 _MODELS = (
-    "choose, poly:D, linear .. cubic, energy4..6, energyD-revolution, energyD-general, "
-    "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML with [mechanism]."
+    "choose, poly:D, linear .. cubic, energyD, energyD-revolution, energyD-general, "
+    "energyD+GROUP, physics, rod, constant-curvature, gp, mlp, or a TOML."
 )
 
 
@@ -38,6 +38,10 @@ class Options:
     weights: Annotated[
         str, typer.Option("--weights", metavar="W", help="auto, noise or spread (docs/models.md).")
     ] = "auto"
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Save also what is worse than the mean."),
+    ] = False
 
 
 fit = command("fit", Options, tables=True, seed=True)

@@ -27,6 +27,9 @@ class Options:
     freeze: Annotated[
         list[str] | None, typer.Option("--freeze", metavar="NAME", help="Effect, or base, to keep.")
     ] = None
+    force: Annotated[
+        bool, typer.Option("--force", help="Save also a model that is worse than before.")
+    ] = False
 
 
 refit = command("refit", Options, tables=True)

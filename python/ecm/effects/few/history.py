@@ -98,7 +98,7 @@ def _load(wrenches: F, outputs: tuple[str, ...]) -> F:
 class MullinsSoftening(LinearEffect):
     """h (1 - eta s), s = 1 - |h| / max |h| so far, or tanh((max |h| - |h|) / w)."""
 
-    width: float
+    load_width: float
     """Load w over which the loss sets in, N or N m; 0: a straight line."""
 
     id = "mullins_softening"
@@ -120,8 +120,8 @@ class MullinsSoftening(LinearEffect):
         """The share that is lost, times -h."""
         load = _load(rows.wrench, rows.base.outputs)
         largest = largest_so_far(rows.table, load)
-        if self.width > 0.0:
-            lost = np.tanh((largest - load) / self.width)
+        if self.load_width > 0.0:
+            lost = np.tanh((largest - load) / self.load_width)
         else:
             lost = 1.0 - load / np.where(largest > 0.0, largest, 1.0)
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])

@@ -2,9 +2,38 @@
 #include "@NAME@.h"
 #include "@NAME@_golden.h"
 
+/* Whether nothing is said of inputs at which the model means nothing. */
+static int refused(const @NAME@_real *p)
+{
+    @NAME@_real h[@M@], once[@M@], k[@NM@];
+    int said = @NAME@_inside(p) != 0;
+    @NAME@_value(p, once);
+    @NAME@_value_and_stiffness(p, h, k);
+    for (int32_t j = 0; j < @M@; j++) {
+        said += (once[j] == once[j]) + (h[j] == h[j]);
+    }
+    for (int32_t j = 0; j < @NM@; j++) {
+        said += k[j] == k[j];
+    }
+    return said == 0;
+}
+
 int main(void)
 {
     int wrong = 0;
+    for (int32_t i = 0; i < @N@; i++) {
+        @NAME@_real p[@N@];
+        for (int32_t j = 0; j < @N@; j++) {
+            p[j] = @NAME@_golden_p[0][j];
+        }
+        if (@NAME@_golden_turns[i] > 0) {
+            p[i] = (@NAME@_real)3.2;
+            wrong += !refused(p);
+        }
+        p[i] = (@NAME@_real)0;
+        p[i] /= p[i];
+        wrong += !refused(p);
+    }
     for (int32_t i = 0; i < @NAME@_golden_count; i++) {
         @NAME@_real h[@M@], once[@M@], k[@NM@], far[@N@] = {0};
         far[0] = (@NAME@_real)1e9;

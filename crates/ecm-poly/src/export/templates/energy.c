@@ -15,6 +15,7 @@ static const real length_m = R(@LENGTH@);
 /* Squares of the largest |c| (m) and |theta| (rad) of the training data and 1 %. */
 static const real c_squared = R(@CSQUARED@);
 static const real theta_squared = R(@THETASQUARED@);
+static const real half_turn_squared = R(@HALFTURN@);
 static const uint16_t parent_of[MONOMIALS] = {@PARENTS@};
 static const uint8_t variable_of[MONOMIALS] = {@VARIABLES@};
 static const uint16_t row_end[28] = {@ENDS@};
@@ -32,6 +33,7 @@ typedef struct {
     real w[9];       /* J(theta/2)/2 */
     real inverse[9]; /* J(theta)^-1 */
     real q[6];
+    real refused;    /* 0, or NaN where p is not finite or |theta| > pi */
 } frame_t;
 
 static real dot(const real *a, const real *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -126,7 +128,9 @@ static void with_parts(const real *t, real x, real y, real z, real *m)
 static void prepare(const real *p, frame_t *f)
 {
     real h[3], c[3], g;
+    f->refused = R(0) / (real)(dot(p + 3, p + 3) <= half_turn_squared);
     for (int32_t i = 0; i < 3; i++) {
+        f->refused += p[i] - p[i];
         f->r[i] = p[i];
         f->theta[i] = p[3 + i];
         h[i] = R(0.5) * p[3 + i];
@@ -233,7 +237,7 @@ real @NAME@_energy(const real p[6])
     real m[MONOMIALS + 1];
     prepare(p, &f);
     monomials_at(f.q, m);
-    return row(0, m);
+    return row(0, m) + f.refused;
 }
 
 void @NAME@_value(const real p[6], real h[6])
@@ -247,6 +251,9 @@ void @NAME@_value(const real p[6], real h[6])
     }
     gradient(f.q, slope, force);
     wrench_of(&f, force, h);
+    for (int32_t i = 0; i < 6; i++) {
+        h[i] += f.refused;
+    }
 }
 
 void @NAME@_value_and_stiffness(const real p[6], real h[6], real k[36])
@@ -319,6 +326,12 @@ void @NAME@_value_and_stiffness(const real p[6], real h[6], real k[36])
                                  f.inverse[3 + i] * across[3 * j + 1] +
                                  f.inverse[6 + i] * across[3 * j + 2];
         }
+    }
+    for (int32_t i = 0; i < 6; i++) {
+        h[i] += f.refused;
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        k[i] += f.refused;
     }
 }
 

@@ -2,6 +2,7 @@
  *
  * Pose p = (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrench h in N and N m,
  * K = dh/dp (6 x 6, row by row). Model file sha256 @SUM@.
+ * h and K (and U) are NaN where p is not finite or |theta| > pi.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.
  * Time: neither loops nor branches depend on p. With @REAL@ in hardware every call takes the same

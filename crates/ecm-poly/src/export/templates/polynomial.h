@@ -2,6 +2,7 @@
  *
  * Inputs @INPUTS@; outputs @OUTPUTS@;
  * stiffness = d(outputs)/d(inputs), row by row. Model file sha256 @SUM@.
+ * Outputs and stiffness are NaN where an input is not finite, or rotation vectors pass half a turn.
  *
  * Reentrant: nothing static is written, so that tasks and interrupts may call at the same time.
  * Time: neither loops nor branches depend on p. With @REAL@ in hardware every call takes the same

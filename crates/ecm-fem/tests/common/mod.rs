@@ -1,0 +1,73 @@
+//! Numbers that break careless code, and a small body to try them on.
+#![allow(clippy::unwrap_used, dead_code, missing_docs)]
+
+use ecm_fem::{Fem, Material, Mesh, NeoHookean, Quality};
+use proptest::prelude::*;
+
+pub const COARSE: Quality = Quality::Custom {
+    rings: 1,
+    layers: 2,
+    around: 4,
+    layer_grading_per_mille: 1000,
+    ring_grading_per_mille: 1000,
+};
+
+pub fn neo() -> Box<dyn Material> {
+    Box::new(NeoHookean::new(1e6, 0.49).unwrap())
+}
+
+pub fn mesh() -> Mesh {
+    Mesh::cylinder(0.1, 0.03, COARSE).unwrap()
+}
+
+pub fn fem() -> Fem {
+    Fem::new(mesh(), neo(), None).unwrap()
+}
+
+/// Any double, with the awkward ones often.
+pub fn hostile() -> impl Strategy<Value = f64> {
+    let awkward = [
+        0.0,
+        -0.0,
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN,
+        f64::MIN_POSITIVE,
+        5e-324,
+        1e-30,
+        1e30,
+        1e100,
+        -1.0,
+        std::f64::consts::PI,
+    ];
+    prop_oneof![
+        any::<f64>(),
+        prop::sample::select(awkward.to_vec()),
+        -3.0..3.0,
+    ]
+}
+
+pub fn six() -> impl Strategy<Value = [f64; 6]> {
+    // All six awkward at once hardly ever reach the solver: most numbers are ordinary.
+    prop_oneof![
+        prop::array::uniform6(hostile()),
+        (prop::array::uniform6(-1.0..1.0), 0..6usize, hostile()).prop_map(|(mut x, k, value)| {
+            x[k] = value;
+            x
+        }),
+        (prop::array::uniform6(-1.0..1.0), 0..30i32)
+            .prop_map(|(x, e)| x.map(|v| v * 10.0_f64.powi(e))),
+    ]
+}
+
+pub fn config(cases: u32) -> ProptestConfig {
+    // An explicit number in the environment goes before that of the test.
+    let cases = std::env::var("PROPTEST_CASES").map_or(cases, |n| n.parse().unwrap_or(cases));
+    ProptestConfig {
+        cases,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}

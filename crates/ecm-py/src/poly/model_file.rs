@@ -1,0 +1,63 @@
+//! Model files, and models as source code.
+
+use ecm_poly::export::Precision;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::error;
+use crate::errors::ModelError;
+
+/// A model document (JSON text, interfaces.md) checked, and sealed with its sha256.
+#[pyfunction]
+pub fn seal_model(document: &str) -> PyResult<String> {
+    ecm_poly::seal_model(document).map_err(error)
+}
+
+/// The document of a model file; ModelError when its sum, version, kind or a range is wrong.
+#[pyfunction]
+pub fn open_model<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
+    ecm_poly::open_model(text).map_err(error)?;
+    parsed(py, text)
+}
+
+/// JSON as Python objects, by Python's own reader.
+pub(super) fn parsed<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
+    let document = py.import("json")?.call_method1("loads", (text,))?;
+    Ok(document.cast_into::<PyDict>()?)
+}
+
+/// Source files, by path, of a model file's map: C with golden vectors, or a const Rust crate.
+#[pyfunction]
+#[pyo3(signature = (text, name, *, target, precision = "double"))]
+pub fn export_model<'py>(
+    py: Python<'py>,
+    text: &str,
+    name: &str,
+    target: &str,
+    precision: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let precision = match precision {
+        "double" => Precision::Double,
+        "single" => Precision::Single,
+        _ => {
+            return Err(ModelError::new_err(format!(
+                "precision is {precision:?}, expected double or single"
+            )));
+        }
+    };
+    let document = ecm_poly::open_model(text).map_err(error)?;
+    let files = match target {
+        "c" => ecm_poly::export::c::export(&document, name, precision),
+        "rust" => ecm_poly::export::rust::export(&document, name, precision),
+        _ => {
+            return Err(ModelError::new_err(format!(
+                "target is {target:?}, expected c or rust"
+            )));
+        }
+    };
+    let paths = PyDict::new(py);
+    for file in files.map_err(error)? {
+        paths.set_item(file.path, file.text)?;
+    }
+    Ok(paths)
+}

@@ -1,0 +1,102 @@
+"""Whether a model lacks something on given rows: structure in its residual that is no chance.
+
+One function answers for every command. Two tests look at the residual of the model as it stands:
+its lack of fit against repeats, and smooth functions of the pose, the order and every other column.
+Both compare with what is left in the same rows, so that noise that was stated too small or too
+large does not decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm.comparison.residuals import feature_columns
+from ecm.io.arrays import B, F
+from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
+from ecm.regression.f_test import lack_of_fit, omnibus_test
+from ecm.regression.repeats import repeat_cells
+from ecm.regression.rows import Rows
+
+LEVEL = 0.01
+"""Chance of a wrong rejection."""
+LEAST_STRENGTH = 0.15
+"""Structure weaker than this, in units of the noise, does not count: no base is better."""
+
+
+@dataclass(frozen=True)
+class StructureTest:
+    """The more significant of two tests of a residual.
+
+    Examples
+    --------
+    >>> StructureTest(F=8.0, p=1e-6, strength=0.5).found
+    True
+    >>> StructureTest(F=8.0, p=1e-6, strength=0.05).found
+    False
+    """
+
+    F: float
+    p: float
+    strength: float
+    """Root mean square of what the tests explain beyond chance, in units of the noise."""
+
+    @property
+    def found(self) -> bool:
+        """Whether structure is seen, and strong enough to count."""
+        return self.p < LEVEL and self.strength >= LEAST_STRENGTH
+
+
+def structure_test(
+    rows: Rows, whitened: F, whitener: F, scored: B, *, fitted: F | None = None
+) -> StructureTest:
+    """Test the residual of a model for structure.
+
+    Parameters
+    ----------
+    rows
+        N rows with their map.
+    whitened
+        (N, m) residual over its noise.
+    whitener
+        (N, m, m) of the rows.
+    scored
+        (N,) rows that measure a pose.
+    fitted
+        (N, m, k) whitened columns of the coefficients that were fitted to these rows; default none.
+    """
+    n, m = whitened.shape
+    own = np.zeros((n, m, 0)) if fitted is None else fitted
+    weights = scored.astype(np.float64)
+    values = other_columns(rows)
+    columns = np.concatenate(
+        [
+            feature_columns(rows, whitener, max(1, min(90, n // 3))),
+            np.einsum("nij,nq->niqj", whitener, values).reshape(n, m, -1),
+        ],
+        axis=2,
+    )
+    tests = [omnibus_test(whitened, columns, own, weights)]
+    cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
+    repeated = lack_of_fit(whitened, cells, own.shape[2], weights)
+    if repeated is not None:
+        tests.append(repeated)
+    tests = [test for test in tests if np.isfinite(test.F)]
+    if not tests:
+        return StructureTest(float("nan"), 1.0, 0.0)
+    best = min(tests, key=lambda test: test.p)
+    # Over the noise of the row, not over the rest: so far the noise is believed.
+    chance = best.dof * best.rest / best.dof_error
+    beyond = max(0.0, best.explained - chance) / max(1.0, float(weights.sum()) * m)
+    return StructureTest(best.F, min(1.0, best.p * len(tests)), float(np.sqrt(beyond)))
+
+
+def other_columns(rows: Rows) -> F:
+    """Return (N, q) standardised velocities, joints, their signs and tendons: no `features`."""
+    table = rows.table
+    names = [name for name in (*VELOCITY, *JOINTS, *JOINT_SIGNS) if table.has(name)]
+    names += [name for name in table.columns if name.startswith("tendon")]
+    values = [np.nan_to_num(table.column(name)) for name in names]
+    varying = [(v - v.mean()) / v.std() for v in values if float(np.ptp(v)) > 0.0]
+    return np.stack(varying, axis=1) if varying else np.zeros((len(rows), 0))

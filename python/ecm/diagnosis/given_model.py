@@ -1,0 +1,222 @@
+"""The answer about the model that was given: does it fit these data, and if not, what is wrong.
+
+The model is judged as it stands, by the same comparison as `ecm compare`. Where it errs, the same
+kind of model is fitted to these rows. If that brings the error down, the form of the model is right
+and its numbers are not: another specimen, another scale, other frames. If not, its form is too
+plain, or an effect is missing; the base that names are against tells which.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ecm.comparison.comparison import Comparison, compare
+from ecm.comparison.structure import StructureTest, structure_test
+from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.held_out import held_out_rms
+from ecm.diagnosis.to_json import fields_json
+from ecm.errors import EcmError
+from ecm.io.columns import unit_of
+from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.learned import LEARNED
+from ecm.models.physics.map import PhysicsMap
+from ecm.regression.folds import is_pose_row
+from ecm.regression.noise import Noise, whiteners
+from ecm.regression.thinning import spread_rows
+
+if TYPE_CHECKING:
+    from ecm.io.table import Table
+    from ecm.models.model import Model
+
+Answer = Literal["fits", "numbers", "form", "effect"]
+_MOST_ROWS = 1000
+"""Rows that a refit of the same kind uses."""
+_SCALED = 0.25
+"""One factor explains a misfit where it leaves at most this share of its squares."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one model on the rows of a diagnosis."""
+
+    over_noise: float | None
+    """Whitened rms; None where nothing is known of the noise."""
+    rmse: dict[str, float]
+    """Error of each component, in the unit of its column."""
+
+    def __str__(self) -> str:
+        parts = []
+        for unit in ("N", "N m"):
+            own = [v for name, v in self.rmse.items() if unit_of(name) == unit]
+            if own:
+                parts.append(f"{float(np.sqrt(np.mean(np.square(own)))):.3g} {unit}")
+        sized = ", ".join(parts)
+        if self.over_noise is None:
+            return sized
+        return f"{self.over_noise:.3g} times the noise ({sized})"
+
+
+@dataclass(frozen=True)
+class GivenModel:
+    """How the model that was given fits these data, beside the base that names are against."""
+
+    name: str
+    answer: Answer
+    """It fits; its numbers are wrong; its form is too plain; or an effect is missing."""
+    gate: StructureTest
+    """Test of its residual as it stands."""
+    as_given: Errors
+    """Errors as it stands, not refitted."""
+    refitted: Errors | None
+    """The same kind fitted to these rows, its coefficients counted; None where not fitted."""
+    with_effects: Errors | None = field(metadata={"optional": True})
+    """The same fitted with the accepted effects."""
+    base: str
+    """Name of the base that names are against."""
+    base_errors: Errors
+    """Errors of that base without effects; over the noise on held-out rows."""
+    is_base: bool
+    """Whether the base is the model itself, with E and nu fitted to these rows."""
+    scale: float | None = field(metadata={"optional": True})
+    """The wrench of these data over that of the model, where one factor explains the misfit."""
+
+    @property
+    def missing(self) -> bool:
+        """Whether the model lacks something on these rows, as it stands."""
+        return self.answer != "fits"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the part of the report."""
+        said = {"missing": self.missing, "sentence": self.sentence()}
+        return fields_json(self) | said
+
+    def sentence(self) -> str:
+        """Return what is wrong with the model, in plain words."""
+        if self.missing:
+            text = f"{self.name}, as it stands, errs {self.as_given} on these data"
+        else:
+            text = f"{self.name} fits these data: it errs {self.as_given}"
+        if not self.is_base:
+            text += f"; names are against another base, {self.base}, which errs {self.base_errors}"
+        return f"{text}.{self._advice()}"
+
+    def _advice(self) -> str:
+        again = "" if self.refitted is None else f" it errs {self.refitted}"
+        if self.answer == "fits":
+            return ""
+        if self.answer == "effect":
+            return (
+                f" Even refitted{again}: an effect is missing."
+                if again
+                else (" An effect is missing.")
+            )
+        if self.answer == "form":
+            return f" Refitted on them{again}, and the base fits: its form is too plain."
+        if not again:
+            return " The base fits: its numbers or its form are wrong; fit it again."
+        factor = "" if self.scale is None else f", the wrench is {self.scale:.3g} times its own"
+        return (
+            f" Refitted on them{again}: its form is fine, its numbers are not{factor}. Another "
+            "specimen, scale or frame: fit it again."
+        )
+
+
+def judge_given_model(model: Model, decision: Decision) -> GivenModel:
+    """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong."""
+    problem, prepared = decision.problem, decision.prepared
+    result = compare(model, prepared.table)
+    same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
+    noise, scored = result.noise, problem.scored
+    of_base = np.sqrt((problem.fit.residual[scored] ** 2).mean(axis=0))
+    base_errors = Errors(
+        None if problem.noise.is_residual else held_out_rms(problem, ()),
+        dict(zip(problem.base.outputs, of_base.tolist(), strict=True)),
+    )
+    again, after = None, None
+    still = decision.gate.rejected
+    if result.missing and not same:
+        again = refit_of_kind(model, prepared.unexplained, noise)
+        still = again is None or _structure(again, noise).found
+    refitted = _errors(again, noise) if again is not None else base_errors if same else None
+    accepted = [item.effect for item in decision.accepted.effects]
+    # An effect of the base's columns has no meaning for a model of fewer.
+    alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
+    if again is not None and accepted and alike:
+        after = _errors(joint_fit(again.base, accepted, again.rows.table, noise), noise)
+    answer = _answer(result.missing, refitted is not None and not still, decision)
+    return GivenModel(
+        name=model.name,
+        answer=answer,
+        gate=result.structure,
+        as_given=Errors(
+            None if noise.is_residual else result.whitened_rms,
+            {c.name: c.rmse for c in result.components},
+        ),
+        refitted=refitted if result.missing else None,
+        with_effects=after,
+        base=problem.base.name,
+        base_errors=base_errors,
+        is_base=same,
+        scale=_scale(model, prepared.table, result) if answer == "numbers" else None,
+    )
+
+
+def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
+    """Fit the model's own kind of map to a table without what its effects explain.
+
+    Returns
+    -------
+    JointFit or None
+        None for a learned map, and where half of the numbers or more would be coefficients.
+    """
+    if len(table) > _MOST_ROWS:
+        table = table.thinned(spread_rows(table, _MOST_ROWS))
+    base = model.base
+    if base.kind in LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
+        return None
+    try:
+        return joint_fit(base, (), table, noise)
+    except (EcmError, np.linalg.LinAlgError):
+        return None
+
+
+def _errors(fit: JointFit, noise: Noise) -> Errors:
+    """Return the errors of a fit, each coefficient counted as a degree of freedom."""
+    scored = is_pose_row(fit.rows.table)
+    whitened, residual = fit.whitened[scored], fit.residual[scored]
+    dof = max(1, whitened.size - fit.design.shape[2])
+    rms = np.sqrt((residual**2).mean(axis=0))
+    return Errors(
+        None if noise.is_residual else float(np.sqrt((whitened**2).sum() / dof)),
+        dict(zip(fit.base.outputs, rms.tolist(), strict=True)),
+    )
+
+
+def _structure(fit: JointFit, noise: Noise) -> StructureTest:
+    whitener = whiteners(noise.covariance(fit.rows, fit.base.error))
+    scored = is_pose_row(fit.rows.table)
+    return structure_test(fit.rows, fit.whitened, whitener, scored, fitted=fit.design)
+
+
+def _answer(missing: bool, fits_again: bool, decision: Decision) -> Answer:
+    if not missing:
+        return "fits"
+    if fits_again:
+        return "numbers"
+    # What the base does not lack either is no effect.
+    return "form" if decision.verdict == "none" else "effect"
+
+
+def _scale(model: Model, table: Table, result: Comparison) -> float | None:
+    """Return the factor on the wrench that explains the misfit; None where none does."""
+    measured = table.matrix(model.outputs)[result.row]
+    predicted = measured - result.physical
+    size = np.array([max(c.floor, 1e-300) for c in result.components])
+    y, x = (measured / size).ravel(), (predicted / size).ravel()
+    factor = float(x @ y) / max(float(x @ x), 1e-300)
+    before = float(((y - x) ** 2).sum()) - len(y)
+    after = float(((y - factor * x) ** 2).sum()) - len(y)
+    return factor if before > 0.0 and after < _SCALED * before else None

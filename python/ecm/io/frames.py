@@ -1,0 +1,245 @@
+"""Frames of a log: poses and wrenches in other axes, about other points, moved to the conventions.
+
+`[frames]` of a description says where the robot's base, the sensor and the tool are. It is applied
+once, when a table is read; afterwards the table is that of the top frame in the base frame, and its
+description has no `[frames]` any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm._native import rotation_matrices, rotation_vectors
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.settings import Checked, setting
+
+_FRAMES = ("base", "robot", "top", "tool", "sensor")
+_UNIT = 1e-3
+"""Largest deviation of a quaternion's norm from 1."""
+
+
+@dataclass(frozen=True)
+class Frames(Checked):
+    """[frames]: frames of the table's columns. Poses are position in m and quaternion w x y z.
+
+    The table's pose is that of the tool in the robot's base: with T the pose of a frame in another,
+    T(base, top) = base_from_robot T(robot, tool) top_from_tool^-1.
+
+    Examples
+    --------
+    >>> Frames(wrench_axes="tool").empty
+    False
+    """
+
+    base_from_robot: tuple[float, ...] | None = setting(
+        None, size=7, doc="robot's base in the base frame: x y z m, quaternion w x y z"
+    )
+    top_from_tool: tuple[float, ...] | None = setting(
+        None, size=7, doc="tool, whose pose the table has, in the top frame"
+    )
+    base_from_sensor: tuple[float, ...] | None = setting(
+        None, size=7, doc="a sensor that stands still, in the base frame"
+    )
+    wrench_axes: str = setting("base", choices=_FRAMES, doc="axes of force and moment")
+    wrench_point: str = setting("top", choices=_FRAMES, doc="origin about which the moment is")
+    wrench_by: str = setting(
+        "surroundings",
+        choices=("surroundings", "mechanism"),
+        doc="who exerts the wrench: the surroundings on the platform, or the mechanism",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("base_from_robot", "top_from_tool", "base_from_sensor"):
+            value = getattr(self, name)
+            if value is not None and abs(np.linalg.norm(value[3:]) - 1.0) > _UNIT:
+                raise InputError(
+                    f"{name} = {list(value)}: expected x y z in m and a unit quaternion w x y z"
+                )
+
+    @property
+    def empty(self) -> bool:
+        """Whether the columns are already in the base frame, about the top frame's origin."""
+        return self == Frames()
+
+    @property
+    def moves_pose(self) -> bool:
+        """Whether the table's pose is not yet that of the top frame in the base frame."""
+        return self.base_from_robot is not None or self.top_from_tool is not None
+
+
+@dataclass(frozen=True)
+class _Motions:
+    """Rotations (N, 3, 3) and positions (N, 3) of a frame in the base frame; N may be 1."""
+
+    rotation: F
+    position: F
+
+    def times(self, other: _Motions) -> _Motions:
+        """The frame whose pose in this frame is `other`."""
+        shift = np.einsum("nij,nj->ni", self.rotation, other.position)
+        return _Motions(self.rotation @ other.rotation, self.position + shift)
+
+    def inverse(self) -> _Motions:
+        back = self.rotation.transpose(0, 2, 1)
+        return _Motions(back, -np.einsum("nij,nj->ni", back, self.position))
+
+
+_REST = _Motions(np.eye(3)[None], np.zeros((1, 3)))
+
+
+def to_base(
+    columns: Mapping[str, NDArray[Any]],
+    frames: Frames,
+    top_from_sensor: tuple[float, ...] | None,
+    source: str,
+) -> dict[str, NDArray[Any]]:
+    """Return the columns with pose and wrench moved to the base frame and the top frame's origin.
+
+    A wrench moves by the adjoint: f' = R f, m' = R m + t x R f, (R, t) the pose of its old frame.
+
+    Raises
+    ------
+    InputError
+        Where a column is missing that the motion needs, or a frame is used that is not given.
+    """
+    moved = dict(columns)
+    if frames.empty:
+        return moved
+    _refuse_velocities(columns, source)
+    top = _tops(columns, frames, source)
+    if frames.moves_pose:
+        vectors = rotation_vectors(np.ascontiguousarray(top.rotation))
+        moved |= dict(zip(POSE, np.concatenate([top.position, vectors], axis=1).T, strict=True))
+    if any(name in columns for name in WRENCH):
+        moved |= _wrench(columns, frames, top, top_from_sensor, source)
+    return moved
+
+
+def _tops(columns: Mapping[str, NDArray[Any]], frames: Frames, source: str) -> _Motions:
+    """Pose of the top frame in the base frame, (N,); at rest where nothing depends on it."""
+    needed = (
+        frames.moves_pose
+        or frames.wrench_point != "top"
+        or frames.wrench_axes in ("top", "tool")
+        or (frames.wrench_axes == "sensor" and frames.base_from_sensor is None)
+    )
+    if not needed:
+        return _REST
+    missing = [name for name in POSE if name not in columns]
+    if missing:
+        raise InputError(
+            f"{source}: [frames] needs all six pose columns, and {', '.join(missing)} "
+            f"{'is' if len(missing) == 1 else 'are'} missing"
+        )
+    poses = np.column_stack([columns[name] for name in POSE]).astype(np.float64)
+    tool = _motions(poses)
+    return _given(frames.base_from_robot).times(tool).times(_given(frames.top_from_tool).inverse())
+
+
+def _motions(poses: F) -> _Motions:
+    """Motions of poses with rotation vectors of any length; a row with NaN stays one."""
+    bad = np.asarray(~np.isfinite(poses).all(axis=1))
+    vectors = np.ascontiguousarray(np.where(bad[:, None], 0.0, poses[:, 3:]))
+    position = np.where(bad[:, None], np.nan, poses[:, :3])
+    return _Motions(rotation_matrices(vectors), position)
+
+
+def _given(pose: tuple[float, ...] | None) -> _Motions:
+    """The motion of position and quaternion w x y z."""
+    if pose is None:
+        return _REST
+    w, x, y, z = np.asarray(pose[3:]) / np.linalg.norm(pose[3:])
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    return _Motions(rotation[None], np.asarray(pose[:3], dtype=np.float64)[None])
+
+
+def _wrench(
+    columns: Mapping[str, NDArray[Any]],
+    frames: Frames,
+    top: _Motions,
+    top_from_sensor: tuple[float, ...] | None,
+    source: str,
+) -> dict[str, NDArray[Any]]:
+    """Wrench columns in base axes about the top frame's origin."""
+    sign = -1.0 if frames.wrench_by == "mechanism" else 1.0
+    turn = _frame(frames.wrench_axes, frames, top, top_from_sensor, source).rotation
+    point = _frame(frames.wrench_point, frames, top, top_from_sensor, source).position
+    lever = point - top.position if frames.wrench_point != "top" else np.zeros((1, 3))
+    turns = frames.wrench_axes != "base"
+    moves = frames.wrench_point != "top"
+    if not turns and not moves:
+        return {name: sign * columns[name] for name in WRENCH if name in columns}
+    found: dict[str, NDArray[Any]] = {}
+    force = _three(columns, WRENCH[:3], turn, turns, source)
+    moment = _three(columns, WRENCH[3:], turn, turns, source)
+    if moves and moment is not None:
+        if force is None:
+            raise InputError(f"{source}: [frames] wrench_point needs fx_N, fy_N and fz_N")
+        moment = moment + np.cross(np.broadcast_to(lever, force.shape), force)
+    for names, values in ((WRENCH[:3], force), (WRENCH[3:], moment)):
+        if values is not None:
+            found |= dict(zip(names, sign * values.T, strict=True))
+    return found
+
+
+def _three(
+    columns: Mapping[str, NDArray[Any]], names: tuple[str, ...], turn: F, turns: bool, source: str
+) -> F | None:
+    """(N, 3) vectors turned to base axes; None where none of the columns is there."""
+    present = [name for name in names if name in columns]
+    if not present:
+        return None
+    if len(present) < 3:
+        raise InputError(
+            f"{source}: [frames] turns or moves the wrench and needs {', '.join(names)}, but only "
+            f"{', '.join(present)} {'is' if len(present) == 1 else 'are'} there"
+        )
+    vectors = np.column_stack([columns[name] for name in names]).astype(np.float64)
+    return np.asarray(np.einsum("nij,nj->ni", np.broadcast_to(turn, (len(vectors), 3, 3)), vectors)
+                      if turns else vectors)  # fmt: skip
+
+
+def _frame(
+    word: str,
+    frames: Frames,
+    top: _Motions,
+    top_from_sensor: tuple[float, ...] | None,
+    source: str,
+) -> _Motions:
+    """Pose of a named frame in the base frame."""
+    if word == "base":
+        return _REST
+    if word == "top":
+        return top
+    if word == "robot":
+        return _given(_needed(frames.base_from_robot, "base_from_robot", word, source))
+    if word == "tool":
+        return top.times(_given(frames.top_from_tool))
+    if frames.base_from_sensor is not None:
+        return _given(frames.base_from_sensor)
+    name = "[frames] base_from_sensor, or [instrument] top_from_sensor,"
+    return top.times(_given(_needed(top_from_sensor, name, word, source)))
+
+
+def _needed(pose: tuple[float, ...] | None, name: str, word: str, source: str) -> tuple[float, ...]:
+    if pose is None:
+        raise InputError(f"{source} [frames]: wrench in '{word}': {name} is missing")
+    return pose
+
+
+def _refuse_velocities(columns: Mapping[str, NDArray[Any]], source: str) -> None:
+    for name in columns:
+        if name.startswith(("v_", "sd_")) and name.split("_", 1)[1] in (*POSE, *WRENCH):
+            raise InputError(
+                f"{source}: [frames] does not move the column '{name}'. Leave it out, or give the "
+                "table in base axes."
+            )

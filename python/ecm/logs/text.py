@@ -1,0 +1,231 @@
+"""Text files with any separator: preamble, comments, a row of units, decimal points or commas."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.logs.log import Log
+from ecm.logs.units import find_unit
+
+_SAMPLE = 400
+"""Lines from which separator and first row of numbers are found."""
+_COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
+_DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
+
+
+def read_text_log(path: Path) -> Log:
+    """Read a text file of numbers; InputError where no rows of numbers are found."""
+    lines = _decoded(path).splitlines()
+    kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
+    comments = [line for line in lines if _COMMENT.match(line)]
+    word, split, begin, width = _layout(kept[:_SAMPLE], path)
+    comma = word != "commas" and _has_decimal_comma(kept[begin : begin + _SAMPLE], split)
+    above = [_trimmed(split(line)) for line in kept[:begin]]
+    names, units = _header(above, comments, split, width)
+    columns, text, bad = _columns(kept[begin:], split, width, comma, names)
+    notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
+    if len(kept[:begin]) > bool(above) + bool(units):
+        notes.append(f"{begin} line(s) above the numbers")
+    if not above and not _named_by_comment(comments, split, width):
+        notes.append("no line of names: the columns are called column_1, column_2, ...")
+    if bad:
+        notes.append(f"{bad} line(s) do not have {width} cells and were left out")
+    return Log(columns, text, units, tuple(notes))
+
+
+def _decoded(path: Path) -> str:
+    raw = path.read_bytes()
+    for encoding in ("utf-16",) if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig",):
+        try:
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            break
+    if b"\0" in raw[:65536]:
+        raise InputError(f"{path}: a binary file of a kind that is not known here")
+    return raw.decode("latin-1")
+
+
+def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str]], int, int]:
+    """Separator (its word and a splitter), first row of numbers, and number of cells."""
+    best: tuple[float, str, int, int] | None = None
+    for word, split in _SEPARATORS.items():
+        cells = [_trimmed(split(line)) for line in lines]
+        counts = [len(row) for row in cells[len(cells) // 2 :]]
+        if not counts:
+            continue
+        width = max(set(counts), key=lambda n: (counts.count(n), n))
+        shares = [
+            sum(_is_number(c, word != "commas") for c in row) / width if len(row) == width else 0.0
+            for row in cells
+        ]
+        late = shares[len(shares) // 2 :]
+        typical = float(np.median(late))
+        begin = next((i for i, s in enumerate(shares) if s >= 0.5 and s >= 0.8 * typical), None)
+        if begin is None or typical <= 0.0:
+            continue
+        score = sum(late) / len(late) + 1e-3 * width
+        if best is None or score > best[0]:
+            best = (score, word, begin, width)
+    if best is None:
+        raise InputError(
+            f"{path}: no rows of numbers were found with commas, semicolons, tabs or spaces "
+            "between them. Save the log as CSV with one header line."
+        )
+    return best[1], _SEPARATORS[best[1]], best[2], best[3]
+
+
+def _header(
+    above: list[list[str]],
+    comments: list[str],
+    split: Callable[[str], list[str]],
+    width: int,
+) -> tuple[list[str], dict[str, str]]:
+    """Names and units from the lines above the numbers, else from the last comment."""
+    rows = [row for row in above if len(row) == width]
+    unit_row: list[str] = []
+    if len(rows) > 1 and _is_unit_row(rows[-1]):
+        unit_row = rows.pop()
+    if rows:
+        names = rows[-1]
+        if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z
+            names = _grouped(rows[-2], names)
+    else:
+        names = _named_by_comment(comments, split, width)
+    names = [name.strip().strip('"') or f"column_{i + 1}" for i, name in enumerate(names)]
+    names = names or [f"column_{i + 1}" for i in range(width)]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            names[i] = f"{name}_{i + 1}"
+    units = {n: u for n, u in zip(names, unit_row, strict=False) if find_unit(u) is not None}
+    return names, units
+
+
+def _named_by_comment(
+    comments: list[str], split: Callable[[str], list[str]], width: int
+) -> list[str]:
+    """Names in the last comment that has the width of the rows."""
+    for line in reversed(comments):
+        cells = _trimmed(split(_COMMENT.sub("", line).strip()))
+        if len(cells) == width and not any(_is_number(cell, True) for cell in cells):
+            return cells
+    return []
+
+
+def _grouped(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
+    group, names = "", []
+    for above, name in zip(upper, lower, strict=True):
+        group = above.strip() or group
+        names.append(f"{group} {name}".strip())
+    return names
+
+
+def _is_unit_row(cells: Sequence[str]) -> bool:
+    """Whether a line holds units: each cell a unit, empty or `-`, and one of them a unit."""
+    words = [cell.strip().strip('[]()"') for cell in cells]
+    known = [find_unit(word) is not None for word in words if word not in ("", "-", "1")]
+    return bool(known) and all(known)
+
+
+def _columns(
+    lines: list[str],
+    split: Callable[[str], list[str]],
+    width: int,
+    comma: bool,
+    names: list[str],
+) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
+    """Numbers and text by name, and the count of lines with another number of cells."""
+    fast = _all_numbers(lines, split, width, comma)
+    if fast is not None:
+        return dict(zip(names, fast.T, strict=True)), {}, 0
+    rows = [_trimmed(split(line)) for line in lines]
+    good = [row for row in rows if len(row) == width]
+    columns: dict[str, F] = {}
+    text: dict[str, NDArray[np.object_]] = {}
+    for name, cells in zip(names, zip(*good, strict=True), strict=True):
+        values = np.array([_number(cell, comma) for cell in cells])
+        if np.isfinite(values).mean() > 0.5:
+            columns[name] = values
+        else:
+            times = _clock(cells)
+            if times is None:
+                text[name] = np.array([cell.strip().strip('"') for cell in cells], dtype=object)
+            else:
+                columns[name] = times
+    return columns, text, len(rows) - len(good)
+
+
+def _all_numbers(
+    lines: list[str], split: Callable[[str], list[str]], width: int, comma: bool
+) -> F | None:
+    """(N, width) where every cell is a number, by numpy's reader; None otherwise."""
+    separator = next(
+        (s for s in ";\t,|" if split(f"1{s}2") == ["1", "2"]), None
+    )  # None: any spaces
+    body = "\n".join(lines)
+    try:
+        values = np.loadtxt(
+            io.StringIO(body.replace(",", ".") if comma else body),
+            delimiter=separator, comments=None, ndmin=2,
+        )  # fmt: skip
+    except ValueError:
+        return None
+    return values if values.shape[1] == width else None
+
+
+def _clock(cells: Sequence[str]) -> F | None:
+    """Seconds since the first cell, of dates and times in ISO form; None where a cell is none."""
+    try:
+        times = [
+            datetime.fromisoformat(cell.strip().strip('"').replace("/", "-")) for cell in cells
+        ]
+    except ValueError:
+        return None
+    return np.array([(time - times[0]).total_seconds() for time in times])
+
+
+def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]]) -> bool:
+    return any(_DECIMAL_COMMA.match(cell.strip()) for line in lines for cell in split(line))
+
+
+def _is_number(cell: str, comma: bool) -> bool:
+    return not np.isnan(_number(cell, comma))
+
+
+def _number(cell: str, comma: bool) -> float:
+    text = cell.strip().strip('"')
+    if comma and _DECIMAL_COMMA.match(text):
+        text = text.replace(",", ".")
+    try:
+        return float("nan") if "_" in text else float(text)
+    except ValueError:
+        return float("nan")
+
+
+def _quoted_split(line: str) -> list[str]:
+    if '"' not in line:
+        return line.split(",")
+    return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
+
+
+def _trimmed(cells: list[str]) -> list[str]:
+    """The cells without one empty cell that a separator at the end of the line makes."""
+    return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
+
+
+_SEPARATORS: dict[str, Callable[[str], list[str]]] = {
+    "semicolons": lambda line: line.split(";"),
+    "tabs": lambda line: line.split("\t"),
+    "commas": _quoted_split,
+    "bars": lambda line: line.split("|"),
+    "spaces": str.split,
+}
+"""How a line becomes cells, by the word for its separator."""

@@ -1,0 +1,112 @@
+"""The verdict is about the model that was given: April's model on May's data, slow on fast."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.comparison import compare
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table, as_table
+from ecm.models import Model, fit_model
+from support.campaigns import workspace_poses
+from support.stand_in import L, wrench
+
+META = Meta(
+    mechanism={"length_m": L},
+    instrument=Instrument(
+        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+    ),
+)
+
+
+def measured(seed: int, *, factor: float = 1.0, rows: int = 120) -> Table:
+    """Rows of the closed form with noise; another specimen is stiffer by a factor."""
+    poses, random = workspace_poses(rows, seed), np.random.default_rng([seed, 1])
+    noise = random.standard_normal((rows, 6)) * [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
+    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": 9.0 * np.arange(rows)}
+    columns |= dict(zip(WRENCH, (factor * wrench(poses) + noise).T, strict=True))
+    return as_table(columns, meta=META)
+
+
+def model(name: str = "energy6", seed: int = 0) -> Model:
+    return fit_model(measured(seed, rows=300), name)
+
+
+def test_each_model_gets_an_answer_of_its_own() -> None:
+    table = measured(1)
+    said = {name: diagnose(model(name), table) for name in ("linear", "cubic", "energy6")}
+    assert len({found.sentence() for found in said.values()}) == 3
+    assert len({found.model.gate.F for found in said.values()}) == 3
+    assert said["linear"].model.answer == "form"
+    assert said["energy6"].model.answer == "fits"
+    for found in said.values():
+        own = found.to_dict()["model"]
+        assert found.sentence().startswith(found.model.name)
+        assert own["as_given"]["rmse"] == pytest.approx(found.rmse.before)
+        assert own["base_errors"]["rmse"] == pytest.approx(found.rmse.base)
+        assert "N m" in own["sentence"]
+        assert f"another base, {own['base']}" in own["sentence"]
+
+
+def test_aprils_model_on_mays_data() -> None:
+    """The specimen is a fifth stiffer: the form is fine, the numbers are not."""
+    april, may = model(), measured(2, factor=1.2)
+    found = diagnose(april, may)
+    assert found.model.answer == "numbers"
+    assert found.model.scale == pytest.approx(1.2, abs=0.01)
+    assert found.model.as_given.over_noise == pytest.approx(compare(april, may).whitened_rms)
+    refitted = found.model.refitted
+    assert refitted is not None
+    assert refitted.over_noise == pytest.approx(1.0, abs=0.1)
+    assert "its form is fine, its numbers are not" in found.sentence()
+    assert found.rmse.before["fx_N"] > 3.0 * found.rmse.base["fx_N"]
+
+
+def fast(found: Table) -> Table:
+    """The same poses in motion: a resistance that grows with the square root of the speed."""
+    random = np.random.default_rng(3)
+    speed = random.uniform(-0.02, 0.02, (len(found), 6)) * [1, 1, 1, 10, 10, 10]
+    drag = np.sign(speed) * np.sqrt(np.abs(speed)) * [20.0, 20.0, 20.0, 0.3, 0.3, 0.3]
+    columns = dict(found.columns)
+    columns |= {name: found.column(name) + drag[:, j] for j, name in enumerate(WRENCH)}
+    columns |= {f"v_{name}": speed[:, j] for j, name in enumerate(POSE)}
+    return as_table(columns, meta=META)
+
+
+def test_a_slow_model_on_fast_data() -> None:
+    found = diagnose(model(), fast(measured(4, rows=200)))
+    assert found.model.answer == "effect"
+    assert "an effect is missing" in found.model.sentence()
+    refitted = found.model.refitted
+    assert refitted is not None
+    assert refitted.over_noise is not None
+    assert refitted.over_noise > 1.5
+
+
+def test_what_is_assumed_from_a_residual_is_not_called_noise() -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    torque = 3.0 * x + 0.1 * np.random.default_rng(0).standard_normal(60)
+    table = as_table({"theta_z_rad": x, "tau_z_Nm": torque})
+    found: Diagnosis = diagnose(fit_model(table, "linear"), table)
+    document = found.to_dict()
+    assert document["noise"]["is_residual"]
+    assert document["rmse"]["floor"] == {}
+    assert document["model"]["as_given"]["over_noise"] is None
+    assert "times the noise" not in found.sentence()
+    assert "Nothing is known of the noise" in found.sentence()
+
+
+def test_a_model_that_holds_an_effect_is_judged_with_it() -> None:
+    table = measured(5)
+    warm = np.random.default_rng(6).uniform(20.0, 30.0, len(table))
+    softer = 1.0 - 0.01 * (warm - 25.0)
+    heated = table.with_columns(
+        {name: table.column(name) * softer for name in WRENCH} | {"temperature_degC": warm}
+    )
+    plain = fit_model(heated, "energy6")
+    better = plain.add("temperature_modulus").fit(heated)
+    assert diagnose(plain, heated).model.missing
+    assert not diagnose(better, heated).model.missing

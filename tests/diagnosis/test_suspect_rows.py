@@ -1,0 +1,141 @@
+"""Rows of a log that are no measurements: found, shown by number, left out by one flag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ecm
+import ecm.io.description
+from ecm.diagnosis.suspect_rows import suspect_rows
+from ecm.io.leave_out import rows_of
+from support.neck import Done, csv_text
+
+F = np.ndarray[Any, np.dtype[np.float64]]
+ROWS = 3000
+
+
+def log() -> dict[str, F]:
+    """A test at 100 Hz along two axes, without faults."""
+    rng = np.random.default_rng(0)
+    t = 0.01 * np.arange(ROWS)
+    y, z = 0.01 * np.sin(2.0 * t), 0.008 * np.sin(3.1 * t)
+    noise = rng.normal(size=(2, ROWS))
+    return {
+        "time_s": t, "y_m": y, "z_m": z,
+        "fy_N": 3000.0 * y + 0.1 * noise[0], "fz_N": 3000.0 * z + 0.1 * noise[1],
+    }  # fmt: skip
+
+
+def found(columns: dict[str, F], kind: str = "continuous") -> dict[str, set[int]]:
+    table = ecm.Table(columns, meta={"file": {"kind": kind}})
+    rows: dict[str, set[int]] = {}
+    for one in suspect_rows(table):
+        rows.setdefault(one.reason, set()).update(one.rows)
+    return rows
+
+
+def clipped(columns: dict[str, F]) -> set[int]:
+    high = columns["fy_N"] > 25.0
+    columns["fy_N"][high] = 25.0
+    return set((np.flatnonzero(high) + 1).tolist())
+
+
+def stuck(columns: dict[str, F]) -> set[int]:
+    columns["fz_N"][1000:1060] = columns["fz_N"][1000]
+    return set(range(1001, 1061))
+
+
+def few_rows(columns: dict[str, F]) -> set[int]:
+    columns["y_m"][2000:2012] += 0.05 + 1e-3 * np.arange(12.0)
+    return set(range(2001, 2013))
+
+
+def start_up(columns: dict[str, F]) -> set[int]:
+    columns["z_m"][:150] = 0.03 - 0.0001 * np.arange(150.0)
+    return set(range(1, 151))
+
+
+def repeated_time(columns: dict[str, F]) -> set[int]:
+    columns["time_s"][500] = columns["time_s"][499]
+    return {501}
+
+
+FAULTS = [clipped, stuck, few_rows, start_up, repeated_time]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+def test_a_fault_is_found_by_its_rows_and_nothing_else(fault: Callable[..., set[int]]) -> None:
+    columns = log()
+    assert found(columns) == {}
+    rows = fault(columns)
+    own = found(columns)
+    assert set(own) == {fault.__name__}
+    # A plateau of less than four samples is no plateau.
+    assert own[fault.__name__] <= rows
+    assert len(own[fault.__name__]) > 0.95 * len(rows)
+    assert found(columns, "static") == {}
+
+
+@pytest.mark.parametrize("name", ["coarse", "ramp", "holds"])
+def test_ordinary_tests_have_no_suspect_rows(name: str) -> None:
+    columns = log()
+    rng = np.random.default_rng(1)
+    if name == "coarse":
+        columns["fy_N"] = np.round(columns["fy_N"])
+    elif name == "ramp":
+        columns["y_m"] = 1e-5 * np.arange(ROWS)
+        columns["fy_N"] = 3000.0 * columns["y_m"] + rng.normal(size=ROWS)
+    else:
+        columns["y_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)
+        columns["z_m"] = np.repeat(0.01 * rng.random(ROWS // 100), 100)
+    assert found(columns) == {}
+
+
+def test_one_flag_leaves_them_out_for_every_command(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    columns = log()
+    rows = stuck(columns) | few_rows(columns)
+    path, description = tmp_path / "log.csv", tmp_path / "log.toml"
+    text = csv_text(columns).splitlines()
+    text[300] = text[300].rsplit(",", 1)[0] + ",?"
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    description.write_text('[file]\nkind = "continuous"  # 100 Hz\n', encoding="utf-8")
+
+    before = ecm_command("check", path, "--skip-bad-rows")
+    assert before.code == 0, before.err
+    assert "stuck: fz_N stays while others move (rows 1001-1060)" in before.out
+    assert "[leave_out]" not in description.read_text(encoding="utf-8")
+
+    done = ecm_command("check", path, "--leave-out")
+    assert done.code == 0, done.err
+    assert "Likely no measurements" not in done.out
+    written = description.read_text(encoding="utf-8")
+    assert written.startswith('[file]\nkind = "continuous"  # 100 Hz\n')
+    left_out = ecm.io.description.read_meta(description).leave_out
+    assert left_out["unreadable"] == "300"
+    numbers = {row for text in left_out.values() for row in rows_of(text, "").tolist()}
+    assert numbers == rows | {300}
+    assert len(ecm.read_table(path)) == ROWS - len(rows) - 1
+    assert ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json").code == 0
+    # Done again, it finds nothing new and changes nothing.
+    assert ecm_command("check", path, "--leave-out").code == 0
+    assert description.read_text(encoding="utf-8") == written
+
+
+def test_check_says_samples_and_whole_turns() -> None:
+    columns = log()
+    sentences = ecm.check(ecm.Table(columns)).sentences()
+    assert any("every 0.01 s: samples of a continuous test?" in text for text in sentences)
+    angle = np.angle(np.exp(1j * np.linspace(0.0, 9.0, ROWS)))
+    table = ecm.Table(
+        {"time_s": columns["time_s"], "theta_z_rad": angle, "tau_z_Nm": angle},
+        meta={"file": {"kind": "continuous"}},
+    )
+    row = int(np.argmin(np.diff(angle))) + 2
+    assert f"theta_z_rad jumps by a whole turn at row(s) {row}" in str(ecm.check(table))

@@ -1,0 +1,240 @@
+"""Logs of other programs become tables: what was written is read back in SI units, or asked for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.spatial.transform import Rotation
+
+import ecm
+from ecm import import_log
+from ecm.io.columns import POSE, WRENCH
+from support.neck import Done
+
+F = np.ndarray[Any, np.dtype[np.float64]]
+ROWS = 40
+
+
+@pytest.fixture
+def truth() -> dict[str, F]:
+    """Poses and wrenches of a slow motion, in standard columns."""
+    rng = np.random.default_rng(3)
+    poses = np.column_stack([0.1 + 0.01 * rng.random((ROWS, 3)), 0.4 * rng.normal(size=(ROWS, 3))])
+    wrenches = rng.normal(size=(ROWS, 6)) * [10.0] * 1
+    return {"time_s": np.arange(ROWS) * 1.0} | dict(
+        zip((*POSE, *WRENCH), np.column_stack([poses, wrenches]).T, strict=True)
+    )
+
+
+def pose(truth: Mapping[str, F]) -> F:
+    return np.column_stack([truth[name] for name in POSE])
+
+
+def wrench(truth: Mapping[str, F]) -> F:
+    return np.column_stack([truth[name] for name in WRENCH])
+
+
+def same(table: ecm.Table, truth: Mapping[str, F], tolerance: float = 1e-9) -> None:
+    for name in (*POSE, *WRENCH, "time_s"):
+        np.testing.assert_allclose(table[name], truth[name], atol=tolerance, err_msg=name)
+
+
+def test_a_text_file_with_semicolons_decimal_commas_and_a_row_of_units(
+    truth: dict[str, F], tmp_path: Path
+) -> None:
+    quaternion = Rotation.from_rotvec(pose(truth)[:, 3:]).as_quat()
+    parts = [
+        truth["time_s"][:, None] / 60.0,
+        pose(truth)[:, :3] * 1e3,
+        quaternion,
+        wrench(truth)[:, :3] / 4.4482216152605,
+        wrench(truth)[:, 3:] * 1e3,
+    ]
+    names = "Time;Pos X;Pos Y;Pos Z;qx;qy;qz;qw;FORCE_X;force y;Fz;Moment-X;MY;mz;"
+    units = "min;mm;mm;mm;;;;;lbf;lbf;lbf;N mm;N*mm;Nmm;"
+    lines = [";".join(f"{v:.12g}" for v in row) + ";" for row in np.hstack(parts)]
+    body = "\n".join(lines).replace(".", ",")
+    path = tmp_path / "bench.txt"
+    path.write_text(f"# rig 3\nOperator;Ada\n{names}\n{units}\n{body}\n", encoding="latin-1")
+    imported = import_log(path)
+    same(imported.table, truth)
+    assert imported.meta.origin["fx_N"] == "FORCE_X * 4.44822"
+    assert "semicolons and decimal commas" in str(imported)
+
+
+def write_mat(path: Path, arrays: dict[str, Any]) -> None:
+    savemat(path, {"log": arrays})
+
+
+def write_mat73(path: Path, arrays: dict[str, Any]) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group = file.create_group("log")
+        for name, values in arrays.items():
+            data = group.create_dataset(name, data=np.atleast_2d(values).T if values.ndim == 1
+                                        else values.T)  # fmt: skip
+            data.attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def write_npz(path: Path, arrays: dict[str, Any]) -> None:
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"), [("a.mat", write_mat), ("b.mat", write_mat73), ("c.npz", write_npz)]
+)
+def test_files_of_arrays(
+    truth: dict[str, F], tmp_path: Path, name: str, write: Callable[..., None]
+) -> None:
+    arrays = {
+        "t": truth["time_s"],
+        "pose": pose(truth),
+        "wrench": wrench(truth),
+        "serial": np.array([17.0]),
+    }
+    write(tmp_path / name, arrays)
+    with pytest.raises(ecm.InputError, match="rotation vector, or Euler angles"):
+        import_log(tmp_path / name, units=["SI"])
+    same(import_log(tmp_path / name, units=["SI"], rotation="rotvec").table, truth)
+
+
+def test_parquet_data_frames_and_dicts(truth: dict[str, F], tmp_path: Path) -> None:
+    import pandas as pd  # noqa: PLC0415
+
+    frame = pd.DataFrame(truth)
+    frame.to_parquet(tmp_path / "a.parquet")
+    same(import_log(tmp_path / "a.parquet").table, truth)
+    same(import_log(frame).table, truth)
+    same(import_log(truth).table, truth)
+
+
+@pytest.mark.parametrize("word", ["wxyz", "xyzw", "rows", "columns", "rotvec", "ZYX", "xzy", "zyz"])
+def test_every_way_to_write_a_rotation(truth: dict[str, F], word: str) -> None:
+    turn = Rotation.from_rotvec(pose(truth)[:, 3:])
+    quaternion, matrix = turn.as_quat(), turn.as_matrix()
+    values = {
+        "wxyz": quaternion[:, [3, 0, 1, 2]],
+        "xyzw": quaternion,
+        "rows": matrix.reshape(-1, 9),
+        "columns": matrix.transpose(0, 2, 1).reshape(-1, 9),
+        "rotvec": turn.as_rotvec(),
+    }
+    parts = values[word] if word in values else turn.as_euler(word)
+    names = [f"a{i}" for i in range(parts.shape[1])]
+    log = {name: truth[name] for name in (*POSE[:3], *WRENCH, "time_s")}
+    log |= dict(zip(names, parts.T, strict=True))
+    imported = import_log(log, rotation=f"{word}:{','.join(names)}", units=["rad"])
+    same(imported.table, truth)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_grood_and_suntay_angles_are_those_of_their_definition(side: str) -> None:
+    angles = np.radians([[30.0, 7.0, 12.0], [60.0, -4.0, -9.0]])
+    names = ("flexion", "adduction", "internal rotation")
+    log = dict(zip(names, angles.T, strict=True)) | {"y_m": [0.0, 0.1]}
+    with pytest.raises(ecm.InputError, match=r"grood-suntay-right or --rotation grood-suntay-left"):
+        import_log(log, units=["rad"])
+    table = import_log(log, units=["rad"], rotation=f"grood-suntay-{side}").table
+    theta = np.column_stack([table[name] for name in POSE[3:]])
+    for (flexion, adduction, internal), turn in zip(
+        angles, Rotation.from_rotvec(theta).as_matrix(), strict=True
+    ):
+        i, k = turn[:, 0], turn[:, 2]
+        floating = np.cross(k, [1.0, 0.0, 0.0])
+        floating /= np.linalg.norm(floating)
+        sign = 1.0 if side == "right" else -1.0
+        assert np.isclose(np.sin(flexion), -floating[2])
+        assert np.isclose(np.arccos(k[0]), np.pi / 2.0 + sign * adduction)
+        assert np.isclose(np.sin(-internal), -sign * (floating @ i))
+
+
+@pytest.mark.parametrize(
+    ("log", "message"),
+    [
+        ({"q0": [1.0, 1.0], "q1": [0.0, 0.0], "q2": [0.0, 0.0], "q3": [0.0, 0.0]},
+         "--rotation wxyz or --rotation xyzw"),
+        ({"tx": [0.0, 1.0], "fx_N": [1.0, 2.0]}, "--map tau_x_Nm=tx or --map x_m=tx"),
+        ({"angle_deg": [0.0, 1.0], "torque_Nm": [0.0, 1.0]}, "--axis x, or --axis y or z"),
+        ({"x": [0.0, 30.0], "Fx_N": [0.0, 1.0]}, "x: 0 to 30, in m or in mm"),
+        ({"Fx_N": [0.0, 1.0], "force x [N]": [1.0, 2.0]}, "may both be fx_N"),
+        ({"speed": [0.0, 1.0]}, "no pose and no wrench was found"),
+    ],
+)  # fmt: skip
+def test_what_has_two_readings_is_asked_for(log: dict[str, Any], message: str) -> None:
+    with pytest.raises(ecm.InputError, match=message):
+        import_log(log)
+
+
+def test_map_axis_and_units_by_one_word() -> None:
+    log = {"angle": [0.0, 90.0, 359.0], "Load": [0.0, 1.0, 2.0], "humidity": [3.0, 4.0, 5.0]}
+    imported = import_log(log, columns={"tau_z_Nm": "Load:gf cm"}, units=["deg"], axis="z")
+    assert np.allclose(imported.table["theta_z_rad"], np.radians([0.0, 90.0, -1.0]))
+    assert np.allclose(imported.table["tau_z_Nm"], [0.0, 9.80665e-5, 2 * 9.80665e-5])
+    assert imported.table.covariates == ("humidity",)
+    for bad, message in (
+        ({"tau_z_Nm": "Lode"}, "did you mean 'Load'"),
+        ({"tau_z_Nm": "Load:mm"}, "a unit of length, expected one of torque"),
+    ):
+        with pytest.raises(ecm.InputError, match=message):
+            import_log(log, columns=bad, units=["deg"], axis="z")
+
+
+def test_quaternions_without_direction_are_found_and_left_out(tmp_path: Path) -> None:
+    turn = np.tile([0.0, 0.0, 0.0, 1.01], (ROWS, 1))
+    turn[[4, 5, 20]] = 0.0
+    log = {"quat": turn, "Fx_N": np.arange(ROWS) * 1.0}
+    with pytest.raises(ecm.InputError, match=r"3 of 40 rows .* rows 5-6, 21"):
+        import_log(log, rotation="xyzw")
+    imported = import_log(log, rotation="xyzw", leave_out=True)
+    assert "37 quaternions were normalised" in str(imported)
+    assert len(imported.table) == ROWS - 3
+    imported.write(tmp_path / "t.csv")
+    assert len(ecm.read_table(tmp_path / "t.csv")) == ROWS - 3
+    assert 'unreadable = "5-6, 21"' in (tmp_path / "t.toml").read_text()
+
+
+def test_time_that_begins_again_makes_runs_and_epochs_begin_at_zero() -> None:
+    time = np.concatenate([np.arange(10.0), np.arange(5.0)])
+    imported = import_log({"time": time, "x_m": np.arange(15.0) * 1e-3})
+    assert imported.table["run"].tolist() == [0.0] * 10 + [1.0] * 5
+    assert (np.diff(imported.table["time_s"]) > 0.0).all()
+    stamps = 1.7e18 + 1e7 * np.arange(15)
+    begun = import_log({"stamp": stamps, "x_m": time * 1e-3}).table["time_s"]
+    assert np.allclose(begun, 0.01 * np.arange(15), rtol=0.0, atol=1e-6)
+
+
+def test_the_command_writes_table_description_json_and_page(
+    truth: dict[str, F], tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    write_npz(tmp_path / "log.npz", {"pose": pose(truth), "Force [N]": wrench(truth)[:, :3]})
+    (tmp_path / "rig.toml").write_text("[mechanism]\nlength_m = 0.1\n", encoding="utf-8")
+    done = ecm_command(
+        "import", tmp_path / "log.npz", "--out", tmp_path / "t.csv", "--units", "SI",
+        "--rotation", "rotvec", "--meta", tmp_path / "rig.toml",
+        "--json", tmp_path / "t.json", "--report", tmp_path / "t.html",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    table = ecm.read_table(tmp_path / "t.csv")
+    np.testing.assert_array_equal(table.poses, pose(truth))
+    assert table.meta.length_m == 0.1
+    document = json.loads((tmp_path / "t.json").read_text())
+    assert document["columns"]["fy_N"] == "Force [N].1"
+    assert "Mechanism" in (tmp_path / "t.html").read_text()
+    assert ecm_command("import", tmp_path / "log.npz", "--map", "x_m").code == 2
+
+
+@pytest.mark.parametrize(("module", "name"), [("h5py", "log.h5"), ("rosbags.highlevel", "a.mcap")])
+def test_a_missing_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, module: str, name: str
+) -> None:
+    (tmp_path / name).write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ecm.MissingExtra, match=r"ecm-stiffness\[logs\]"):
+        import_log(tmp_path / name)
