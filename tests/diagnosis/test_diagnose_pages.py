@@ -15,6 +15,9 @@ import numpy as np
 import pytest
 
 from ecm.cli import run
+from ecm.cli.diagnosis_text import paragraphs
+from ecm.diagnosis import diagnose
+from ecm.diagnosis.sections import verdict_section
 from ecm.io.table import Table
 from support.browser import figures_of, open_page
 from support.campaigns import campaign, model
@@ -173,3 +176,14 @@ def test_each_page_opens_without_error_or_request_and_the_name_stays_text(
     assert HOSTILE in json.loads(html.unescape(seen.attribute("names") or ""))
     assert html.unescape(seen.attribute("title") or "") == f"against {HOSTILE}"
     assert re.search(r'<b[^>]*>\s*"x', seen.html) is None
+
+
+def test_a_single_name_says_what_else_it_may_be() -> None:
+    found = diagnose(model(), campaign("payload", 1.0, 4))
+    (one,) = found.look_alikes
+    assert one.id == "payload"
+    assert "Missing: payload (or anything of constant force at the platform)" in found.sentence()
+    document = found.to_dict()
+    assert document["look_alikes"][0]["apart"] == one.apart
+    assert any(one.apart in paragraph for paragraph in paragraphs(document))
+    assert one.apart in str(verdict_section(document))

@@ -10,7 +10,16 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm import _native
-from ecm.effects import Effect, Rows, all_effects, effect, get_effect, register, unregister
+from ecm.effects import (
+    Effect,
+    EffectBase,
+    Rows,
+    all_effects,
+    effect,
+    get_effect,
+    register,
+    unregister,
+)
 from ecm.effects.boundary import BaseCompliance
 from ecm.effects.frames import BaseFrameMisalignment, TipFrameMisalignment
 from ecm.effects.friction import Hysteresis
@@ -445,3 +454,10 @@ def test_an_effect_of_ones_own_in_a_few_lines(rows: Rows) -> None:
         get_effect("fts_drif")
     with pytest.raises(InputError, match="is in the catalogue"):
         register(FtsOffset())
+
+
+def test_every_effect_says_what_outside_the_catalogue_looks_like_it() -> None:
+    for item in all_effects():
+        assert item.outside.what.startswith("any"), item.id
+        assert item.outside.apart, item.id
+    assert not EffectBase().outside

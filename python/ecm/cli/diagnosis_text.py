@@ -18,6 +18,8 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
     if "rows_used" in document:
         yield document["rows_used"]["sentence"]
     yield from _sizes(document)
+    for one in document["look_alikes"]:
+        yield f"  {one['id']}, or {one['what']} -> to tell: {one['apart']}"
     if document["verdict"] == "none":
         yield from _limits(document["detection_limits"])
     if document["unknown"] is not None:

@@ -50,6 +50,8 @@ def _print(effect: Effect, session: Session) -> None:
     session.print(columns(rows))
     for rival, action in _rivals(effect).items():
         session.print(f"confused with {rival}: {action}")
+    if effect.outside:
+        session.print(f"  or {effect.outside.what} -> {effect.outside.apart}")
 
 
 def _rivals(effect: Effect) -> dict[str, str]:
@@ -75,4 +77,5 @@ def _document(effect: Effect) -> dict[str, Any]:
             for item in effect.parameters
         ],
         "rivals": _rivals(effect),
+        "outside": {"what": effect.outside.what, "apart": effect.outside.apart},
     }

@@ -13,6 +13,7 @@ from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
 from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.diagnosis.whiteness import find_pattern
 from ecm.io.arrays import F
 from ecm.models.physics.map import PhysicsMap
 
@@ -75,7 +76,12 @@ def verdict(
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
-        return Verdict("none", accepted, None)
+        pattern = find_pattern(problem)
+        if pattern is None:
+            return Verdict("none", accepted, None)
+        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
+        seen = replace(unknown, words=pattern.words, variables=(pattern.variable,), nearest=None)
+        return Verdict("unknown", accepted, replace(seen, relevance={}, pattern=pattern))
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     if noisy:

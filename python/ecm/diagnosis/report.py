@@ -27,6 +27,7 @@ from ecm.diagnosis.result import (
     Diagnosis,
     HeldOut,
     NoiseSummary,
+    OutsideCause,
     RankedEffect,
     RunError,
 )
@@ -89,6 +90,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         rows_used=_rows_used(problem),
         upper_bound=upper_bound(decision.gate.smooth, problem.size),
         left_over=decision.left,
+        look_alikes=_outside_causes(decision),
         refinements=refinements(problem, accepted),
         warnings=(*_warnings(problem, prepared.copies), *decision.warnings),
     )
@@ -128,6 +130,17 @@ def _rows_used(problem: Problem) -> RowsUsed | None:
         "own error"
     )
     return RowsUsed(len(problem.table.whole), len(problem.table), HOW, enough)
+
+
+def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:
+    """Return what else would look like each effect of the answer with any data."""
+    effects = {effect.id: effect for effect in decision.prepared.effects}
+    named = dict.fromkeys(id for members in decision.answer for id in members)
+    return tuple(
+        OutsideCause(id, effects[id].outside.what, effects[id].outside.apart)
+        for id in named
+        if id in effects and effects[id].outside
+    )
 
 
 def _ranked(problem: Problem, item: Ranked) -> RankedEffect:

@@ -76,7 +76,7 @@ class ComponentErrors:
 
     before: dict[str, float]
     """Errors of the model as given, not refitted."""
-    base: dict[str, float]
+    base: dict[str, float] = field(metadata={"json": ""})
     """Errors of the base that names are against, fitted to these rows."""
     after: dict[str, float]
     """Errors of that base with the accepted effects."""
@@ -104,6 +104,17 @@ class HeldOut:
     ceiling: float | None = field(default=None, metadata={"optional": True})
     by_run: tuple[RunError, ...] = field(default=(), metadata={"optional": True})
     """Errors of a continuous test, run by run."""
+
+
+@dataclass(frozen=True)
+class OutsideCause:
+    """What is not in the catalogue and would have got the same name."""
+
+    id: str
+    """The effect that it looks like."""
+    what: str
+    apart: str
+    """What would tell it apart."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +166,8 @@ class Diagnosis:
     """95 % bound on the strength of what smooth functions could still hide."""
     left_over: Leftover
     """What is left after the accepted effects."""
+    look_alikes: tuple[OutsideCause, ...]
+    """Causes outside the catalogue for each effect of the answer."""
     refinements: tuple[Refinement, ...] = field(metadata={"json": "further"})
     """Richer forms of the accepted effects that were tried."""
     warnings: tuple[str, ...]
@@ -187,7 +200,13 @@ class Diagnosis:
             listed = ", ".join(item.id for item in self.effects)
             already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."
-        names = " and ".join(" or ".join(members) for members in self.answer)
+        outside = {one.id: one.what.split(":")[0] for one in self.look_alikes}
+        names = " and ".join(
+            f"{members[0]} (or {outside[members[0]]})"
+            if len(members) == 1 and members[0] in outside
+            else " or ".join(members)
+            for members in self.answer
+        )
         return f"Missing: {names}; {self._fall()}."
 
     def _fall(self) -> str:

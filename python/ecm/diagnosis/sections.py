@@ -30,6 +30,11 @@ def verdict_section(document: Mapping[str, Any]) -> Section:
         rows = [[first, ", ".join(others)] for first, others in alike.items()]
         caption = "What these data cannot tell apart."
         blocks.append(TableBlock(caption, ("effect", "looks like"), rows))
+    if document["look_alikes"]:
+        rows = [[one["id"], one["what"], one["apart"]] for one in document["look_alikes"]]
+        caption = "What is not in the catalogue and would get the same name."
+        outside = ("effect", "or", "what tells it apart")
+        blocks.append(TableBlock(caption, outside, rows))
     blocks += warnings_table(document["warnings"])
     return Section("Verdict", blocks)
 
@@ -60,7 +65,8 @@ def noise_words(noise: Mapping[str, Any]) -> str:
 
 def _errors(document: Mapping[str, Any]) -> list[Block]:
     """Error of each component, and of held-out rows over the noise, at each step."""
-    errors, held_out = document["rmse"], document["held_out"]
+    errors = {**document["rmse"], "base": document["model"]["base_errors"]["rmse"]}
+    held_out = document["held_out"]
     steps = [step for step in _STEPS if errors[step]]
     rows = [
         [name, *(number(errors[step].get(name, float("nan"))) for step in steps)]

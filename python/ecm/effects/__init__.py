@@ -1,6 +1,14 @@
 """Physical effects that a static, perfectly clamped, hyperelastic model does not hold."""
 
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, Shape
+from ecm.effects.protocol import (
+    Effect,
+    EffectBase,
+    LinearEffect,
+    LookAlike,
+    Missing,
+    Parameter,
+    Shape,
+)
 from ecm.effects.registry import (
     all_effects,
     effect,
@@ -19,6 +27,7 @@ __all__ = [
     "Effect",
     "EffectBase",
     "LinearEffect",
+    "LookAlike",
     "Missing",
     "Parameter",
     "Rows",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Parameter, listed, optional
+from ecm.effects.protocol import Effect, EffectBase, LookAlike, Parameter, listed, optional
 from ecm.effects.se3 import moved_in_base, rotated, turned
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -29,6 +29,10 @@ class BaseCompliance(EffectBase):
         Parameter("bending", "rad/(N m)", 1e-3, 0.0, 0.05),
         Parameter("lateral", "m/N", 2e-6, 0.0, 1e-4),
         Parameter("axial", "m/N", 1e-6, 0.0, 1e-4),
+    )
+    outside = LookAlike(
+        "anything soft in series below the mechanism: a bolted joint, the table, a glued foot",
+        "a marker on the base plate, or the same mechanism on a stiffer base",
     )
     signature = "m = 0, in series, conservative"
     rivals = {

@@ -12,6 +12,7 @@ from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     Shape,
@@ -47,6 +48,10 @@ class ContactStop(LinearEffect):
     parameters = (
         Parameter("stiffness", "N m/rad", 0.5, 0.0, 1e4),
         Parameter("push", "N/rad", 10.0, -1e5, 1e5),
+    )
+    outside = LookAlike(
+        "anything that stiffens from some pose on: a bumper, a taut cable, a fold that closes",
+        "look at what touches, and sweep finely through the kink with it taken away",
     )
     signature = "a kink, one-sided, only at large poses"
     rivals = {"strain_stiffening": "fine_sweep"}
@@ -111,6 +116,10 @@ class Debonding(LinearEffect):
     id = "debonding"
     physics = "The bond to the platform opens: softer in tension, or softer after it tore."
     parameters = listed(Parameter("loss", "1", 0.03, 0.0, 1.0))
+    outside = LookAlike(
+        "anything that is softer one way than the other: a crack, a loose screw, slack in a joint",
+        "push and pull at the same pose, and tighten every joint in between",
+    )
     signature = "odd-even split in fx, or a step in order; proportional to h"
     needs = "order (time_s) for a tear in the course of the test; its other forms need nothing more"
     rivals = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, EffectBase, Parameter
+from ecm.effects.protocol import Effect, EffectBase, LookAlike, Parameter
 from ecm.effects.se3 import moved_in_base, moved_in_top, rotated, turned
 from ecm.effects.slip import twist
 from ecm.io.arrays import F
@@ -37,6 +37,10 @@ class TipFrameMisalignment(_FrameMisalignment):
     id = "tip_frame_misalignment"
     physics = "The measured top frame is a shifted and turned copy of the real one."
     parameters = twist("tip")
+    outside = LookAlike(
+        "anything fixed to the platform that shifts its pose: a bent flange, a tilted target",
+        "re-seat the target and measure the first poses again",
+    )
     signature = "constant twist in body axes, -K_s B (d, w)"
     rivals = {
         "fts_offset": "unloaded_zero",
@@ -61,6 +65,10 @@ class BaseFrameMisalignment(_FrameMisalignment):
     id = "base_frame_misalignment"
     physics = "The measured base frame is a shifted and turned copy of the real one."
     parameters = twist("base")
+    outside = LookAlike(
+        "anything fixed to the base that shifts the pose: another rest pose, a swollen body",
+        "survey the base, and measure the rest pose unloaded",
+    )
     signature = "constant twist in base axes, -K_s (d + w x r, w)"
     rivals = {
         "length_error": "calliper",
@@ -84,6 +92,10 @@ class CameraScale(EffectBase):
     id = "camera_scale"
     physics = "The camera's length scale is off, so that positions are, and rotations are not."
     parameters = (Parameter("scale", "1", 2e-3, -0.1, 0.1),)
+    outside = LookAlike(
+        "anything that scales the positions: a wrong focal length, a unit, the length of a gauge",
+        "a gauge bar of known length in the measured volume",
+    )
     signature = "proportional to the translation only"
     side = "measurement"
     rivals = {"base_compliance": "gauge_bar", "diameter_error": "gauge_bar"}

@@ -12,6 +12,7 @@ from ecm.effects.mid_frame import wrench_of
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     beside,
@@ -44,6 +45,10 @@ class Hysteresis(LinearEffect):
     id = "hysteresis"
     physics = "Internal friction: the wrench depends on the side from which a pose is approached."
     parameters = listed(Parameter("c", "m", 1e-4, -5e-3, 5e-3))
+    outside = LookAlike(
+        "anything that depends on the way: play in the rig, a shutter's lag, a slow filter",
+        "the same poses from both sides at half the speed, and after a rest of a minute",
+    )
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
     needs = "poses reached from both sides (approach)"
     kind = "time"

@@ -9,7 +9,15 @@ import numpy as np
 from ecm._native import mid_frame
 from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import stretched, wrench_of
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Missing, Parameter, optional
+from ecm.effects.protocol import (
+    Effect,
+    EffectBase,
+    LinearEffect,
+    LookAlike,
+    Missing,
+    Parameter,
+    optional,
+)
 from ecm.effects.rod_strain import mean_strain, rod_strain, thicker_beam
 from ecm.effects.se3 import moved_in_base, turned
 from ecm.io.arrays import F
@@ -29,6 +37,10 @@ class LengthError(EffectBase):
     id = "length_error"
     physics = "The mechanism is longer than stated, so that the stated rest pose compresses it."
     parameters = (Parameter("length", "m", 1e-4, -0.02, 0.02),)
+    outside = LookAlike(
+        "anything that preloads along the axis: swelling, thermal growth, a shim under the flange",
+        "a calliper, and the free length unclamped",
+    )
     signature = "axial preload at home, m = 0, conservative"
     rivals = {
         "tip_frame_misalignment": "calliper",
@@ -59,6 +71,10 @@ class DiameterError(EffectBase):
     id = "diameter_error"
     physics = "The mechanism is thicker than stated, which acts more on bending than on stretch."
     parameters = (Parameter("relative_diameter", "1", 5e-3, -0.2, 0.2),)
+    outside = LookAlike(
+        "anything that changes bending more than tension: a skin, a bore, a crust",
+        "a calliper at three places, or a cut specimen",
+    )
     signature = "m = 0, conservative; axial < lateral < bending < torsion"
     rivals = {"compressibility": "calliper", "strain_stiffening": "calliper"}
 
@@ -92,6 +108,10 @@ class Taper(LinearEffect):
     id = "taper"
     physics = "The mechanism is stiffer at one end than at the other."
     parameters = (Parameter("softer_towards_top", "1", 0.02, -0.9, 0.9),)
+    outside = LookAlike(
+        "anything that is softer at one end: uneven cure, a reinforced foot",
+        "turn it end for end",
+    )
     signature = "m = 0, conservative; K(y, theta_z) is not -L/2 K(y, y)"
     rivals = {
         "tip_frame_misalignment": "end_for_end",
@@ -112,6 +132,10 @@ class Pretension(LinearEffect):
     id = "pretension"
     physics = "The mechanism is mounted stretched, and the tension stiffens it sideways."
     parameters = (Parameter("tension", "N", 1.0, -500.0, 500.0),)
+    outside = LookAlike(
+        "anything that loads the mechanism at rest: a stretched cable, a clamp that squeezes",
+        "measure the detached length, then with everything else detached",
+    )
     signature = "h is not 0 at home, the lateral stiffness shifts; m = 0, conservative"
     needs = "the detached length ([mechanism] free_length_m)"
     rivals = {
@@ -147,6 +171,10 @@ class FaceTilt(EffectBase):
     parameters = (
         Parameter("tilt_y", "rad", 2e-3, -0.3, 0.3),
         Parameter("tilt_z", "rad", 2e-3, -0.3, 0.3),
+    )
+    outside = LookAlike(
+        "anything that gives a constant moment at rest on the base side: an off-centre clamp",
+        "remount turned by 180 degrees",
     )
     signature = "m = 1, base axes, turns with the mechanism; conservative"
     rivals = {

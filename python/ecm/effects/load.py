@@ -10,6 +10,7 @@ from ecm._native import left_jacobians, mid_frame, rotation_matrices
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     listed,
@@ -49,6 +50,10 @@ class Payload(LinearEffect):
         Parameter("mass_x", "kg m", 0.005, -0.5, 0.5),
         Parameter("mass_y", "kg m", 0.005, -0.5, 0.5),
         Parameter("mass_z", "kg m", 0.005, -0.5, 0.5),
+    )
+    outside = LookAlike(
+        "anything of constant force at the platform: a cable's weight, a magnet, a long spring",
+        "take it off and zero the sensor again",
     )
     signature = "force constant in base axes, torque turns with R"
     needs = (
@@ -95,6 +100,10 @@ class OwnWeight(LinearEffect):
     id = "own_weight"
     physics = "The mechanism's own weight loads the platform and the clamp, about half of it each."
     parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
+    outside = LookAlike(
+        "anything along gravity that grows with the mechanism: a hose along it, water in it",
+        "weigh it, or turn the rig",
+    )
     signature = "base axes; a constant part even, a part like a stiffness odd"
     needs = "gravity ([scene] gravity_m_s2)"
     requires = (needs_gravity, needs_full)
@@ -169,6 +178,10 @@ class CableDrag(LinearEffect):
         *(Parameter(f"force_{axis}", "N", 0.5, -100.0, 100.0) for axis in "xyz"),
         *(Parameter(f"moment_{axis}", "N m", 0.01, -5.0, 5.0) for axis in "xyz"),
         Parameter("spring", "N/m", 10.0, 0.0, 1e4),
+    )
+    outside = LookAlike(
+        "anything that pulls towards a point: a magnet, a tether, a spring, static charge",
+        "detach the cable; if it stays, move metal and magnets away",
     )
     signature = "m = 1, base axes: a constant, and a small stiffness"
     rivals = {
@@ -252,6 +265,10 @@ class TendonFriction(LinearEffect):
     parameters = (
         Parameter("friction", "1", 0.02, -1.0, 1.0),
         Parameter("friction_lever", "m", 5e-4, -0.1, 0.1),
+    )
+    outside = LookAlike(
+        "anything that rubs and depends on a tendon's tension: a sheath, a pulley",
+        "slack the tendons one by one",
     )
     signature = "m = number of tendons, odd in the side of approach, not conservative"
     needs = "tendon state (tendon1_N, ...), and poses reached from both sides (approach)"

@@ -9,7 +9,15 @@ import numpy as np
 from ecm._native import mid_frame
 from ecm.effects.body_variation import wrench_of_other_body
 from ecm.effects.mid_frame import generalised, stretched
-from ecm.effects.protocol import Effect, EffectBase, LinearEffect, Parameter, beside, listed
+from ecm.effects.protocol import (
+    Effect,
+    EffectBase,
+    LinearEffect,
+    LookAlike,
+    Parameter,
+    beside,
+    listed,
+)
 from ecm.effects.rod_strain import RodStrain, rest_stiffness, rod_strain
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -40,6 +48,10 @@ class Anisotropy(EffectBase):
     parameters = (
         Parameter("c_cos2phi", "1", 0.01, -0.5, 0.5),
         Parameter("c_sin2phi", "1", 0.01, -0.5, 0.5),
+    )
+    outside = LookAlike(
+        "anything that is stiffer in one direction: a seam, a clamp that grips on two sides",
+        "remount turned by 90 degrees",
     )
     signature = "m = 2, conservative"
     rivals = {"fts_gain": "remount_90"}
@@ -87,6 +99,10 @@ class StrainStiffening(LinearEffect):
     id = "strain_stiffening"
     physics = "The material is stiffer at large strain, or stiffer in compression than in tension."
     parameters = listed(Parameter("modulus_at_strain_0p1", "1", 0.05, -2.0, 5.0))
+    outside = LookAlike(
+        "anything that curves the force: a soft stop, a folded wall, a scale that is not linear",
+        "larger pure axial and torsion poses, and dead weights on the sensor",
+    )
     signature = "m = 0, conservative; odd and cubic, or even in the axial strain"
     rivals = {
         "contact_stop": "fine_sweep",
@@ -171,6 +187,10 @@ class Compressibility(EffectBase):
     id = "compressibility"
     physics = "Poisson's ratio is not as stated, so shear is stiffer or softer against stretch."
     parameters = (Parameter("shear_over_young", "1", 0.02, -0.3, 0.5),)
+    outside = LookAlike(
+        "anything that shifts torsion against tension: layers, a bore, fibres along the axis",
+        "pure torsion and pure tension of a plain bar of the same material",
+    )
     signature = "m = 0, conservative; torsion and shear against axial and bending"
     rivals = {
         "diameter_error": "pure_torsion_and_axial",

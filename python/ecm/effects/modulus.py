@@ -9,6 +9,7 @@ import numpy as np
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Need,
     Parameter,
@@ -44,6 +45,10 @@ class TemperatureModulus(LinearEffect):
     id = "temperature_modulus"
     physics = "The modulus follows the temperature of the material, and the whole wrench with it."
     parameters = (Parameter("beta", "1/K", 3e-3, -0.05, 0.05),)
+    outside = LookAlike(
+        "anything that follows the temperature: a sensor that warms, a clamp that grows, moisture",
+        "the same poses warm and cold, in both orders",
+    )
     signature = "proportional to h, follows T"
     needs = "temperature that varies (temperature_degC)"
     requires = (needs_varying("temperature_degC", 0.25),)
@@ -70,6 +75,10 @@ class Ageing(LinearEffect):
     id = "ageing"
     physics = "The material stiffens or softens steadily with time, at rest as well as in use."
     parameters = (Parameter("alpha", "1/s", 1e-6, -1e-3, 1e-3),)
+    outside = LookAlike(
+        "anything that scales the wrench over the hours: drying, a gain that drifts, the room",
+        "the first poses again at the end, and next day",
+    )
     signature = "proportional to h, monotone in t"
     needs = "time (time_s), and poses that are measured again"
     requires = (needs_again("repeat the first set at the end, and next day"),)
@@ -99,6 +108,10 @@ class MullinsSoftening(LinearEffect):
     id = "mullins_softening"
     physics = "A filled rubber is softer below the largest deformation that it has had."
     parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
+    outside = LookAlike(
+        "anything that stays softer after a large pose: a bond that opens, a clamp that settles",
+        "five cycles to the largest pose, then the first poses again; clamp anew",
+    )
     signature = "first visit above later ones, only below the past maximum"
     needs = "order (time_s), and poses that are measured again"
     requires = (needs_full, needs_again("repeat the first 10 poses"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.effects.protocol import LinearEffect, Missing, Parameter, needs_full
+from ecm.effects.protocol import LinearEffect, LookAlike, Missing, Parameter, needs_full
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, VELOCITY
 from ecm.io.table import Table
@@ -57,6 +57,10 @@ class ViscousDamping(LinearEffect):
         Parameter("translation", "N s/m", 5.0, 0.0, 1e5),
         Parameter("rotation", "N m s/rad", 0.05, 0.0, 1e3),
     )
+    outside = LookAlike(
+        "anything that grows with speed: a delay between pose and force, air, a filter",
+        "two speeds through the same poses, and a cross-correlation of the raw stream",
+    )
     signature = "sign of the velocity, not conservative"
     needs = "velocity (v_ columns, or a continuous test)"
     requires = (needs_full, needs_velocity)
@@ -81,6 +85,10 @@ class Inertia(LinearEffect):
         Parameter("mass", "kg", 0.1, 0.0, 20.0),
         Parameter("moment_of_inertia", "kg m^2", 1e-3, 0.0, 1.0),
     )
+    outside = LookAlike(
+        "anything in the first second after a stop: a swinging cable, vibration of the rig",
+        "wait two seconds longer",
+    )
     signature = "follows the acceleration, dies within a second of rest"
     needs = "the raw stream (NAME.raw.parquet)"
     requires = (needs_full, needs_stream)
@@ -98,6 +106,10 @@ class TimeSkew(LinearEffect):
     id = "time_skew"
     physics = "Camera and sensor are not read at the same moment."
     parameters = (Parameter("delay", "s", 5e-3, -1.0, 1.0),)
+    outside = LookAlike(
+        "any lag between pose and force: a shutter, a filter, a buffer, real damping",
+        "move the rig without the mechanism, and cross-correlate",
+    )
     signature = "proportional to the velocity, 0 at rest"
     needs = "the raw stream (NAME.raw.parquet)"
     requires = (needs_full, needs_stream)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.effects.protocol import EffectBase, Missing, Parameter, needs_full
+from ecm.effects.protocol import EffectBase, LookAlike, Missing, Parameter, needs_full
 from ecm.effects.sensor_axes import adjoint
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -54,6 +54,10 @@ class Outliers(NoiseEffect):
 
     id = "outliers"
     physics = "Single readings went wrong: a marker mistaken, a knock against the table."
+    outside = LookAlike(
+        "any rare wrong reading",
+        "measure those poses again",
+    )
     signature = "few rows, no covariate"
     rivals = {"led_occlusion": "repeat_those_poses"}
 
@@ -71,6 +75,10 @@ class HeteroscedasticNoise(NoiseEffect):
     parameters = (
         Parameter("force_growth", "1/N", 0.02, 0.0, 10.0),
         Parameter("torque_growth", "1/(N m)", 0.5, 0.0, 1e3),
+    )
+    outside = LookAlike(
+        "any scatter that grows with the load: vibration, slip",
+        "repeats at small and at large poses",
     )
     signature = "variance grows with the load, the mean stays"
     needs = "repeats of small and large poses"
@@ -95,6 +103,10 @@ class PoseNoise(NoiseEffect):
         Parameter("position", "m", 2e-5, 0.0, 1e-2),
         Parameter("rotation", "rad", 2e-4, 0.0, 0.1),
     )
+    outside = LookAlike(
+        "any scatter that grows with stiffness: vibration of the platform",
+        "a static stream of 60 s",
+    )
     signature = "variance of stiff axes first: fx dominates"
     needs = "repeats of small and large poses"
     requires = (needs_full, needs_repeats)
@@ -112,6 +124,10 @@ class FtsQuantisation(NoiseEffect):
     id = "fts_quantisation"
     physics = "The sensor's converter has steps, and readings are rounded to them."
     parameters = (Parameter("steps", "1", 1.0, 0.0, 100.0),)
+    outside = LookAlike(
+        "any reading in steps: a rounded file, a slow logger",
+        "the raw counts",
+    )
     signature = "stepped histogram of the residual"
     needs = "the sensor's resolution ([instrument] fts_resolution)"
     requires = (needs_resolution, needs_full)

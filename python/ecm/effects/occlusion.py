@@ -6,7 +6,15 @@ from math import factorial
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Parameter, Shape, needs_full, needs_varying
+from ecm.effects.protocol import (
+    Effect,
+    LinearEffect,
+    LookAlike,
+    Parameter,
+    Shape,
+    needs_full,
+    needs_varying,
+)
 from ecm.effects.slip import twist
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -30,6 +38,10 @@ class LedOcclusion(LinearEffect):
 
     id = "led_occlusion"
     physics = "Where some of the markers are hidden the camera's pose is biased."
+    outside = LookAlike(
+        "anything wrong in one range of orientations: a reflection, a blind spot of the camera",
+        "a second place of the camera",
+    )
     signature = "follows the number of visible markers, in clusters of orientation"
     needs = "visibility that varies (leds_visible)"
     requires = (needs_full, needs_varying("leds_visible", 0.5))

@@ -9,6 +9,7 @@ import numpy as np
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     beside,
@@ -39,6 +40,10 @@ class PermanentSet(LinearEffect):
     id = "permanent_set"
     physics = "After large poses the mechanism rests a little on the side to which it was bent."
     parameters = (Parameter("share", "1", 5e-3, 0.0, 0.5),)
+    outside = LookAlike(
+        "anything that shifts the rest pose for good: a slipped clamp, a moved target, creep",
+        "the home pose after every sample, with a look at clamp and target",
+    )
     signature = "the wrench at home grows after large poses"
     needs = "order (time_s), and home checks (kind home)"
     requires = (needs_full, needs_varying("time_s", 1.0), _needs_home)

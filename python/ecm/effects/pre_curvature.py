@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ecm.effects.protocol import Effect, LinearEffect, Parameter
+from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Parameter
 from ecm.effects.section_moment import section_moment_slopes
 from ecm.io.arrays import F
 from ecm.io.table import Table
@@ -30,6 +30,10 @@ class PreCurvature(LinearEffect):
     parameters = (
         Parameter("bend_y", "rad", 5e-3, -0.5, 0.5),
         Parameter("bend_z", "rad", 5e-3, -0.5, 0.5),
+    )
+    outside = LookAlike(
+        "anything that gives a constant moment fixed to the body: uneven cure, a bent insert",
+        "remount turned by 180 degrees",
     )
     signature = "m = 1, axes of the mechanism, a moment at home; conservative"
     rivals = {

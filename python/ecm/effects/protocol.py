@@ -84,6 +84,31 @@ class Missing:
     imitates: bool = False
 
 
+@dataclass(frozen=True)
+class LookAlike:
+    """What is not in the catalogue and looks like an effect in the same data.
+
+    Parameters
+    ----------
+    what
+        Causes, after "or".
+    apart
+        Measurement that tells them from the effect.
+
+    Examples
+    --------
+    >>> magnet = LookAlike("anything that pulls towards a point", "detach the cable")
+    >>> bool(magnet), bool(LookAlike())
+    (True, False)
+    """
+
+    what: str = ""
+    apart: str = ""
+
+    def __bool__(self) -> bool:
+        return bool(self.what)
+
+
 Need = Callable[[Table], Missing | None]
 """What an effect needs of a table: None where it is there."""
 
@@ -176,6 +201,10 @@ class Effect(Protocol):
         """Rival id -> id of the experiment that separates the two (`ecm.effects.experiments`)."""
 
     @property
+    def outside(self) -> LookAlike:
+        """Causes outside the catalogue that look the same, and what would tell them apart."""
+
+    @property
     def side(self) -> Side:
         """`physics` acts on the controller as well, `measurement` only on the instruments."""
 
@@ -239,6 +268,7 @@ class EffectBase:
     rivals: Mapping[str, str] = MappingProxyType({})
     most_absorbed: float | None = None
     """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
+    outside: LookAlike = LookAlike()
 
     @property
     def shape(self) -> Shape:

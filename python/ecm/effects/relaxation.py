@@ -10,6 +10,7 @@ from ecm.effects.memory import fading
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     listed,
@@ -41,6 +42,10 @@ class StressRelaxation(LinearEffect):
     id = "stress_relaxation"
     physics = "After a move the stress decays at rest, so a short dwell reads a larger wrench."
     parameters = listed(Parameter("g", "1", 0.02, -0.2, 1.0))
+    outside = LookAlike(
+        "any reading that settles after a move: a sensor's filter, a lag, a slipping clamp",
+        "a hold of 60 s, also with a steel spring in place of the mechanism",
+    )
     signature = "proportional to h, decays at rest, zero at home"
     needs = "dwell times that differ (dwell_s), or a continuous test"
     kind = "time"

@@ -10,6 +10,7 @@ from ecm.effects.protocol import (
     Effect,
     EffectBase,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     Shape,
@@ -103,6 +104,10 @@ class RobotCompliance(_JointEffect):
     id = "robot_compliance"
     physics = "The robot's joints yield under the wrench, unseen by their encoders."
     parameters = tuple(Parameter(f"joint{j}", "rad/(N m)", 1e-4, 0.0, 0.01) for j in range(1, 8))
+    outside = LookAlike(
+        "anything that yields with the arm's posture: a loose joint, a wrong gravity model",
+        "the same pose with another elbow",
+    )
     signature = "depends on the joints, not on the pose alone"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
     rivals = {
@@ -131,6 +136,10 @@ class Backlash(_JointEffect, LinearEffect):
     id = "backlash"
     physics = "Play in the joints: where they stop depends on the side they came from."
     parameters = tuple(Parameter(f"joint{j}", "rad", 2e-4, -0.02, 0.02) for j in range(1, 8))
+    outside = LookAlike(
+        "anything that depends on the direction of a joint: friction, a cable in the arm",
+        "reverse one joint at a time",
+    )
     signature = "odd in the last motion of each joint"
     needs = (
         "joint positions and the sign of their last motion (q1_rad, ..., q1_dir, ...), and "
@@ -151,6 +160,10 @@ class JointOffset(_JointEffect, LinearEffect):
     id = "joint_offset"
     physics = "The encoders' zeros are off, so that poses err smoothly with the joints."
     parameters = tuple(Parameter(f"joint{j}", "rad", 5e-4, -0.05, 0.05) for j in range(1, 8))
+    outside = LookAlike(
+        "anything smooth in the joint angles: wrong link lengths, a sagging arm",
+        "calibrate the arm with the camera",
+    )
     signature = "smooth in the joints"
     needs = "joint positions (q1_rad, ...), and poses from the encoders"
     rivals = {

@@ -9,6 +9,7 @@ import numpy as np
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Parameter,
     needs_full,
     needs_varying,
@@ -50,6 +51,10 @@ class FtsOffset(LinearEffect):
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench in its own axes."
     parameters = _six("offset", "", 1.0, 0.03)
+    outside = LookAlike(
+        "anything constant in the sensor's axes: a tool's weight at one posture, a squeezed cable",
+        "read the unloaded sensor",
+    )
     signature = "constant in body axes, not conservative (a follower load)"
     side = "measurement"
     rivals = {
@@ -82,6 +87,10 @@ class FtsDrift(LinearEffect):
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at home as at any pose."
     parameters = _six("rate", "/s", 1e-4, 3e-6)
+    outside = LookAlike(
+        "anything linear in time in the sensor's axes: a cable that settles, a warm-up",
+        "the unloaded zero every ten poses",
+    )
     signature = "body axes, monotone in t, the same at home, not conservative"
     needs = "time (time_s)"
     requires = (needs_full, needs_varying("time_s", 1.0))
@@ -126,6 +135,10 @@ class FtsThermalDrift(LinearEffect):
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows the sensor's own temperature."
     parameters = _six("per_K", "/K", 0.3, 0.01)
+    outside = LookAlike(
+        "anything in the sensor's axes that follows its temperature: the supply, a hot flange",
+        "log the warm-up without load",
+    )
     signature = "body axes, follows the sensor's temperature, not h"
     needs = "the sensor's temperature (sensor_temperature_degC)"
     requires = (needs_full, needs_varying("sensor_temperature_degC", 0.25))

@@ -16,6 +16,7 @@ from ecm.effects.memory import play
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Missing,
     Parameter,
     beside,
@@ -55,6 +56,10 @@ class FtsGain(LinearEffect):
     id = "fts_gain"
     physics = "The axes of the sensor are scaled wrongly, each by its own factor."
     parameters = tuple(Parameter(f"{axis}_gain", "1", 0.02, -0.5, 0.5) for axis in AXES)
+    outside = LookAlike(
+        "anything that scales one axis of the reading: a bridge, a bypass of the load",
+        "dead weights along each axis",
+    )
     signature = "body axes, proportional to the component itself"
     side = "measurement"
     rivals = {"anisotropy": "dead_weights", "fts_crosstalk": "dead_weights_on_lever"}
@@ -75,6 +80,10 @@ class FtsCrosstalk(LinearEffect):
 
     id = "fts_crosstalk"
     physics = "A load along one axis of the sensor shows in the others."
+    outside = LookAlike(
+        "anything that mixes axes: a turned sensor, a side load by a cable",
+        "dead weights on a lever",
+    )
     signature = "body axes, each component proportional to the others"
     side = "measurement"
     rivals = {
@@ -126,6 +135,10 @@ class FtsFrame(LinearEffect):
         *(Parameter(f"sensor_d{axis}", "m", 1e-3, -0.05, 0.05) for axis in "xyz"),
         *(Parameter(f"sensor_w{axis}", "rad", 5e-3, -0.3, 0.3) for axis in "xyz"),
     )
+    outside = LookAlike(
+        "anything that moves the point of the torque: a spacer, a frame of another tool",
+        "a pure force at three points",
+    )
     signature = "torque proportional to lever times force; rotation mixes components"
     side = "measurement"
     rivals = {
@@ -157,6 +170,10 @@ class FtsSaturation(LinearEffect):
     id = "fts_saturation"
     physics = "The sensor reads ever less near the end of an axis' range."
     parameters = (Parameter("lost", "1", 0.1, 0.0, 1.5),)
+    outside = LookAlike(
+        "any ceiling of a reading: a limit of the logger, a stop in the sensor",
+        "the raw counts",
+    )
     signature = "a ceiling on one raw axis"
     needs = "the sensor's range ([instrument] fts_range)"
     requires = (needs_full, _needs_range)
@@ -212,6 +229,10 @@ class FtsHysteresis(LinearEffect):
     id = "fts_hysteresis"
     physics = "The sensor itself reads differently when its load rises than when it falls."
     parameters = listed(Parameter("lag", "1", 0.02, -1.0, 1.0))
+    outside = LookAlike(
+        "anything that lags the load: friction in the clamp, a settling adhesive",
+        "load and unload dead weights without the mechanism",
+    )
     signature = "odd in the side of approach, body axes, also without the mechanism"
     needs = "loads reached from both sides (approach, time_s)"
     requires = (needs_time, Hysteresis().missing)

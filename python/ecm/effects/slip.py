@@ -9,6 +9,7 @@ import numpy as np
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
+    LookAlike,
     Parameter,
     Shape,
     needs_full,
@@ -53,6 +54,10 @@ class PlatformSlip(LinearEffect):
     id = "platform_slip"
     physics = "The platform slips on the mechanism once and stays where it is then."
     parameters = twist("slip")
+    outside = LookAlike(
+        "any jump of the pose: a moved target, a knocked camera, a clamp that slipped",
+        "the home pose, then the first pose again, with marks on clamp and target",
+    )
     signature = "a jump at one moment, then constant in body axes"
     needs = "order (time_s)"
     requires = (needs_full, needs_varying("time_s", 1.0))
@@ -93,6 +98,10 @@ class MarkerMotion(LinearEffect):
     id = "marker_motion"
     physics = "The marker of the base moves, and all poses seem to move with it."
     parameters = twist("marker")
+    outside = LookAlike(
+        "any slow or sudden motion of a target: a warm bracket, a loose screw, a sagging table",
+        "watch the base target alone for an hour",
+    )
     signature = "follows -K_s times a motion in base axes, stiff axes first; grows or jumps with t"
     needs = "time (time_s)"
     requires = (needs_full, needs_varying("time_s", 1.0))

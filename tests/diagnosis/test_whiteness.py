@@ -1,0 +1,99 @@
+"""Before `none`: periods in time, a stiffness by the hour, neighbours that err alike, memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ecm.diagnosis import diagnose
+from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.preparation import prepare
+from ecm.diagnosis.problem import Problem, assemble
+from ecm.diagnosis.whiteness import find_pattern
+from ecm.effects import get_effect
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table, as_table
+from ecm.models import fit_model
+from support.campaigns import campaign, model, workspace_poses
+from support.stand_in import L, wrench
+
+META = Meta(
+    mechanism={"length_m": L},
+    instrument=Instrument(
+        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+    ),
+)
+NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+
+
+def measured(seed: int, rows: int = 150, change: object = None) -> Table:
+    """Rows of the closed form with white noise, and with a change (time, poses, h) -> (N, 6)."""
+    poses, random = workspace_poses(rows, seed), np.random.default_rng([seed, 1])
+    time = np.cumsum(random.uniform(5.0, 9.0, rows))
+    h = wrench(poses)
+    if change is not None:
+        h = h + change(time, poses, h)  # type: ignore[operator]
+    columns = dict(zip(POSE, poses.T, strict=True)) | {"time_s": time}
+    noise = random.standard_normal((rows, 6)) * NOISE
+    return as_table(columns | dict(zip(WRENCH, (h + noise).T, strict=True)), meta=META)
+
+
+def problem_of(table: Table) -> Problem:
+    given = fit_model(table, "energy6")
+    prepared = prepare(given, table, [get_effect("payload")])
+    return assemble(choose_base(given, prepared.table), prepared.table, prepared.effects)
+
+
+def test_a_period_in_time_is_unknown_with_its_period() -> None:
+    hum = measured(
+        1, change=lambda t, p, h: np.outer(np.sin(2 * np.pi * t / 47.0), [0, 0.5, 0, 0, 0, 0])
+    )
+    found = diagnose(fit_model(hum, "energy6"), hum, effects=["payload", "fts_drift"])
+    assert found.verdict == "unknown"
+    assert "fy follows time_s with period 47" in found.sentence()
+    pattern = found.to_dict()["unknown"]["pattern"]
+    assert pattern["period"] == pytest.approx(47.0, rel=0.01)
+    assert pattern["p"] < 0.01
+
+
+def test_a_stiffness_by_the_time_of_day() -> None:
+    """A share of the wrench that comes and goes six times while it is measured."""
+    day = measured(2, change=lambda t, p, h: 0.004 * np.sin(2 * np.pi * t / 170.0)[:, None] * h)
+    pattern = find_pattern(problem_of(day))
+    assert pattern is not None
+    assert pattern.words.startswith("the stiffness follows time_s with period 17")
+
+
+def test_what_depends_on_the_reading_before() -> None:
+    def kept(t: np.ndarray, p: np.ndarray, h: np.ndarray) -> np.ndarray:
+        return 0.004 * np.roll(h, 1, axis=0)
+
+    pattern = find_pattern(problem_of(measured(3, change=kept)))
+    assert pattern is not None
+    assert "of the reading before" in pattern.words
+
+
+def test_neighbours_in_a_column_that_err_alike() -> None:
+    """A saw in the twist: no quadratic shows it."""
+
+    def saw(t: np.ndarray, p: np.ndarray, h: np.ndarray) -> np.ndarray:
+        return np.outer(np.sign(np.sin(60.0 * p[:, 3])), 0.8 * NOISE)
+
+    pattern = find_pattern(problem_of(measured(4, rows=300, change=saw)))
+    assert pattern is not None
+    assert pattern.variable in ("theta_x_rad", "tau_x_Nm")
+
+
+def test_white_noise_has_no_pattern() -> None:
+    """At most one of forty, at a level of one in a hundred."""
+    alarms = 0
+    for seed in range(40):
+        problem = problem_of(measured(100 + seed, rows=60))
+        alarms += find_pattern(problem) is not None
+    assert alarms <= 1
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_a_campaign_without_an_effect_stays_none(seed: int) -> None:
+    assert diagnose(model(), campaign("", 1.0, seed)).verdict == "none"
