@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ecm.io.mechanism import Mechanism
     from ecm.io.table import Table, as_table, read_table
     from ecm.logs.importing import ImportedLog, import_log
+    from ecm.models.control import LoopSettings
     from ecm.models.cross_validation import cross_validate
     from ecm.models.energy import EnergyModel
     from ecm.models.estimator import ModelEstimator
@@ -71,6 +72,7 @@ _NAMES = {
     "models.cross_validation": ("cross_validate",),
     "models.energy": ("EnergyModel",),
     "models.estimator": ("ModelEstimator",),
+    "models.control": ("LoopSettings",),
     "models.export": ("export",),
     "models.fit": ("fit", "fit_model"),
     "models.learned": ("GaussianProcessModel", "NeuralNetworkModel"),
@@ -106,6 +108,7 @@ __all__ = [
     "GaussianProcessModel",
     "ImportedLog",
     "InputError",
+    "LoopSettings",
     "Mechanism",
     "MissingExtra",
     "Model",

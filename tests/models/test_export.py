@@ -68,20 +68,29 @@ def test_the_c_loop_holds_the_platform(
     for source in ("neck_check", "neck_control"):
         program = tmp_path / source
         built = done(
-            gcc, "-std=c99", "-O2", "-DTRACE", *WARNINGS,
-            folder / "neck.c", folder / f"{source}.c", "-o", program,
+            gcc, "-std=c99", "-O2", *WARNINGS, folder / "neck.c", folder / f"{source}.c",
+            "-o", program,
         )  # fmt: skip
         assert built.returncode == 0, built.stderr
         ran = done(program)
         assert ran.returncode == 0, ran.stdout
-    # A loop that ignores the pose must fail, or holding proves nothing.
+    assert "margins: gain times" in ran.stdout
+    assert "held: the push moved the platform" in ran.stdout
+    # A loop that ignores the pose, or whose commands come late, must fail and say why.
     loop = folder / "neck_control.c"
     text = loop.read_text(encoding="utf-8")
-    blind = text.replace("wrench[i] += c->stiffness[6 * i + j] * x[j]", "wrench[i] += R(0) * x[j]")
-    assert blind != text
-    loop.write_text(blind, encoding="utf-8")
-    done(gcc, "-O2", folder / "neck.c", loop, "-o", tmp_path / "blind")
-    assert done(tmp_path / "blind").returncode == 1
+    broken = {
+        "mass * y[i] : inertia * moment[i - 3]": ("R(0) : R(0)", "the held pose"),
+        "DELAY_STEPS = 3 ": ("DELAY_STEPS = 12 ", "The loop is unstable"),
+    }
+    for right, (wrong, reason) in broken.items():
+        assert right in text
+        loop.write_text(text.replace(right, wrong), encoding="utf-8")
+        done(gcc, "-O2", folder / "neck.c", loop, "-o", tmp_path / "wrong")
+        ran = done(tmp_path / "wrong")
+        assert ran.returncode == 1
+        assert "not held: after" in ran.stdout
+        assert reason in ran.stdout
 
 
 def test_the_rust_loop_holds_the_platform(fitted: dict[str, Model], tmp_path: Path) -> None:
@@ -94,13 +103,15 @@ def test_the_rust_loop_holds_the_platform(fitted: dict[str, Model], tmp_path: Pa
     )  # fmt: skip
     assert ran.returncode == 0, ran.stderr
     assert "4000 ms" in ran.stdout
+    assert "margins: gain times" in ran.stdout
+    assert "held: the push moved the platform" in ran.stdout
 
 
 def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
     """A firmware of these sources, the start-up code and `neck.h`."""
     program = folder / "firmware.elf"
     built = done(
-        need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb",
+        need_program("arm-none-eabi-gcc"), "-std=c99", level, *WARNINGS, "-mthumb", "-DQUIET",
         "-mfloat-abi=hard", *BOARDS[core][1], *COUNTED, f"-I{folder}", "-nostartfiles",
         "-Wl,--gc-sections,-z,noexecstack", "-T", CORTEX / "mps2.ld",
         CORTEX / "startup.c", *sources, "-o", program,
@@ -283,7 +294,7 @@ def test_effects_of_instruments_stay_out_and_those_of_physics_are_folded_in() ->
     assert any("Folded" in note and "base_compliance" in note for note in exported.notes)
     changed = np.abs(moved.predict(poses) - plain.predict(poses)).max(axis=0)
     assert changed.max() > 0.01
-    assert export_files(plain, "c", "neck").notes == ()
+    assert all("loop" in note or "margins" in note for note in export_files(plain, "c").notes)
 
 
 def test_the_command_writes_the_files(
@@ -296,7 +307,11 @@ def test_the_command_writes_the_files(
         "--json", tmp_path / "j.json",
     )  # fmt: skip
     assert ran.code == 0, ran.err
-    names = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))["files"]
+    document = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
+    names, loop = document["files"], document["control_loop"]
+    assert loop["poses_held"] == loop["poses"] == 200
+    assert f"bandwidth {loop['bandwidth_rad_s']:.3g} rad/s" in ran.out
+    assert "margins: gain times" in ran.out
     assert sorted(p.name for p in out.iterdir()) == names
     assert (out / "neck_control.c").exists()
     assert (

@@ -23,10 +23,12 @@ def compare(options: Options, session: Session) -> None:
     model = open_model(options.model, session, table)
     if model.base.kind != "physics":
         prepare_physics(table, session)
-    result = compare_model(model, table, seed=session.seed)
+    with session.working(f"comparing with {len(table)} rows"):
+        result = compare_model(model, table, seed=session.seed)
+        document = result.to_dict()  # makes the parts that are made when they are asked for
     warnings = [*result.warnings, *table.warnings]
     constant = never_excited(table)
-    session.write_json({**result.to_dict(), "never_excited": list(constant), "warnings": warnings})
+    session.write_json({**document, "never_excited": list(constant), "warnings": warnings})
     if session.report is not None:
         write_comparison(session.report, result, warnings)
     session.print(_errors(result, constant) + "\n")
@@ -34,9 +36,7 @@ def compare(options: Options, session: Session) -> None:
         session.print(_lack_of_fit(result, constant) + "\n")
     session.print(result.sentence())
     if result.references is not None:
-        levels = result.references.levels().items()
-        shown = ", ".join(f"{name} {value:.2f}" for name, value in levels)
-        session.print(f"Held-out error over noise: {shown}. {result.references.sentence()}")
+        session.print(f"{result.references.levels_in_words()} {result.references.sentence()}")
     if result.rows_used is not None:
         session.print(result.rows_used.sentence())
     for warning in result.warnings:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from types import TracebackType
 from typing import Any
 
 from ecm.cli import interrupt
 
+_FIRST_LINE_S = 2.0
 _LINE_EVERY_S = 10.0
 
 
 class Console:
     """Lines and progress bars; `quiet` leaves only errors.
 
-    On a terminal a bar is drawn; elsewhere a line every ten seconds says how far the work is.
+    On a terminal a bar is drawn; elsewhere a line says how far the work is, after two seconds and
+    then every ten.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -40,6 +44,30 @@ class Console:
             return None
         self.close()
         return self._bar(title) if sys.stderr.isatty() else _lines(title)
+
+    @contextmanager
+    def working(self, title: str) -> Iterator[None]:
+        """Say how long a work goes on that cannot tell its progress, after two seconds and on."""
+        if self.quiet:
+            yield
+            return
+        ended = threading.Event()
+
+        def say() -> None:
+            start, wait = time.monotonic(), _FIRST_LINE_S
+            while not ended.wait(wait):
+                wait = _LINE_EVERY_S
+                if self._progress is None:
+                    sys.stderr.write(f"{title}: {_duration(time.monotonic() - start)} so far\n")
+                    sys.stderr.flush()
+
+        thread = threading.Thread(target=say, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
 
     def on_interrupt(self, message: str) -> None:
         """Set what an interruption leaves behind and how to go on: the end of its sentence."""
@@ -121,7 +149,7 @@ class _Phase:
 
 def _lines(title: str) -> Callable[..., None]:
     phase = _Phase()
-    last = phase.start
+    last = phase.start - _LINE_EVERY_S + _FIRST_LINE_S
     complete = False
 
     def show(done: int, total: int, *words: Any) -> None:

@@ -16,6 +16,7 @@ from ecm.designs import can_be_run, follow_up_plan
 from ecm.diagnosis import Diagnosis
 from ecm.diagnosis import diagnose as diagnose_model
 from ecm.diagnosis.page import write_diagnosis
+from ecm.diagnosis.procedure import STAGES, watched
 from ecm.effects import load_installed
 from ecm.effects.experiments import session_of
 from ecm.io.table import Table
@@ -33,8 +34,12 @@ def diagnose(options: Options, session: Session) -> None:
     table = table.with_length(model.known_length_m)
     if options.next_plan is not None:
         check_plan(options.next_plan, table)
-    result = diagnose_model(model, table, seed=session.seed)
-    document = result.to_dict()
+    with session.working(f"diagnosing {len(table)} rows"):
+        progress = session.progress("diagnose")
+        stages = STAGES if progress is None else watched(STAGES, progress)
+        result = diagnose_model(model, table, seed=session.seed, stages=stages)
+        document = result.to_dict()
+        session.close()
     document["warnings"] = [*document["warnings"], *table.warnings]
     session.write_json(document)
     if session.report is not None:

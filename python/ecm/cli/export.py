@@ -7,6 +7,7 @@ from ecm.cli.options.export import Options
 from ecm.cli.outputs import check_output_directory
 from ecm.cli.session import Session
 from ecm.effects import load_installed
+from ecm.models.control import LoopSettings
 from ecm.models.export import export as export_model
 
 
@@ -20,6 +21,7 @@ def export(options: Options, session: Session) -> None:
         options.out,
         name=options.name,
         precision=options.precision.value,
+        loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
     )
     session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
     session.write_json(
@@ -28,6 +30,7 @@ def export(options: Options, session: Session) -> None:
             "files": sorted(exported.files),
             "left_out": list(exported.left_out),
             "sentences": list(exported.notes),
+            "control_loop": None if exported.loop is None else exported.loop.to_dict(),
         }
     )
     for line in exported.notes:

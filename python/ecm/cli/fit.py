@@ -36,24 +36,30 @@ def fit(options: Options, session: Session) -> None:
             raise InputError("--model choose tries PCR thresholds itself; leave out --pcr")
         if table.meta.length_m is None:
             session.print("energies are left out: no [mechanism] length_m in the data's TOML")
-        choice = choose_model(table, default_candidates(table), seed=session.seed)
+        with session.working(f"choosing among models of {len(table)} rows"):
+            choice = choose_model(table, default_candidates(table), seed=session.seed)
         for sentence in choice.sentences():
             session.print(sentence)
         specification, name = choice.best, choice.best.alias
     else:
         specification = _named(name, options.pcr, table, session)
-    model = fit_model(
-        table,
-        specification,
-        zero_at_home=options.zero_at_home,
-        stable=options.stable,
-        weights=cast("Weights", options.weights),
-    )
-    summary = fit_summary(model, table, specification, seed=session.seed)
+    with session.working(f"fitting {name} to {len(table)} rows"):
+        model = fit_model(
+            table,
+            specification,
+            zero_at_home=options.zero_at_home,
+            stable=options.stable,
+            weights=cast("Weights", options.weights),
+        )
+    with session.working("errors on held-out rows"):
+        progress = session.progress("held-out fits")
+        summary = fit_summary(model, table, specification, seed=session.seed, progress=progress)
+        session.close()
     summary["choice"] = None if choice is None else choice.to_dict()
     summary["curve"] = None
     if options.curve:
-        curve = learning_curve(table, specification, _SIZES, seed=session.seed)
+        with session.working("how many poses are enough"):
+            curve = learning_curve(table, specification, _SIZES, seed=session.seed)
         summary["curve"] = curve.to_dict()
         for sentence in curve.sentences():
             session.print(sentence)

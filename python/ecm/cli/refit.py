@@ -18,13 +18,14 @@ def refit(options: Options, session: Session) -> None:
     table = session.read(options.data, need="fit")
     load_installed()
     before = open_model(options.model, session, table)
-    fitted = refit_model(
-        before,
-        table,
-        add=options.add or (),
-        remove=options.remove or (),
-        freeze=options.freeze or (),
-    )
+    with session.working(f"fitting {len(table)} rows"):
+        fitted = refit_model(
+            before,
+            table,
+            add=options.add or (),
+            remove=options.remove or (),
+            freeze=options.freeze or (),
+        )
     summary = refit_summary(fitted)
     session.write_json(summary)
     for line in summary["sentences"]:

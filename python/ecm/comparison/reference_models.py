@@ -33,6 +33,13 @@ _FAMILIES = {
     "asymmetric": "something asymmetric or not conservative",
     "other": "history, time or noise",
 }
+_HELD_OUT = {
+    "pose": "clusters of poses",
+    "time": "blocks of time",
+    "run": "each run in turn",
+}
+_USELESS = 1e4
+"""Held-out errors beyond so many times the noise are no errors of a prediction."""
 _NOTHING = 0.03
 """Excess in squares below which nothing is said about a family."""
 
@@ -45,6 +52,19 @@ class ReferenceModels:
     energy: float | None
     ceiling: float | None
     floor: float = 1.0
+    by: str = "pose"
+    """What the held-out parts are: clusters of the `pose`, blocks of `time`, or each `run`."""
+
+    def levels_in_words(self) -> str:
+        """Return the known errors and how rows were held out; no number for no prediction."""
+        levels = self.levels()
+        shown = ", ".join(f"{n} {value:.2f}" for n, value in levels.items() if value < _USELESS)
+        text = f"Error over noise, {_HELD_OUT[self.by]} held out: {shown}."
+        lost = [name for name, value in levels.items() if value >= _USELESS]
+        if lost:
+            text += f" The {' and the '.join(lost)} do{'es' * (len(lost) == 1)} not extrapolate to "
+            text += "the held-out rows."
+        return text
 
     def levels(self) -> dict[str, float]:
         """Return the known errors by name."""
@@ -88,6 +108,7 @@ class ReferenceModels:
             "energy": self.energy,
             "ceiling": self.ceiling,
             "floor": self.floor,
+            "held_out_by": self.by,
             "shares": self.shares(),
             "sentence": self.sentence(),
         }
@@ -119,6 +140,7 @@ def fit_reference_models(model: Model, table: Table, noise: Noise) -> ReferenceM
         physics=_held_out(fits[0], kept),
         energy=_held_out(fits[1], kept),
         ceiling=min(known) if known else None,
+        by=held_out_by(kept, "time"),
     )
 
 

@@ -14,7 +14,7 @@ from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.regression.folds import is_continuous
+from ecm.regression.correlation import correlation_time
 from ecm.regression.repeats import noise_source, repeated_poses
 
 _UNITS = ("degC", "Nm", "rad", "N", "m", "s")
@@ -188,7 +188,10 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
 
 def _sampling(table: Table) -> list[str]:
     """Say that rows which follow each other closely are samples of a continuous test."""
-    if is_continuous(table) or not table.has("time_s") or table.has("pose_id"):
+    correlated = correlation_time(table)
+    if correlated is not None:
+        return [correlated.sentence()]
+    if not table.has("time_s") or table.has("pose_id"):
         return []
     steps = np.diff(table.column("time_s"))
     if len(steps) < _SAMPLES or not 0.0 < np.median(steps) < _SAMPLED_S:

@@ -17,8 +17,9 @@ Each stage is a function that can be called by itself; what it returns is the in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
 from ecm.diagnosis.base import choose_base
@@ -72,6 +73,31 @@ class Stages:
 
 STAGES = Stages()
 """The procedure without replaced stages."""
+
+
+def watched(stages: Stages, progress: Callable[[int, int, str], object]) -> Stages:
+    """Return stages that tell their place among all and their name when they begin.
+
+    Examples
+    --------
+    >>> names = []
+    >>> stages = watched(STAGES, lambda done, total, name: names.append(name))
+    >>> stages.search is STAGES.search
+    False
+    """
+    names = [item.name for item in fields(stages)]
+
+    def told(place: int, name: str, stage: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(stage)
+        def run(*arguments: Any, **options: Any) -> Any:
+            progress(place, len(names), name)
+            return stage(*arguments, **options)
+
+        return run
+
+    return Stages(
+        **{name: told(place, name, getattr(stages, name)) for place, name in enumerate(names)}
+    )
 
 
 @one_blas_thread()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,7 @@ def cross_validate(
     grouped: bool = True,
     seed: int = 0,
     fitted: StiffnessMap | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> CrossValidation:
     """Held-out errors of a model; groups of rows stay together unless asked otherwise.
 
@@ -86,6 +88,8 @@ def cross_validate(
         Map that was fitted to all rows, if there is one. From 10,000 rows on a polynomial or energy
         is not fitted anew for each fold: its equations without the fold are solved, for energies
         linearised at the fit to all rows.
+    progress
+        Called with the number of folds that are done, and of all.
 
     Raises
     ------
@@ -119,6 +123,8 @@ def cross_validate(
         else:
             predicted = maps[part].predict(test.matrix(maps[part].inputs))
         residual[fold == part] = truth[fold == part] - predicted
+        if progress is not None:
+            progress(part + 1, int(fold.max()) + 1)
     rmse = np.sqrt((residual**2).mean(axis=0))
     return CrossValidation(
         rmse=dict(zip(outputs, rmse.tolist(), strict=True)),

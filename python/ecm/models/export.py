@@ -20,6 +20,8 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
+from ecm.models.control import ControlLoop, LoopSettings, design_loop
+from ecm.models.control.code import loop_file
 from ecm.models.maps import EnergyMap, Symmetry
 from ecm.models.model import Model
 from ecm.models.mujoco import mujoco_text
@@ -50,6 +52,8 @@ class Exported:
     """What a reader of the files must know."""
     left_out: tuple[str, ...]
     """Ids of the effects that are not in the files."""
+    loop: ControlLoop | None = None
+    """The control loop of the example, where the model takes a pose to a wrench."""
 
 
 def export(
@@ -59,6 +63,7 @@ def export(
     *,
     name: str = "ecm_model",
     precision: Precision = "double",
+    loop: LoopSettings | None = None,
 ) -> Exported:
     """Write a model as source code for a controller, or as a MuJoCo file.
 
@@ -74,6 +79,8 @@ def export(
         Begins every public name: a lower-case letter, then at most 39 of a-z, 0-9 and _.
     precision
         Floating-point type of the code, `c` and `rust` only: `double` or `single`.
+    loop
+        Mass, inertia and delay of the robot, for the example of a control loop.
 
     Returns
     -------
@@ -95,7 +102,7 @@ def export(
     >>> sorted(exported.files)[:2]
     ['spring.c', 'spring.h']
     """
-    exported = export_files(model, to, name, precision)
+    exported = export_files(model, to, name, precision, loop)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
             write_atomically(Path(directory) / path, text)
@@ -103,7 +110,11 @@ def export(
 
 
 def export_files(
-    model: Model, target: Target, name: str = "ecm_model", precision: Precision = "double"
+    model: Model,
+    target: Target,
+    name: str = "ecm_model",
+    precision: Precision = "double",
+    loop: LoopSettings | None = None,
 ) -> Exported:
     """Return the files that `export` writes, without writing them."""
     if re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name) is None:
@@ -115,8 +126,14 @@ def export_files(
         text, lost = _mujoco(inside, name)
         return Exported({f"{name}.xml": text}, (*notes, *lost), left_out)
     sealed = seal_model(json.dumps(inside.document()))
-    files = export_model(sealed, name, target=target, precision=precision)
-    return Exported(dict(files), tuple(notes), left_out)
+    files = dict(export_model(sealed, name, target=target, precision=precision))
+    if (inside.inputs, inside.outputs) != (POSE, WRENCH):
+        return Exported(files, tuple(notes), left_out)
+    poses = poses_to_hold(model)
+    designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
+    if designed.holds.any():
+        files |= loop_file(designed, target, name, precision)
+    return Exported(files, (*notes, *designed.sentences()), left_out, designed)
 
 
 def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
@@ -198,6 +215,30 @@ def poses_in_domain(model: Model, count: int) -> F:
             quarter = 0.25 * (high - low)
             lower[j], upper[j] = low + quarter, high - quarter
     return np.asarray(random.uniform(lower, upper, (count, 6)))
+
+
+def poses_to_hold(model: Model, count: int = 200) -> F:
+    """(at most count, 6) poses like the measured ones, for which a control loop is designed.
+
+    Those of `poses_in_domain` that lie in the range of every column and do not extrapolate; where
+    they are few, also such poses nearer to the middle.
+    """
+    poses = poses_in_domain(model, 20 * count)
+    random = np.random.default_rng(_SEED)
+    middle = poses.mean(axis=0)
+    nearer = middle + random.uniform(0.2, 1.0, (len(poses), 1)) * (poses - middle)
+    found = np.zeros((0, 6))
+    for candidates in (poses, nearer):
+        if len(found) < count:
+            found = np.vstack([found, _measured(model, candidates)])
+    return found[:count] if len(found) else poses[:count]
+
+
+def _measured(model: Model, poses: F) -> F:
+    for j, column in enumerate(POSE):
+        low, high = model.domain.get(column, (-np.inf, np.inf))
+        poses = poses[(low <= poses[:, j]) & (poses[:, j] <= high)]
+    return poses[~model.extrapolates(poses)]
 
 
 def _mujoco(model: Model, name: str) -> tuple[str, list[str]]:

@@ -15,6 +15,7 @@ from ecm.models.model import Model
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.models.training import domain_of, training_of
+from ecm.regression.thinning import spread_rows
 
 
 def fit_model(
@@ -75,7 +76,10 @@ def fit_model(
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")
-    fitted = _model(specification.fit_map(measured, weights), measured)
+    used = measured
+    if specification.most_rows is not None:
+        used = measured.select(spread_rows(measured, specification.most_rows))
+    fitted = _model(specification.fit_map(used, weights), measured)
     if zero_at_home or stable:
         fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
     return fitted

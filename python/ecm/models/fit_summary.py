@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,20 +11,31 @@ import numpy as np
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
-from ecm.models.cross_validation import cross_validate
+from ecm.models.cross_validation import CrossValidation, cross_validate
 from ecm.models.maps import StiffnessMap
 from ecm.models.model import Model
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.refit import PhysicsModel, physics_sentences
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
+from ecm.regression.correlation import correlation_time
+from ecm.regression.folds import split_words
+from ecm.regression.thinning import CHOSEN
 
 _FOLDS = 10
 _HALVINGS = 25
+_USELESS = 3.0
+"""Held-out errors beyond so many times the spread are no errors of a prediction."""
+Progress = Callable[[int, int], object] | None
 
 
 def fit_summary(
-    fitted: Model, table: Table, model: ModelSpecification, *, seed: int = 0
+    fitted: Model,
+    table: Table,
+    model: ModelSpecification,
+    *,
+    seed: int = 0,
+    progress: Progress = None,
 ) -> dict[str, Any]:
     """Return error on the fitted and on held-out rows, absolute and as a share of the spread.
 
@@ -38,6 +50,8 @@ def fit_summary(
         and not for the physics model.
     seed
         Seed of the random generator.
+    progress
+        Called with the number of held-out fits that are done, and of all.
 
     Returns
     -------
@@ -61,9 +75,14 @@ def fit_summary(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
                 f"{100.0 * share:.2g} % of its spread"
             )
+    correlated = correlation_time(measured)
+    if correlated is not None:
+        sentences.append(correlated.sentence())
+    if model.most_rows is not None and len(measured) > model.most_rows:
+        sentences.append(f"{model.most_rows} of {len(measured)} rows were fitted: {CHOSEN}")
     with_threshold = isinstance(model, PolynomialModel) and model.pcr is not None
     single = with_threshold or isinstance(model, PhysicsModel)
-    held_out = None if single else _held_out(table, model, seed, fitted.base)
+    held_out = None if single else _held_out(table, model, seed, fitted.base, progress)
     parameters = _parameters(fitted)
     for part in (held_out, parameters):
         if part is not None:
@@ -97,7 +116,7 @@ def _parameters(fitted: Model) -> dict[str, Any] | None:
 
 
 def _held_out(
-    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap
+    table: Table, model: ModelSpecification, seed: int, base: StiffnessMap, progress: Progress
 ) -> dict[str, Any] | None:
     """Cross-validated error: ten folds, or halves by group and by random rows for a grouped table.
 
@@ -106,19 +125,19 @@ def _held_out(
     """
     try:
         if not table.meta.group:
-            folds = _shares(table, model, base, _FOLDS, True, [seed])
-            sentence = f"held out, share of the spread: {_listed(folds)}"
-            return {"folds": folds, "sentences": [sentence]}
+            check = partial(cross_validate, fitted=base, progress=progress)
+            folds = _shares(table, model, check, _FOLDS, True, [seed])
+            how = f"held out, {split_words(table.measured(), _FOLDS)}"
+            return {"folds": folds, "sentences": _told(how, folds)}
         seeds = [seed + i for i in range(_HALVINGS)]
-        own = _shares(table, model, base, 2, True, seeds)
-        random = _shares(table, model, base, 2, False, seeds)
+        check = partial(cross_validate, fitted=base)
+        own = _shares(table, model, check, 2, True, seeds)
+        random = _shares(table, model, check, 2, False, seeds)
     except EcmError:
         return None
     groups = ", ".join(table.meta.group)
-    sentences = [
-        f"one half held out by {groups}, share of the spread: {_listed(own)}",
-        f"one half held out by random rows, share of the spread: {_listed(random)}",
-    ]
+    sentences = _told(f"one half held out by {groups}", own)
+    sentences += _told("one half held out by random rows", random)
     flattered = [column for column in own if random[column] < own[column]]
     if flattered:
         sentences.append(
@@ -130,16 +149,13 @@ def _held_out(
 def _shares(
     table: Table,
     model: ModelSpecification,
-    base: StiffnessMap,
+    check: Callable[..., CrossValidation],
     folds: int,
     grouped: bool,
     seeds: Sequence[int],
 ) -> dict[str, float]:
     """Held-out RMSE over the spread of each component that is excited, median over the seeds."""
-    results = [
-        cross_validate(table, model, folds=folds, grouped=grouped, seed=seed, fitted=base)
-        for seed in seeds
-    ]
+    results = [check(table, model, folds=folds, grouped=grouped, seed=seed) for seed in seeds]
     return {
         column: float(np.median([result.rmse[column] for result in results])) / spread
         for column, spread in results[0].spread.items()
@@ -147,5 +163,18 @@ def _shares(
     }
 
 
-def _listed(shares: dict[str, float]) -> str:
-    return ", ".join(f"{column} {share:.2f}" for column, share in shares.items())
+def _told(how: str, shares: dict[str, float]) -> list[str]:
+    """The held-out errors in words: a number for what was predicted, a sentence for the rest."""
+    usable = {column: share for column, share in shares.items() if share < _USELESS}
+    lost = [column for column in shares if column not in usable]
+    sentences = []
+    if usable:
+        listed = ", ".join(f"{column} {share:.2f}" for column, share in usable.items())
+        sentences.append(f"{how}, share of the spread: {listed}")
+    if lost:
+        sentences.append(
+            f"{how}: the model does not extrapolate to the held-out rows in {', '.join(lost)}, "
+            f"where it errs more than {_USELESS:g} times the spread. Take one with fewer terms, or "
+            "record more poses."
+        )
+    return sentences

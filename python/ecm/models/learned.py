@@ -219,6 +219,7 @@ class GaussianProcessModel(ModelSpecification):
     """
 
     kind = "gp"
+    most_rows = 2000  # its matrices grow with their square, its time with the cube
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Fit lengths and noise to at most 300 rows, the weights to all."""
@@ -259,6 +260,7 @@ class NeuralNetworkModel(ModelSpecification):
     """
 
     kind = "mlp"
+    most_rows = 5000
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Fit by L-BFGS with a little weight decay."""

@@ -47,6 +47,8 @@ class ModelSpecification(Checked, ABC):
     """Kind of map in a model file; also the short name, unless the subclass has another."""
     usage: ClassVar[str] = ""
     """How short names are written, for messages; empty where the kind is the only one."""
+    most_rows: ClassVar[int | None] = None
+    """Largest number of rows that are fitted; of more, some are chosen that are spread over all."""
     weighted: ClassVar[bool] = False
     """Whether `weights` may be chosen."""
 

@@ -57,6 +57,27 @@ def held_out_by(table: Table, kind: str) -> Literal["time", "pose", "run"]:
     return "time" if kind == "pose" else "pose"
 
 
+def split_words(table: Table, parts: int) -> str:
+    """Return in words how `row_groups` are divided into so many parts of held-out rows.
+
+    Examples
+    --------
+    >>> from ecm import as_table
+    >>> table = as_table({"x_m": [0.0, 1.0, 2.0], "fx_N": [0.0, 1.0, 2.0], "pose_id": [0, 0, 1]})
+    >>> split_words(table, 10)
+    '2 parts of poses, repeats together'
+    """
+    groups = int(row_groups(table).max()) + 1
+    what = "rows"
+    if is_continuous(table):
+        what = f"stretches of time, {_STRETCHES} a run"
+    elif table.meta.group:
+        what = f"groups by {', '.join(table.meta.group)}"
+    elif table.has("pose_id"):
+        what = "poses, repeats together"
+    return f"{min(parts, groups)} parts of {what}"
+
+
 def _stretches(table: Table) -> I:
     """(N,) number of the stretch of time that each sample is in, twelve a run."""
     stretches = np.zeros(len(table), dtype=np.int64)

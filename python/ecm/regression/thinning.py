@@ -19,10 +19,8 @@ from ecm.regression.approach import order_of_visits
 from ecm.regression.folds import is_continuous, is_pose_row
 from ecm.regression.repeats import repeat_cells
 
-HOW = (
-    "spread over runs, time and poses, repeats first; what depends on earlier rows is computed on "
-    "all rows"
-)
+CHOSEN = "spread over runs, time and poses, repeats first"
+HOW = f"{CHOSEN}; what depends on earlier rows is computed on all rows"
 """How the rows are chosen, for reports."""
 
 

@@ -1,5 +1,4 @@
-//! A model as C: `NAME.h`, `NAME.c`, golden vectors in `NAME_golden.h`, and `NAME_check.c`; a map
-//! of all six columns to all six also with a control loop, `NAME_control.c`.
+//! A model as C: `NAME.h`, `NAME.c`, golden vectors in `NAME_golden.h`, and `NAME_check.c`.
 
 use std::format;
 use std::string::{String, ToString};
@@ -77,13 +76,12 @@ pub fn export(
         ("HALFTURN", &half_turn),
     ];
     let golden = Golden::new(&model, precision)?;
-    let hold = list(golden.hold.iter().map(|&x| cast(x, &name)));
     let golden = golden_header(&golden, &name, (n, m), &turns);
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
         text,
     };
-    let mut files = std::vec![
+    Ok(std::vec![
         file(".h", filled(header, &common)),
         file(".c", filled(&source, &common)),
         file("_golden.h", golden),
@@ -91,17 +89,8 @@ pub fn export(
             "_check.c",
             filled(include_str!("templates/check.c"), &common)
         ),
-    ];
-    if (inputs.as_str(), outputs.as_str()) == (POSE, WRENCH) {
-        let control = include_str!("templates/control.c");
-        let control = filled(control, &[("HELD", hold.as_str())]);
-        files.push(file("_control.c", filled(&control, &common)));
-    }
-    Ok(files)
+    ])
 }
-
-const POSE: &str = "x_m, y_m, z_m, theta_x_rad, theta_y_rad, theta_z_rad";
-const WRENCH: &str = "fx_N, fy_N, fz_N, tau_x_Nm, tau_y_Nm, tau_z_Nm";
 
 /// The source, and how many floating-point numbers a call keeps.
 fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {

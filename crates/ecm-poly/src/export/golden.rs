@@ -17,8 +17,6 @@ pub struct Golden {
     pub values: Vec<Vec<f64>>,
     /// (count, m n).
     pub jacobians: Vec<Vec<f64>>,
-    /// (n) set point of the control loop: a quarter of the way to the edge of the range.
-    pub hold: Vec<f64>,
     /// Largest difference due to rounding, of values and of Jacobians.
     pub tolerance: [f64; 2],
 }
@@ -32,11 +30,10 @@ impl Golden {
             points: Vec::new(),
             values: Vec::new(),
             jacobians: Vec::new(),
-            hold: point(model, 5, 0.25),
             tolerance: [0.0; 2],
         };
         for i in 0..COUNT {
-            let mut point = point(model, i, 1.0);
+            let mut point = point(model, i);
             if precision == Precision::Single {
                 point.iter_mut().for_each(|x| *x = f64::from(*x as f32));
             }
@@ -66,19 +63,19 @@ fn wave(i: usize, k: usize) -> f64 {
     2.0 * ((i as f64 * step).fract() - 0.5) * if i == 0 { 0.0 } else { 1.0 }
 }
 
-/// Point i, scaled towards the centre by `share`.
-fn point(model: &Model, i: usize, share: f64) -> Vec<f64> {
+/// Point i.
+fn point(model: &Model, i: usize) -> Vec<f64> {
     match model {
         Model::Polynomial(model) => (0..model.inputs())
             .map(|k| {
                 let (lower, upper) = (model.lower()[k], model.upper()[k]);
-                0.5 * (lower + upper) + 0.5 * share * (upper - lower) * wave(i, k)
+                0.5 * (lower + upper) + 0.5 * (upper - lower) * wave(i, k)
             })
             .collect(),
         Model::Energy(model) => {
             // Inside the ball |c| < l, |θ| < α of the training data; never beyond π.
             let [length, angle] = model.scale();
-            let part = |k: usize, size: f64| share * wave(i, k) * size / 3.0_f64.sqrt();
+            let part = |k: usize, size: f64| wave(i, k) * size / 3.0_f64.sqrt();
             let angle = angle.min(3.0);
             let theta = [part(3, angle), part(4, angle), part(5, angle)];
             let c = [

@@ -2,7 +2,7 @@
 //!
 //! The constants are tables for the evaluation of this crate, whose source the export contains as
 //! private modules: no std, no allocation, no libm, no other crate, and any number of models in one
-//! program. `examples/control.rs` is a control loop.
+//! program.
 
 use std::format;
 use std::string::{String, ToString};
@@ -38,7 +38,7 @@ pub fn export(
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
     let (body, numbers) = match (&model, precision) {
         // Where double is software, the unrolled sums lie on the stack.
-        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 500),
+        (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 620),
         (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
         (Model::Energy(model), Precision::Double) => energy::<f64>(model)?,
         (Model::Energy(model), Precision::Single) => energy::<f32>(model)?,
@@ -54,11 +54,6 @@ pub fn export(
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
     ];
     let golden = Golden::new(&model, precision)?;
-    let hold = list(golden.hold.iter().map(|&x| number(x)));
-    let control = filled(
-        include_str!("templates/control.rs.txt"),
-        &[("HELD", hold.as_str())],
-    );
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),
         text,
@@ -70,7 +65,6 @@ pub fn export(
         ),
         file("src/lib.rs", filled(&body, &common)),
         file("tests/golden.rs", filled(&golden_test(&golden), &common)),
-        file("examples/control.rs", filled(&control, &common)),
     ];
     files.extend(source::evaluation());
     Ok(files)

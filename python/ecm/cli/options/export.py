@@ -40,6 +40,16 @@ class Options:
     precision: Annotated[
         Precision, typer.Option("--precision", help="Floating-point type (c, rust).")
     ] = Precision.double
+    mass: Annotated[
+        float | None, typer.Option("--mass", metavar="KG", help="Platform and load, for the loop.")
+    ] = None
+    inertia: Annotated[
+        float | None, typer.Option("--inertia", metavar="KGM2", help="Of the same, about any axis.")
+    ] = None
+    delay: Annotated[
+        float, typer.Option("--delay", metavar="S", help="Longest, from pose to wrench.")
+    ] = 0.003
+    dt: Annotated[float, typer.Option("--dt", metavar="S", help="Step of the loop.")] = 0.001
 
 
 export = command("export", Options)

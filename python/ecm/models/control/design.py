@@ -1,0 +1,251 @@
+"""Gains of a control loop from the stiffness over a model's poses, the mass and the delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.io.arrays import B, F
+from ecm.models.control.poles import C, Gains
+
+SOFTNESS = (0.8, 1.0, 1.2)
+"""Stiffness of the mechanism over the model's for which the loop is designed."""
+_OWN_FREQUENCY = 100.0
+"""rad/s of the stiffest mode where the mass is not stated."""
+_MARGIN = 2.0
+"""Factor on all gains, up and down, that the loop must bear."""
+_LAGS = np.geomspace(0.08, 0.6, 9)
+"""Bandwidth times lag that are tried."""
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What a control loop must know of the robot.
+
+    Examples
+    --------
+    >>> LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01).delay_s
+    0.003
+    """
+
+    mass_kg: float | None = None
+    """Of the platform and what it carries; default: by the mechanism's own frequency."""
+    inertia_kg_m2: float | None = None
+    """About any axis through the origin of the top frame; default: as the mass."""
+    delay_s: float = 0.003
+    """Longest time between the reading of a pose and the moment from which its wrench acts."""
+    dt_s: float = 0.001
+    """Time between two steps of the loop."""
+
+    def __post_init__(self) -> None:
+        for name in ("mass_kg", "inertia_kg_m2", "delay_s", "dt_s"):
+            value = getattr(self, name)
+            least = -1e-300 if name == "delay_s" else 0.0
+            if value is not None and not (least < value < 1e6):
+                raise InputError(f"{name} = {value}: expected a number above 0")
+        if self.delay_s > 50 * self.dt_s:
+            raise InputError(
+                f"delay_s = {self.delay_s:g}: expected at most 50 steps of dt_s = {self.dt_s:g}"
+            )
+
+    @property
+    def delay_steps(self) -> int:
+        """Delay in whole steps."""
+        return int(np.ceil(self.delay_s / self.dt_s - 1e-9))
+
+
+@dataclass(frozen=True)
+class ControlLoop:
+    """A designed loop and how it stands over the model's poses."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+    own_mass: bool
+    """Whether the mass was chosen here, by the mechanism's own frequency."""
+    gains: Gains
+    poses: F
+    """(N, 6) poses for which it was designed."""
+    holds: B
+    """(N,) whether it is stable there, also with gains times 0.8 and 1.25."""
+    decay_per_s: float
+    """Least rate at which an error falls, over the poses where the loop holds."""
+    gain_margin: tuple[float, float]
+    """Least and largest factor on all gains before the loop is lost at one of these poses."""
+    delay_margin_s: float
+    """How much later than stated a wrench may act."""
+
+    @property
+    def held(self) -> F:
+        """(6,) pose that the example holds."""
+        return np.asarray(self.poses[np.argmax(self.holds)])
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the loop can bear, in words."""
+        w, delay = self.gains.bandwidth_rad_s, 1e3 * self.gains.delay_steps * self.gains.dt_s
+        chosen = " (chosen here; state yours: --mass, --inertia)" if self.own_mass else ""
+        stated = (
+            f"{self.mass_kg:.3g} kg and {self.inertia_kg_m2:.3g} kg m2{chosen}, a step of "
+            f"{1e3 * self.gains.dt_s:.3g} ms and a delay of at most {delay:.3g} ms"
+        )
+        if not self.holds.any():
+            return (
+                f"No control loop: with {stated} no gain holds any of {len(self.poses)} poses. "
+                "A shorter delay, a heavier platform or a mechanism farther from buckling helps.",
+            )
+        low, high = self.gain_margin
+        poses = (
+            f"Control loop for {stated}: bandwidth {w:.3g} rad/s; holds {self.holds.sum()} of "
+            f"{len(self.poses)} poses of the model on mechanisms up to 20 % softer and stiffer."
+        )
+        margins = (
+            f"The slowest error falls by {self.decay_per_s:.3g} 1/s; margins: gain times "
+            f"{low:.2g} to {high:.2g}, {1e3 * self.delay_margin_s:.3g} ms more delay."
+        )
+        return poses, margins
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "mass_kg": self.mass_kg,
+            "inertia_kg_m2": self.inertia_kg_m2,
+            "dt_s": self.gains.dt_s,
+            "delay_s": self.gains.delay_steps * self.gains.dt_s,
+            "bandwidth_rad_s": self.gains.bandwidth_rad_s,
+            "poses": len(self.poses),
+            "poses_held": int(self.holds.sum()),
+            "decay_per_s": self.decay_per_s,
+            "gain_margin": list(self.gain_margin),
+            "delay_margin_s": self.delay_margin_s,
+        }
+
+
+def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) -> ControlLoop:
+    """Choose the bandwidth of a loop that holds these poses.
+
+    The loop is `ecm.models.control.poles`. Of the bandwidths that bear twice and half the gain at
+    every pose, softness and delay, the one whose slowest error falls fastest is taken.
+
+    Parameters
+    ----------
+    poses
+        (N, 6) poses that are to be held.
+    stiffness
+        (N, 6, 6) K_s there: wrench per small twist (stiffness kind `screw`).
+    settings
+        Mass, inertia, delay and step.
+
+    Returns
+    -------
+    ControlLoop
+        The loop, where it holds, and its margins.
+
+    Raises
+    ------
+    InputError
+        A mechanism without positive stiffness, for which no mass can be chosen.
+
+    Examples
+    --------
+    >>> K = np.diag([20e3, 4e3, 4e3, 4.0, 16.0, 16.0])[None]
+    >>> loop = design_loop(np.zeros((1, 6)), K, LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01))
+    >>> bool(loop.holds.all()), bool(loop.gain_margin[1] > 1.9)
+    (True, True)
+    """
+    settings = settings or LoopSettings()
+    mass, inertia = _mass(stiffness, settings)
+    weights = 1.0 / np.array([mass] * 3 + [inertia] * 3)
+    modes = np.linalg.eigvals(weights[:, None] * stiffness).astype(np.complex128)
+    least = Gains(1.0, settings.dt_s, settings.delay_steps)
+    tried = [
+        Gains(lag / ((least.delay_steps + 1) * least.dt_s), least.dt_s, least.delay_steps)
+        for lag in _LAGS
+    ]
+    critical = _critical(modes)
+    gains = max(tried, key=lambda gains: _merit(gains, critical))
+    delays = tuple(sorted({0, least.delay_steps // 2, least.delay_steps}))
+    rates = _rates(gains, modes, SOFTNESS, delays).min(axis=1)
+    holds = rates > 0.0
+    for factor in (0.8, 1.25):
+        holds &= _worst(gains, modes, factor).min(axis=1) > 0.0
+    any_held = bool(holds.any())
+    critical = _critical(modes[holds]) if any_held else critical
+    return ControlLoop(
+        mass_kg=mass,
+        inertia_kg_m2=inertia,
+        own_mass=settings.mass_kg is None or settings.inertia_kg_m2 is None,
+        gains=gains,
+        poses=poses,
+        holds=holds,
+        decay_per_s=float(rates[holds].min()) if any_held else 0.0,
+        gain_margin=_gain_margin(gains, critical) if any_held else (1.0, 1.0),
+        delay_margin_s=_delay_margin(gains, critical) if any_held else 0.0,
+    )
+
+
+def _mass(stiffness: F, settings: LoopSettings) -> tuple[float, float]:
+    """The stated mass and inertia, or those at which the stiffest mode has 100 rad/s."""
+    symmetric = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
+    largest = [np.linalg.eigvalsh(symmetric[:, s, s]).max() for s in (slice(3), slice(3, 6))]
+    if not (np.isfinite(stiffness).all() and min(largest) > 0.0):
+        raise InputError("stiffness: expected finite numbers and a mechanism that resists")
+    weights = 1.0 / np.repeat(largest, 3)
+    scale = np.abs(np.linalg.eigvals(weights[:, None] * stiffness)).max() / _OWN_FREQUENCY**2
+    mass, inertia = (float(f"{value * scale:.2g}") for value in largest)
+    return settings.mass_kg or mass, settings.inertia_kg_m2 or inertia
+
+
+def _rates(gains: Gains, modes: C, softness: tuple[float, ...], delays: tuple[int, ...]) -> F:
+    """Least rate of each mode over softness and delays."""
+    flat = modes.ravel()
+    rates = [
+        gains.later(delay).decay_per_s(flat, share * flat) for share in softness for delay in delays
+    ]
+    return np.asarray(np.min(rates, axis=0).reshape(modes.shape))
+
+
+def _critical(modes: C) -> C:
+    """The modes of the poses with the fastest, the softest and the least symmetric modes."""
+    keys = (-np.abs(modes).max(axis=1), modes.real.min(axis=1), -np.abs(modes.imag).max(axis=1))
+    chosen = np.unique([np.argsort(key, kind="stable")[:12] for key in keys])
+    flat = modes[chosen].ravel()
+    return np.asarray(flat[flat.imag >= 0.0])  # the others are their conjugates
+
+
+def _worst(gains: Gains, modes: C, factor: float = 1.0) -> F:
+    """Least rate of each mode with all gains times a factor, without delay and with all of it."""
+    changed = replace(gains, factor=factor)
+    return _rates(changed, modes, SOFTNESS[::2], (0, gains.delay_steps))
+
+
+def _merit(gains: Gains, modes: C) -> tuple[float, float]:
+    """Shares of the modes that are held and that bear more and less gain, then the least rate."""
+    rates = _worst(gains, modes)
+    bears = rates > 0.0
+    for factor in (1.0 / _MARGIN, _MARGIN):
+        bears &= _worst(gains, modes, factor) > 0.0
+    return float((rates > 0.0).mean() + bears.mean()), float(rates.min())
+
+
+def _gain_margin(gains: Gains, modes: C) -> tuple[float, float]:
+    """The factors on the way down and up at which the loop is lost, within 3 %, at most 30."""
+    found = []
+    for way in (-1.0, 1.0):
+        good, bad = 0.0, np.log(30.0)
+        while bad - good > 0.03:
+            middle = 0.5 * (good + bad)
+            if _worst(gains, modes, float(np.exp(way * middle))).min() > 0.0:
+                good = middle
+            else:
+                bad = middle
+        found.append(float(np.exp(way * good)))
+    return found[0], found[1]
+
+
+def _delay_margin(gains: Gains, modes: C) -> float:
+    more = 0
+    while more < 100 and _worst(gains.later(gains.delay_steps + more + 1), modes).min() > 0.0:
+        more += 1
+    return more * gains.dt_s

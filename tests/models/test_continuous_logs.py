@@ -1,0 +1,113 @@
+"""Logs of many samples: what they are worth, how rows were held out, and work that is bounded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.cli import console
+from ecm.cli.console import Console
+from ecm.comparison.reference_models import ReferenceModels
+from ecm.diagnosis.procedure import STAGES, watched
+from ecm.models import fit_summary as summary
+from ecm.models.fit_summary import fit_summary
+from ecm.models.learned import GaussianProcessModel
+from ecm.regression.correlation import correlation_time
+from support.neck import Done, csv_text
+
+F = np.ndarray[Any, np.dtype[np.float64]]
+CONTINUOUS = {"file": {"kind": "continuous"}}
+
+
+def log(rows: int, tau_s: float = 0.5, seed: int = 0) -> dict[str, F]:
+    """A random motion with an exponential autocorrelation, at 100 Hz, and its force."""
+    rng = np.random.default_rng(seed)
+    keep = np.exp(-0.01 / tau_s)
+    y = np.empty(rows)
+    y[0] = rng.normal()
+    for i, shock in enumerate(np.sqrt(1.0 - keep**2) * rng.normal(size=rows - 1)):
+        y[i + 1] = keep * y[i] + shock
+    force = 30.0 * y + rng.normal(size=rows)
+    return {"time_s": 0.01 * np.arange(rows), "y_m": 0.01 * y, "fy_N": force}
+
+
+def test_the_correlation_time_is_twice_that_of_an_exponential() -> None:
+    found = correlation_time(ecm.Table(log(40_000), meta=CONTINUOUS))
+    assert found is not None
+    # 1 + 2 sum of exp(-k dt / tau) is 2 tau / dt; the noise of the force shortens nothing of y.
+    assert 0.6 < found.time_s < 1.3
+    assert found.independent == round(40_000 / (found.time_s / 0.01))
+    assert correlation_time(ecm.Table(log(100))) is None
+
+
+def test_a_gaussian_process_fits_some_rows_of_a_long_log_and_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert GaussianProcessModel.most_rows == 2000
+    monkeypatch.setattr(GaussianProcessModel, "most_rows", 200)
+    monkeypatch.setattr(summary, "_held_out", lambda *_: None)
+    table = ecm.Table(log(1_000), meta=CONTINUOUS)
+    model = ecm.fit_model(table, "gp")
+    assert len(model.base.document()["parameters"]["points"]) == 200
+    error = np.std(model.predict(table.matrix(["y_m"]))[:, 0] - 3000.0 * table["y_m"])
+    assert error < 0.5
+    sentences = fit_summary(model, table, GaussianProcessModel())["sentences"]
+    assert any(text.startswith("200 of 1000 rows were fitted: spread over") for text in sentences)
+
+
+def test_a_held_out_error_that_is_no_prediction_is_a_sentence() -> None:
+    x = np.concatenate([np.linspace(0.0, 1.0, 6), [40.0]])
+    table = ecm.Table({"x_m": 1e-3 * x, "fx_N": np.sin(3.0 * x), "pose_id": np.arange(7.0)})
+    model = ecm.fit_model(table, "poly:4")
+    sentences = fit_summary(model, table, ecm.PolynomialModel(degree=4))["sentences"]
+    told = next(text for text in sentences if text.startswith("held out"))
+    assert told.startswith("held out, 7 parts of poses, repeats together: the model does not")
+    assert not any("share of the spread: fx_N" in text for text in sentences)
+
+
+def test_references_say_how_rows_were_held_out() -> None:
+    words = ReferenceModels(1.02, 5e8, 1.1, by="time").levels_in_words()
+    assert words == (
+        "Error over noise, blocks of time held out: physics base 1.02, ceiling 1.10, noise floor "
+        "1.00. The symmetric energy does not extrapolate to the held-out rows."
+    )
+
+
+def test_the_fit_of_a_log_says_what_its_samples_are_worth(
+    tmp_path: Path, ecm_command: Callable[..., Done]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(csv_text(log(400, tau_s=0.1)), encoding="utf-8")
+    (tmp_path / "log.toml").write_text('[file]\nkind = "continuous"\n', encoding="utf-8")
+    done = ecm_command("fit", path, "--model", "linear", "--out", tmp_path / "m.json")
+    assert done.code == 0, done.err
+    assert "400 samples every 0.01 s stay alike for" in done.out
+    assert "held out, 10 parts of stretches of time, 12 a run, share of the spread" in done.out
+
+
+def test_work_without_progress_says_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "_FIRST_LINE_S", 0.02)
+    with Console() as session, session.working("fitting"):
+        time.sleep(0.2)
+    assert capsys.readouterr().err == "fitting: 0 s so far\n"
+    with Console(quiet=True) as session, session.working("fitting"):
+        time.sleep(0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_stages_of_a_diagnosis_tell_where_it_is() -> None:
+    seen: list[tuple[int, int, str]] = []
+    stages = watched(STAGES, lambda done, total, name: seen.append((done, total, name)))
+    table = ecm.Table({"x_m": np.linspace(0.0, 1e-3, 12), "fx_N": np.linspace(0.0, 10.0, 12)})
+    ecm.diagnose(ecm.fit_model(table, "linear"), table, effects=[], stages=stages)
+    names = [name for _, _, name in seen]
+    assert names.index("gate") < names.index("search") < names.index("verdict")
+    assert {total for _, total, _ in seen} == {10}
