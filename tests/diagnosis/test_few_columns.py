@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import ecm
+from ecm.diagnosis.check import by_reason
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from support.campaigns import campaign
@@ -97,3 +99,37 @@ def test_a_copy_of_the_reading_or_of_the_clock_is_no_unused_column() -> None:
     missing = {item.id: item.reason for item in ecm.check(copies).not_testable}
     assert missing["unused_column"] == "no other column"
     assert "unused_column" in ecm.check(one_angle("unused_column")).testable
+
+
+@pytest.mark.parametrize("zeros", [("x_m", "fx_N"), (*POSE[:5], *WRENCH[:5])])
+def test_columns_of_zeros_are_noticed_and_left_out(zeros: tuple[str, ...]) -> None:
+    table = one_angle("kink")
+    padded = table.with_columns({name: np.zeros(len(table)) for name in zeros})
+    checked = ecm.check(padded)
+    assert set(checked.padding) == set(zeros)
+    assert "0 in every row: padding?" in str(checked)
+    assert {"kink", "hysteresis"} <= set(checked.testable)
+    found = ecm.diagnose(ecm.fit(padded, "cubic"), padded)
+    assert found.answer == (("kink",),)
+    assert any("padding" in line for line in found.warnings)
+    assert ecm.check(table).padding == ()
+
+
+def test_what_cannot_be_tested_is_at_most_six_lines() -> None:
+    listed = ecm.check(one_angle("")).not_testable
+    lines = by_reason(listed)
+    assert len(listed) > 20
+    assert len(lines) <= 6
+    assert sum(len(ids.split(", ")) for ids, _, _ in lines) == len(listed)
+    assert all(record for _, _, record in lines)
+
+
+def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:
+    table = one_angle("higher_degree")
+    steps = [ecm.compare(ecm.fit(table, f"poly:{d}"), table).whitened_rms for d in (3, 6, 9)]
+    assert steps[0] > 4.0 > steps[1] > 1.1 > steps[2]
+    two = table.with_columns({"x_m": 1e-3 * np.cos(table["time_s"])})
+    with pytest.raises(InputError, match="with 2 pose columns the largest degree is 6"):
+        ecm.fit(two, "poly:9")
+    with pytest.raises(InputError, match="10"):
+        ecm.fit(table, "poly:10")

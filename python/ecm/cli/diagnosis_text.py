@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ecm.cli.text import columns
+from ecm.diagnosis.check import NotTestable, by_reason
 from ecm.diagnosis.sections import noise_words
 
 _SHOWN = 10
@@ -30,11 +31,12 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"\nCannot be told apart with these data: {listed}"
     if document["not_testable"]:
         yield "\nNot testable with these data:"
-        missing = [
-            (f"  {item['id']}", item["reason"], f"-> {item['record']}")
+        absent = [
+            NotTestable(item["id"], item["reason"], item["record"])
             for item in document["not_testable"]
         ]
-        yield columns(missing, header=False)
+        for ids, reason, record in by_reason(absent):
+            yield f"  {reason}: {ids} -> {record}"
     for item in document["next_experiment"][:3]:
         sure = ""
         if item.get("p_correct") is not None:

@@ -56,6 +56,38 @@ class NotTestable:
     record: str
 
 
+_MOST_LINES = 6
+
+
+def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
+    """Effects, reason and what to record: at most six lines, the most frequent reason first.
+
+    Examples
+    --------
+    >>> by_reason([NotTestable("ageing", "no time", "time_s"), NotTestable("set", "no time", "")])
+    [('ageing, set', 'no time', 'time_s')]
+    """
+    groups: dict[str, list[NotTestable]] = {}
+    for item in listed:
+        groups.setdefault(item.reason, []).append(item)
+    ordered = sorted(groups.values(), key=lambda items: -len(items))
+    shown = ordered if len(ordered) <= _MOST_LINES else ordered[: _MOST_LINES - 1]
+    lines = [
+        (
+            ", ".join(item.id for item in items),
+            items[0].reason,
+            ", or ".join(dict.fromkeys(item.record for item in items if item.record)),
+        )
+        for items in shown
+    ]
+    rest = [item for items in ordered[len(shown) :] for item in items]
+    if rest:
+        reasons = "; ".join(dict.fromkeys(item.reason for item in rest))
+        records = "; ".join(dict.fromkeys(item.record for item in rest if item.record))
+        lines.append((", ".join(item.id for item in rest), reasons, records))
+    return lines
+
+
 @dataclass(frozen=True)
 class Check:
     """What a table holds and what it can test; `print` shows it in plain words."""
@@ -68,6 +100,8 @@ class Check:
     columns: tuple[ColumnCheck, ...]
     never_excited: tuple[str, ...]
     """Pose and wrench columns that are constant: nothing can be learnt about them."""
+    padding: tuple[str, ...]
+    """Pose and wrench columns that are 0 in every row: left out when effects are tested."""
     missing: tuple[str, ...]
     """Pose and wrench columns that are not there."""
     groups: int | None
@@ -131,6 +165,31 @@ def never_excited(table: Table) -> tuple[str, ...]:
     return tuple(name for name in names if _is_constant(measured.column(name)))
 
 
+def padding(table: Table) -> tuple[str, ...]:
+    """Return the pose and wrench columns that are 0 in every row, where a table was filled up.
+
+    With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
+    """
+    measured = table.measured()
+    body = table.meta.body()
+    if body is not None and body.has_body:
+        return ()
+    names = (*measured.pose_columns, *measured.wrench_columns)
+    zero = tuple(name for name in names if not measured.column(name).any())
+    kept = set(names) - set(zero)
+    return zero if kept & {*POSE} and kept & {*WRENCH} else ()
+
+
+def padding_sentences(padded: Sequence[str]) -> list[str]:
+    """Return what is done with columns that are 0 in every row; nothing without any."""
+    if not padded:
+        return []
+    return [
+        f"{', '.join(padded)} {'are' if len(padded) > 1 else 'is'} 0 in every row: padding? "
+        "Effects are tested without, in the columns that vary."
+    ]
+
+
 def excitation_sentences(names: Sequence[str]) -> list[str]:
     """Return one sentence for each column that is never excited."""
     return [
@@ -166,7 +225,10 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         for name in ("pose", "home", "unloaded")
     }
     groups = table.groups()
-    testable, not_testable = _effects(table, constant)
+    padded = padding(table)
+    testable, not_testable = _effects(
+        table.drop(*padded), [name for name in constant if name not in padded]
+    )
     return Check(
         source=table.source,
         rows=len(table),
@@ -174,6 +236,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
         never_excited=constant,
+        padding=padded,
         missing=tuple(missing) if len(missing) < 12 else (),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated_poses(table),
@@ -182,7 +245,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         not_testable=not_testable,
         warnings=table.warnings,
         suspect=tuple(suspect_rows(table)),
-        remarks=(*_sampling(table), *whole_turns(table)),
+        remarks=(*padding_sentences(padded), *_sampling(table), *whole_turns(table)),
     )
 
 

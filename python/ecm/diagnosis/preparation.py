@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ecm.diagnosis.check import padding
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.errors import InputError
@@ -39,6 +40,8 @@ class Prepared:
     """Effects to test."""
     carried: dict[str, Missing]
     """Effects that the model has already."""
+    padding: tuple[str, ...] = ()
+    """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
 
 
 def prepare(
@@ -75,7 +78,9 @@ def prepare(
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
-    columns = (*table.pose_columns, *table.wrench_columns)
+    padded = () if model.base.kind == "physics" else padding(table)
+    unexplained = unexplained.drop(*padded)
+    columns = (*unexplained.pose_columns, *unexplained.wrench_columns)
     chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
     given = effects_for(columns, chosen_effects or None)
     of_model = {item.id for item in model.effects}
@@ -87,6 +92,7 @@ def prepare(
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
+        padding=padded,
     )
 
 
