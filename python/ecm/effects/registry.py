@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from importlib import import_module, metadata
 from types import ModuleType
 
@@ -14,14 +15,17 @@ from ecm.effects.protocol import (
     Effect,
     Kind,
     LinearEffect,
+    Missing,
     Parameter,
     Shape,
     Side,
     needs_columns,
+    needs_full,
 )
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
 
@@ -259,6 +263,15 @@ class _FunctionEffect(LinearEffect):
         return columns
 
 
+def _needs_full_or_said(table: Table) -> Missing | None:
+    """The six poses and six wrenches, unless the effect says that fewer columns are enough."""
+    lacking = needs_full(table)
+    if lacking is None:
+        return None
+    said = 'or say which columns the effect uses: @effect(..., needs=("theta_z_rad",))'
+    return replace(lacking, record=f"{lacking.record}; {said}")
+
+
 def effect(
     id: str,
     *,
@@ -322,7 +335,9 @@ def effect(
         own.parameters = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
         beyond = set(needs or ()) - {*POSE, *WRENCH}
         own.kind = kind or ("time" if beyond else "pose")
-        if needs is not None:
+        if needs is None:
+            own.requires = (_needs_full_or_said,)
+        else:
             own.needs = ", ".join(needs)
             own.requires = tuple(needs_columns(name) for name in needs)
         register(own)
