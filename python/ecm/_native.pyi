@@ -29,6 +29,11 @@ __all__ = [
     "export_model",
     "inverse_left_jacobians",
     "left_jacobians",
+    "material_decode",
+    "material_models",
+    "material_moduli",
+    "material_start",
+    "material_stress",
     "maximin",
     "merged_triangle",
     "mid_frame",
@@ -432,6 +437,24 @@ def export_model(
     precision: Literal["double", "single"] = "double",
 ) -> dict[str, str]:
     """Source files by path: C with golden vectors, or a const Rust crate; effects stay out."""
+
+# --- material ----------------------------------------------------------
+_Parameters = Mapping[str, float | Sequence[float]]
+
+def material_models() -> list[tuple[str, list[str], bool]]:
+    """Name, own parameters and whether these are lists of terms, of every material model."""
+
+def material_moduli(model: str, named: _Parameters) -> tuple[float, float]:
+    """Shear and bulk modulus at small strain, Pa."""
+
+def material_stress(model: str, named: _Parameters, test: str, stretches: _F) -> _F:
+    """Force per undeformed area, Pa, of the solid that keeps its volume: (N,) of stretches."""
+
+def material_start(model: str, shear_modulus_Pa: float, terms: int) -> _F:
+    """Free variables of a fit for a solid with this shear modulus."""
+
+def material_decode(model: str, free: _F) -> _F:
+    """Parameters, one after the other, of free variables."""
 
 # --- doe ---------------------------------------------------------------
 def criteria() -> list[tuple[str, str, bool]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.cli.main import run as main
 from ecm.errors import ComputationError, InputError
 from ecm.fem.material_fit import MaterialTest, fit_material, read_test
-from ecm.io.material import MODELS, MODES, Material
+from ecm.io.material import TESTS, Material
 from ecm.io.mechanism import Mechanism
 from support.neck import ROOT
 
@@ -36,7 +36,7 @@ def material(model: str) -> Material:
 
 
 def all_tests(law: Material) -> list[MaterialTest]:
-    return [MaterialTest(mode, STRETCH, law.nominal_stress(mode, STRETCH)) for mode in MODES]
+    return [MaterialTest(mode, STRETCH, law.nominal_stress(mode, STRETCH)) for mode in TESTS]
 
 
 def energy(law: Material, a: F, b: F) -> F:
@@ -60,7 +60,7 @@ def energy(law: Material, a: F, b: F) -> F:
     return np.asarray(sum(terms))
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", TRUE)
 def test_stress_is_the_derivative_of_the_energy(model: str) -> None:
     law = material(model)
     h = 1e-6
@@ -74,7 +74,7 @@ def test_stress_is_the_derivative_of_the_energy(model: str) -> None:
         np.testing.assert_allclose(found, share * (up - down) / (2.0 * h), rtol=1e-6, atol=1e-2)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", TRUE)
 def test_known_constants_are_found_again(model: str) -> None:
     law = material(model)
     found = fit_material(all_tests(law), model)

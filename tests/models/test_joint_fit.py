@@ -291,3 +291,11 @@ def test_the_command_freezes_and_removes(tmp_path: Path, ecm_command: Callable[.
     assert less.effects == ()
     assert full.history[-1].train < 0.8 * less.history[-1].train
     assert "6 parameters fewer" in said
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.4])
+def test_one_effect_more_never_raises_the_sum_of_squares(factor: float) -> None:
+    """Rows are weighed by the stiffness of the base that a fit starts from: one start for both."""
+    start = physics().with_coefficients(factor * physics().coefficients)
+    before, after = replace(model(), base=start).add("payload").fit(campaign(seed=3)).history
+    assert after.chi2 <= before.chi2 * (1.0 + 1e-6)

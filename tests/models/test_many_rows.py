@@ -5,17 +5,25 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import cross_validate, fit_model, parse_model
 from ecm.models import cross_validation as cross_validation_module
+from ecm.models.history import ceiling_rms
+from ecm.models.joint_fit import joint_fit
 from ecm.regression import blocks
+from ecm.regression.noise import Noise
+from ecm.regression.normal_equations import NormalEquations
+from support.campaigns import campaign, model, physics
 from support.stand_in import L, wrench
 
 REACH = np.array([0.004, 0.008, 0.008, 0.2, 0.25, 0.25])
@@ -122,3 +130,56 @@ print(sha256(fit_model(slow_ramp(9000), "energy4").base.coefficients.tobytes()).
     ]
     assert found[0] == found[1]
     assert len(found[0].split()) == 2
+
+
+def peak_MB(work: Callable[[], object]) -> float:
+    """Largest memory of arrays that some work takes beside what was there."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_held_out_errors_hold_no_matrix_of_each_group() -> None:
+    random = np.random.default_rng(0)
+    design, response = random.normal(size=(3000, 2, 60)), random.normal(size=(3000, 2))
+    groups = np.arange(3000) // 2
+    equations = NormalEquations.of(design, response, groups)
+    fold = np.arange(1500) % 5
+    counted = (np.arange(1500) % 7 > 0).astype(float)
+    columns = list(range(0, 60, 2))
+    found: list[F] = []
+    # 1500 matrices of 30 columns are 11 MB, the rows of a fold 0.3 MB.
+    assert peak_MB(lambda: found.append(equations.held_out(columns, fold, counted))) < 6.0
+    flat, y = design[:, :, columns].reshape(-1, 30), response.ravel()
+    expected = np.zeros(1500)
+    for part in range(5):
+        out = np.repeat(fold[groups] == part, 2)
+        theta = np.linalg.lstsq(flat[~out], y[~out])[0]
+        squares = (y[out] - flat[out] @ theta) ** 2
+        expected += np.bincount(np.repeat(groups, 2)[out], squares, 1500)
+    assert found[0] == pytest.approx(np.where(counted > 0.0, expected, 0.0), rel=1e-6)
+
+
+def test_the_ceiling_holds_the_columns_of_one_part_of_the_rows() -> None:
+    once, noise = campaign("payload", 1.0, 0), Noise(source="declared")
+    table = once.select(np.tile(np.arange(len(once)), 5))
+    fit = joint_fit(physics(), (), table, noise)
+    every_column_MB = len(table) * 6 * 504 * 8 / 1e6
+    assert peak_MB(lambda: ceiling_rms(fit, table, noise)) < every_column_MB + 25.0
+
+
+def test_a_refit_of_many_rows_takes_some_and_says_so() -> None:
+    table = campaign("fts_drift", 1.0, 1)
+    every = model().add("fts_drift").fit(table, most_rows=len(table))
+    some = model().add("fts_drift").fit(table, most_rows=80)
+    assert "rows were used" not in every.fit_report()
+    assert f"80 of {len(table)} rows were used: spread over" in some.fit_report()
+    assert some.training["hash"] == every.training["hash"]
+    assert (some.history[-1].size, every.history[-1].size) == (480, 6 * len(table))
+    own, other = some.effects[0], every.effects[0]
+    # With a quarter of the rows the errors are about twice as large, and hold the difference.
+    assert 1.2 < float(np.median(own.sd / other.sd)) < 3.0
+    assert np.abs((own.values - other.values) / own.sd).max() < 3.0

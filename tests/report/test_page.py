@@ -150,3 +150,25 @@ def test_a_row_or_point_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> 
         assert set(marked) == {row}
         assert seen.attribute(rows) == row
         assert seen.attribute(after) == ""
+
+
+def test_the_figures_of_a_job_draw_some_of_many_rows_and_say_so() -> None:
+    """Its own figures, beside those of a comparison: 20,000 rows were 20,000 points a panel."""
+    values = np.random.default_rng(0).normal(size=(20_000, 6))
+    values[7] = 9.0
+    time_s = np.arange(20_000.0)
+    for figure, error in (
+        (draw.pose_cloud(values), values),
+        (draw.actual_predicted(np.zeros((20_000, 6)), values, draw.COMPONENT_LABELS), values),
+        (draw.residuals_over(time_s, {"before": values, "after": values}, x_title="t"), values),
+    ):
+        drawn = draw.drawn_rows(error)
+        assert 1000 <= len(drawn) <= 1010
+        assert 7 in drawn
+        points = [trace for trace in figure["data"] if trace.get("mode") == "markers"]
+        assert points
+        assert all(len(trace["x"]) == len(drawn) for trace in points)
+        assert all(trace.get("customdata", drawn.tolist()) == drawn.tolist() for trace in points)
+    assert f" {len(drawn)} of 20000 rows are drawn" in draw.drawn_sentence(values)
+    assert draw.drawn_sentence(values[:1000]) == ""
+    assert len(draw.pose_cloud(values[:1000])["data"][0]["x"]) == 1000

@@ -22,7 +22,8 @@
 //! # Where stability ends
 //! A wrench is reported unstable where a stable and an unstable equilibrium lie one step apart on
 //! the branch from rest ([`Reason`]): the stiffness K_s of a dead wrench is lost (buckling), or the
-//! tangent at fixed platform loses a positive pivot. The second is physical where a side is
+//! tangent at fixed platform loses a positive pivot, shortly before which K_s is lost as well. The
+//! second is physical where a side is
 //! compressed below a stretch of 0.544: down to it a neo-Hookean surface is stable against small
 //! disturbances (Biot 1963). From 0.65 on the surface creases under large disturbances (Hong, Zhao
 //! and Suo 2009; see [`CaseResult::smallest_stretch`]). Plain Taylor–Hood elements lose stability

@@ -38,10 +38,11 @@ impl Status {
 pub enum Reason {
     /// An eigenvalue of K_s reaches zero: the platform gives way under the dead wrench.
     Buckling,
-    /// The tangent at fixed platform loses a positive pivot where the smallest stretch is below
-    /// [`CREASE`]: the body creases or wrinkles at its surface.
+    /// The body gives way where the smallest stretch is below [`CREASE`]: it creases or wrinkles at its
+    /// surface. The tangent at fixed platform loses a positive pivot, or an eigenvalue of K_s reaches
+    /// zero shortly before, in a mode that moves the body more than the platform.
     Crease,
-    /// The tangent at fixed platform loses a positive pivot at moderate compression.
+    /// The same at moderate compression.
     Inner,
 }
 

@@ -52,7 +52,7 @@ proptest! {
         model in 0..MODELS.len(),
         keys in prop::collection::vec((0..12usize, prop::collection::vec(hostile(), 0..4)), 0..6),
     ) {
-        let (name, own) = MODELS[model];
+        let (name, own) = (MODELS[model].name, MODELS[model].parameters);
         let common = ["bulk_modulus_Pa", "poisson_ratio", "fibre_direction", "fibre_k1_Pa", "fibre_k2", "x"];
         let known: Vec<&str> = own.iter().chain(&common).copied().collect();
         let parameters: BTreeMap<String, Vec<f64>> = keys.into_iter()

@@ -16,6 +16,10 @@ fn neck(quality: Quality) -> Fem {
     Fem::new(mesh, Box::new(NeoHookean::new(0.65e6, 0.49).unwrap()), None).unwrap()
 }
 
+fn determinant(matrix: &[[f64; 6]; 6]) -> f64 {
+    nalgebra::Matrix6::from_fn(|i, j| matrix[i][j]).determinant()
+}
+
 fn axial(force_N: f64) -> [f64; 6] {
     [force_N, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
@@ -104,20 +108,44 @@ fn a_pose_out_of_reach_is_not_converged() {
     }
 }
 
-/// A dead moment in space linearises to K_s. Along this ray det H falls to a tenth while det K_s
-/// rises; only K_s decides.
+/// Along this ray det H falls and changes its sign while det K_s rises, so that H would call the platform
+/// unstable from m = 159 on. A dead moment in space linearises to K_s: only K_s decides.
 #[test]
 fn a_dead_moment_is_judged_by_the_screw_stiffness() {
     let fem = neck(Quality::Standard);
-    let at = |m: f64| {
+    for (m, det_h, det_k_s) in [
+        (145.0, 4.764e11, 3.298e6),
+        (162.0, -5.737e10, 4.209e6),
+        (165.0, -7.833e10, 4.471e6),
+    ] {
         let h = [-1.0, 0.0, 0.2, 0.02, 0.02, 0.0].map(|v| m * v);
-        fem.solve_wrench(&h).unwrap()
-    };
-    let (low, high, beyond) = (at(145.0), at(162.0), at(165.0));
-    for r in [&low, &high, &beyond] {
-        assert_eq!(r.status, Status::Solved, "{:?}", r.reason);
+        let r = fem.solve_wrench(&h).unwrap();
+        assert_eq!(r.status, Status::Solved, "{m}: {:?}", r.reason);
+        let found = determinant(&r.hessian);
+        assert!((found / det_h - 1.0).abs() < 2e-3, "{m}: det H {found:e}");
+        let found = r.determinant;
+        assert!((found / det_k_s - 1.0).abs() < 2e-3, "{m}: {found:e}");
+        // K_s = K diag(I, J⁻¹) with lengths over L, and det J = 2 (1 − cos θ) / θ².
+        let theta = r.pose[3..].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let det_j = 2.0 * (1.0 - theta.cos()) / (theta * theta);
+        let of_k = determinant(&r.stiffness) / det_j * 0.1034_f64.powi(6);
+        assert!((of_k / found - 1.0).abs() < 1e-9, "{m}: {of_k:e}");
     }
-    assert!(high.determinant > low.determinant);
+}
+
+/// K_s falls without limit where the body creases with the platform held, and is lost shortly before:
+/// the mode tells that it is the body that gives way.
+#[test]
+fn a_crease_under_a_wrench_is_no_buckling() {
+    let fem = neck(Quality::Standard);
+    for wrench in [
+        [-102.6, 97.4, -66.6, -4.0, 4.2, 4.6],
+        [-107.5, 19.9, -98.0, -1.1, 2.5, -2.8],
+    ] {
+        let r = fem.solve_wrench(&wrench).unwrap();
+        let verdict = (r.status, r.reason, r.inner_instabilities);
+        assert_eq!(verdict, (Status::Unstable, Some(Reason::Crease), 0));
+    }
 }
 
 /// Two planes buckle at once, and the determinant keeps its sign.

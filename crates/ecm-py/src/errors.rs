@@ -2,6 +2,7 @@
 
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
 
 create_exception!(
     ecm._native,
@@ -27,3 +28,7 @@ create_exception!(
     EcmError,
     "Wrong candidates or settings of a design."
 );
+
+pub(crate) fn fem_error(error: ecm_fem::FemError) -> PyErr {
+    FemError::new_err(error.to_string())
+}

@@ -1,6 +1,5 @@
 //! Meshes, the finite-element solver and the rod.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -14,15 +13,12 @@ use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::arrays::{from_matrices, from_rows, rows};
-use crate::errors::FemError;
+use crate::errors::{FemError, fem_error};
+use crate::material::{NamedNumbers, parameters as named_numbers};
 use crate::py_task::{TaskState, run_task, run_task_polling};
 
 /// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
-
-fn fem_error(error: ecm_fem::FemError) -> PyErr {
-    FemError::new_err(error.to_string())
-}
 
 /// Ten-node tetrahedra with a clamped face `base` and a rigid face `top`.
 #[pyclass(frozen, module = "ecm._native")]
@@ -358,21 +354,6 @@ fn watch(task: &TaskState) -> Watch<'_> {
     }
 }
 
-#[derive(FromPyObject)]
-enum Numbers {
-    One(f64),
-    Many(Vec<f64>),
-}
-
-impl From<Numbers> for Vec<f64> {
-    fn from(numbers: Numbers) -> Self {
-        match numbers {
-            Numbers::One(value) => vec![value],
-            Numbers::Many(values) => values,
-        }
-    }
-}
-
 #[pymethods]
 impl Fem {
     #[new]
@@ -387,17 +368,13 @@ impl Fem {
         young_modulus_Pa: Option<f64>,
         poisson_ratio: Option<f64>,
         model: Option<&str>,
-        parameters: Option<BTreeMap<String, Numbers>>,
+        parameters: Option<NamedNumbers>,
         element_modulus_scale: Option<PyReadonlyArray1<'_, f64>>,
         body_force_N_m3: Option<[f64; 3]>,
         element: &str,
     ) -> PyResult<Self> {
         let scale = element_modulus_scale.map(|a| a.as_array().to_vec());
-        let mut values: BTreeMap<String, Vec<f64>> = parameters
-            .unwrap_or_default()
-            .into_iter()
-            .map(|(key, numbers)| (key, numbers.into()))
-            .collect();
+        let mut values = named_numbers(parameters.unwrap_or_default());
         for (key, value) in [
             ("young_modulus_Pa", young_modulus_Pa),
             ("poisson_ratio", poisson_ratio),

@@ -7,6 +7,7 @@ mod arrays;
 mod doe;
 mod errors;
 mod fem;
+mod material;
 mod poly;
 mod py_task;
 mod se3;
@@ -24,6 +25,11 @@ mod _native {
 
     #[pymodule_export]
     use crate::fem::{Fem, FemResults, Mesh, WarmStart, rod_poses};
+
+    #[pymodule_export]
+    use crate::material::{
+        material_decode, material_models, material_moduli, material_start, material_stress,
+    };
 
     #[pymodule_export]
     use crate::poly::{

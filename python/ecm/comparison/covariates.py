@@ -52,17 +52,22 @@ def confounded_with_order(
 
 def _follows(when: F, values: F, parts: I) -> bool:
     """Whether ranks agree in the median group of those with ranks."""
-    correlations = []
-    for part in np.unique(parts):
-        rows = parts == part
-        if rows.sum() < _LEAST_IN_GROUP or np.ptp(values[rows]) <= 0.0:
-            continue
-        correlations.append(abs(float(np.corrcoef(_ranks(when[rows]), _ranks(values[rows]))[0, 1])))
+    number = np.bincount(parts)
+    a, b = (_ranks(column, parts) for column in (when, values))
+    a, b = (ranks - (np.bincount(parts, ranks) / np.maximum(number, 1))[parts] for ranks in (a, b))
+    of_both, of_a, of_b = (np.bincount(parts, product) for product in (a * b, a * a, b * b))
+    ranked = (number >= _LEAST_IN_GROUP) & (of_a > 0.0) & (of_b > 0.0)
+    correlations = np.abs(of_both[ranked]) / np.sqrt(of_a[ranked] * of_b[ranked])
     return len(correlations) > 0 and float(np.median(correlations)) > _ORDERED
 
 
-def _ranks(values: F) -> F:
-    """Return the ranks; equal values share theirs."""
-    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
-    ends = np.cumsum(count)
-    return np.asarray((ends - 0.5 * (count - 1) - 1.0)[place])
+def _ranks(values: F, parts: I) -> F:
+    """(N,) ranks; equal values of a group share theirs. Other groups only shift them."""
+    order = np.lexsort((values, parts))
+    first = np.diff(values[order], prepend=np.nan) != 0.0
+    first |= np.diff(parts[order], prepend=-1) != 0
+    tie = np.cumsum(first) - 1
+    middle = np.bincount(tie, np.arange(len(values))) / np.bincount(tie)
+    ranks = np.empty(len(values))
+    ranks[order] = middle[tie]
+    return ranks

@@ -18,12 +18,11 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.regression.folds import is_pose_row
 from ecm.regression.rows import Rows
 from ecm.regression.thinning import spread_rows
+from ecm.report.figures import MOST_DRAWN
 
 WORST = 10
 """Worst rows of a table that reports list."""
 _WORTH_SAYING = 0.05
-_MOST_DRAWN = 1000
-"""Rows that figures draw; more make a page large and hide each other."""
 
 
 @dataclass(frozen=True)
@@ -247,6 +246,6 @@ def residual_maps_of(
         stiffness_sd=sd,
         leverage=leverage,
         top_from_base=turn,
-        drawn=np.union1d(spread_rows(rows.table.select(scored), _MOST_DRAWN), worst),
+        drawn=np.union1d(spread_rows(rows.table.select(scored), MOST_DRAWN), worst),
         total=int(is_pose_row(table).sum()),
     )

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from ecm import _native
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
-from ecm.io.material import MODELS, MODES, Material
+from ecm.io.material import MODELS, TESTS, WITH_TERMS, Material
 from ecm.io.toml import did_you_mean, read_text
 
 _STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
@@ -34,8 +35,8 @@ class MaterialTest:
 
     def __post_init__(self) -> None:
         place = self.source or self.mode
-        if self.mode not in MODES:
-            raise InputError(f"{place}: mode = '{self.mode}': {did_you_mean(self.mode, MODES)}")
+        if self.mode not in TESTS:
+            raise InputError(f"{place}: mode = '{self.mode}': {did_you_mean(self.mode, TESTS)}")
         if self.stretch.shape != self.stress_Pa.shape or self.stretch.ndim != 1:
             raise InputError(
                 f"{place}: found {self.stretch.shape} stretches and {self.stress_Pa.shape} "
@@ -174,7 +175,7 @@ def fit_material(
     tests
         Uniaxial, equibiaxial and pure shear tests, at least one.
     model
-        neo_hookean, mooney_rivlin, yeoh, ogden, gent, or auto: the one of smallest AICc.
+        A material model by name (docs/fem.md), or auto: the one of smallest AICc.
     terms
         Number of terms of Ogden's model.
     use
@@ -206,7 +207,7 @@ def fit_material(
     'only uniaxial tests'
     """
     if not tests:
-        raise InputError(f"no test: give at least one of {', '.join(MODES)}")
+        raise InputError(f"no test: give at least one of {', '.join(TESTS)}")
     loops = _loop_warnings(tests)
     if model in MODELS:
         fit = _fit(tests, model, terms, use, poisson_ratio)
@@ -233,35 +234,37 @@ def _fit(
     poisson_ratio: float,
 ) -> MaterialFit:
     """Fit one model, from several starts."""
-    law = MODELS[model]
     scales = [float(np.sqrt(np.mean(t.stress_Pa**2) * len(t.stretch))) for t in tests]
-    start = np.array(law.start(_guess_shear_modulus(tests), terms))
+    start = _native.material_start(model, _guess_shear_modulus(tests), terms)
     rows, size = sum(len(t.stretch) for t in tests), len(start)
     if rows <= size:
         raise ComputationError(f"{rows} rows cannot give the {size} parameters of {model}")
 
     def misfit(x: F) -> F:
-        values = law.decode(x)
-        parts = [
-            (law.stress(values, t.mode, t.stretch) - t.stress_Pa) / scale
-            for t, scale in zip(tests, scales, strict=True)
-        ]
+        _, own = _named(model, _native.material_decode(model, x))
+        try:
+            solid = Material(model, own | {"poisson_ratio": poisson_ratio})
+            parts = [
+                (solid.nominal_stress(t.mode, t.stretch) - t.stress_Pa) / scale
+                for t, scale in zip(tests, scales, strict=True)
+            ]
+        except _native.FemError:  # a parameter below or above every number
+            return np.full(rows, np.inf)
         return np.concatenate(parts)
 
     best = _minimise(misfit, start)
     if best is None or not np.isfinite(best.cost):
         raise ComputationError(f"the fit of {model} does not converge: check units and columns")
-    values = law.decode(best.x)
+    values = _native.material_decode(model, best.x)
     variance = 2.0 * best.cost / (rows - size)
     jacobian = np.asarray(best.jac, dtype=np.float64)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+    decode = _native.material_decode
     steps = np.diag(1e-6 * np.maximum(1.0, np.abs(best.x)))
     slopes = np.column_stack(
-        [(law.decode(best.x + h) - law.decode(best.x - h)) / (2.0 * h.sum()) for h in steps]
+        [(decode(model, best.x + h) - decode(model, best.x - h)) / (2.0 * h.sum()) for h in steps]
     )
     sd = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    if model == "neo_hookean":  # its parameter is Young's modulus
-        values, sd = values * 2.0 * (1.0 + poisson_ratio), sd * 2.0 * (1.0 + poisson_ratio)
     parts = np.split(misfit(best.x), np.cumsum([len(t.stretch) for t in tests])[:-1])
     rms: dict[str, float] = {}
     for test, part in zip(tests, parts, strict=True):
@@ -304,8 +307,9 @@ def _aicc(cost: float, rows: int, parameters: int) -> float:
 def _guess_shear_modulus(tests: Sequence[MaterialTest]) -> float:
     """Return the neo-Hookean shear modulus, Pa, of the quarter of rows next to stretch 1."""
     ratios = []
+    solid = Material("neo_hookean", {"young_modulus_Pa": 3.0, "poisson_ratio": 0.5})
     for test in tests:
-        unit = MODELS["neo_hookean"].stress(np.array([1.0]), test.mode, test.stretch)
+        unit = solid.nominal_stress(test.mode, test.stretch)
         near = np.argsort(np.abs(test.stretch - 1.0))[: max(3, len(unit) // 4)]
         ratios.append(float(unit[near] @ test.stress_Pa[near] / (unit[near] @ unit[near])))
     return max(float(np.median(ratios)), 1.0)
@@ -313,8 +317,8 @@ def _guess_shear_modulus(tests: Sequence[MaterialTest]) -> float:
 
 def _named(model: str, values: F) -> tuple[tuple[str, ...], dict[str, float | list[float]]]:
     """Return a name for each value, and the parameters of the material."""
-    parameters = MODELS[model].parameters
-    if not MODELS[model].has_terms:
+    parameters = MODELS[model]
+    if model not in WITH_TERMS:
         return parameters, {n: float(v) for n, v in zip(parameters, values, strict=True)}
     lists = dict(zip(parameters, np.split(values, len(parameters)), strict=True))
     names = tuple(f"{name}[{i}]" for name, terms in lists.items() for i in range(len(terms)))

@@ -171,8 +171,6 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     )
     whitener = whiteners(noise.covariance(rows, fit.base.error)[scored])
     n, m = whitened.shape
-    design = (whitener[:, :, :, None] * regressor[:, None, None, :]).reshape(n, m, -1)
-    design /= np.sqrt((design**2).sum(axis=(0, 1)) / n) + 1e-300
     groups = row_groups(table)[scored]
     _, packed = np.unique(groups, return_inverse=True)
     parts = np.arange(int(packed.max()) + 1)[packed] % _CEILING_FOLDS
@@ -180,14 +178,27 @@ def ceiling_rms(fit: JointFit, table: Table, noise: Noise) -> Ceiling | None:
     squares = np.zeros(len(ridges))
     physical = np.zeros((m, len(ridges)))
     colour = np.linalg.inv(whitener)
+
+    def design_of(part: int) -> F:
+        """(n m, m k) whitened columns of one part; those of all rows would fill the memory."""
+        own = parts == part
+        columns = whitener[own][:, :, :, None] * regressor[own][:, None, None, :]
+        return np.asarray(columns.reshape(-1, m * regressor.shape[1]))
+
+    matrices, vectors = [], []
     for part in range(_CEILING_FOLDS):
-        train, test = parts != part, parts == part
-        flat = design[train].reshape(-1, design.shape[2])
-        values, vectors = np.linalg.eigh(flat.T @ flat)
-        along = vectors.T @ (flat.T @ whitened[train].ravel())
-        seen = design[test].reshape(-1, design.shape[2]) @ vectors
+        own = design_of(part)
+        matrices.append(own.T @ own)
+        vectors.append(own.T @ whitened[parts == part].ravel())
+    matrix, vector = np.sum(matrices, axis=0), np.sum(vectors, axis=0)
+    size = np.sqrt(np.diag(matrix) / n) + 1e-300
+    for part in range(_CEILING_FOLDS):
+        others = (matrix - matrices[part]) / np.outer(size, size)
+        values, axes = np.linalg.eigh(others)
+        along = axes.T @ ((vector - vectors[part]) / size)
         weights = along[:, None] / (np.maximum(values, 0.0)[:, None] + ridges)
-        left = whitened[test].ravel()[:, None] - seen @ weights
+        test = parts == part
+        left = whitened[test].ravel()[:, None] - (design_of(part) / size) @ (axes @ weights)
         squares += (left**2).sum(axis=0)
         physical += ((colour[test] @ left.reshape(-1, m, len(ridges))) ** 2).sum(axis=0)
     best = int(np.argmin(squares))

@@ -27,8 +27,10 @@ from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.registry import map_from_document
 from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
+from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
+from ecm.regression.thinning import HOW, RowsUsed, spread_rows
 
 
 @dataclass(frozen=True, repr=False)
@@ -278,7 +280,9 @@ class Model:
 
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
-        return fit_report(self.name, self.base, self.effects, self.correlations, self.history)
+        text = fit_report(self.name, self.base, self.effects, self.correlations, self.history)
+        used = self.training.get("rows_used")
+        return text if used is None else f"{text}\n  {used['sentence']}"
 
     def plot(self) -> Any:
         """Return a plotly figure of the errors in the history of fits.
@@ -351,7 +355,9 @@ class Model:
                 listed = ", ".join(present) if present else "none"
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
-    def fit(self, table: TableLike, *, noise: Noise | None = None) -> Model:
+    def fit(
+        self, table: TableLike, *, noise: Noise | None = None, most_rows: int = MANY_ROWS
+    ) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
         Each effect takes the shape among its variants that fits best. The history gets a record.
@@ -362,6 +368,9 @@ class Model:
             Measured rows, as a table, a data frame or a dict; zero readings are left out.
         noise
             Default that of the table: from its repeats, else declared, else the model's.
+        most_rows
+            Of a larger table so many rows are fitted, spread over runs, time and poses, and the
+            fit report says so; what depends on earlier rows is computed on all of them.
 
         Raises
         ------
@@ -371,6 +380,11 @@ class Model:
         table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
         training = training_of(table)
         same_rows = was_trained_on(self.training, table)
+        domain = domain_of(table, self.inputs)
+        if len(table) > most_rows:
+            total, table = len(table), table.thinned(spread_rows(table, most_rows))
+            fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
+            training["rows_used"] = fitted_rows.to_dict()
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
@@ -389,20 +403,21 @@ class Model:
             scene=table.meta.scene,
             covariance=self.covariance if freeze_base else joint.covariance[:k, :k],
             training=training,
-            domain=domain_of(table, self.inputs),
+            domain=domain,
             correlations=correlations_of(joint, freeze_base),
             previous=self.previous if self.changed else self,
             changed=False,
         )
         fit = RecordedFit(fitted.name, joint, table, used, training["hash"])
-        records = fit_records(fit, fitted.base, self.history, frozen=freeze_base)
+        # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
+        records = fit_records(fit, self.base, self.history, frozen=freeze_base)
         return replace(fitted, history=(*self.history, *records))
 
     def _best_shape(self, position: int, table: Table, noise: Noise) -> Model:
         """The model whose effect at this position has its best shape, with values zero."""
         item = self.effects[position]
         (plain,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
-        lacking = plain.missing(table)
+        lacking = plain.missing(table if table.whole is None else table.whole)
         if lacking is not None:
             raise InputError(
                 f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm.io.arrays import F
+from ecm.io.arrays import F, I
 from ecm.io.extras import require
 
 INK = "#1c2430"
@@ -17,12 +17,33 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000")
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 MARKERS = ("circle", "square", "diamond", "cross", "triangle-up")
 PATTERNS = ("", "/", "x", ".", "-")
+MOST_DRAWN = 1000
+"""Rows that a figure draws; more make a page large and hide each other."""
+_LARGEST = 10
 COMPONENT_LABELS = ("fx [N]", "fy [N]", "fz [N]", "τx [N m]", "τy [N m]", "τz [N m]")
 
 
 def plain(text: str) -> str:
     """Escape a name from a data file for a label: plotly draws tags and links in its texts."""
     return html.escape(text, quote=False)
+
+
+def drawn_rows(values: F) -> I:
+    """Rows of (N, m) values to draw: all up to `MOST_DRAWN`, else some evenly and the largest."""
+    if len(values) <= MOST_DRAWN:
+        return np.arange(len(values), dtype=np.int64)
+    evenly = np.linspace(0, len(values) - 1, MOST_DRAWN).astype(np.int64)
+    spread = values.std(axis=0)
+    size = (((values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)) ** 2).sum(axis=1)
+    return np.union1d(evenly, np.argsort(-size, kind="stable")[:_LARGEST])
+
+
+def drawn_sentence(values: F) -> str:
+    """Return a sentence for the caption where `drawn_rows` leaves some out, else nothing."""
+    drawn = len(drawn_rows(values))
+    if drawn == len(values):
+        return ""
+    return f" {drawn} of {len(values)} rows are drawn: evenly over their order, and the largest."
 
 
 def _layout(**settings: Any) -> dict[str, Any]:
@@ -147,6 +168,8 @@ def histograms(
 def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[str, Any]:
     """Draw predicted over measured values, (N, len(labels)) each; the dashed line is exact."""
     n = len(labels)
+    rows = drawn_rows(predicted - observed)
+    observed, predicted = observed[rows], predicted[rows]
     titles = _edge_titles(n, "measured", "predicted")
     layout = _panels(n, *titles, labels, height=560, showlegend=False)
     data: list[dict[str, Any]] = []
@@ -161,7 +184,7 @@ def actual_predicted(observed: F, predicted: F, labels: Sequence[str]) -> dict[s
                 observed[:, i],
                 predicted[:, i],
                 marker={"size": 4, "color": COLOURS[0]},
-                customdata=list(range(len(observed))),
+                customdata=rows.tolist(),
                 hovertemplate=template,
                 **panel_axes(i),
             ),
@@ -244,7 +267,7 @@ def stiffness_map(stiffness: F, title: str) -> dict[str, Any]:
 def pose_cloud(poses: F) -> dict[str, Any]:
     """Draw poses (N, 6) in three views: positions in mm and rotation vectors in rad."""
     names = ("x [mm]", "y [mm]", "z [mm]", "θx [rad]", "θy [rad]", "θz [rad]")
-    values = np.round(poses * ([1e3] * 3 + [1.0] * 3), 5)
+    values = np.round(poses[drawn_rows(poses)] * ([1e3] * 3 + [1.0] * 3), 5)
     views = ((0, 1), (1, 2), (4, 5))
     titles = [names[a] for a, _ in views], [names[b] for _, b in views]
     marker = {"size": 3, "color": COLOURS[0], "opacity": 0.6}
@@ -258,12 +281,13 @@ def pose_cloud(poses: F) -> dict[str, Any]:
 def residuals_over(x: F, series: Mapping[str, F], *, x_title: str) -> dict[str, Any]:
     """Draw whitened residuals (N, 6) over a covariate (N,), one panel per component."""
     labels = [label.split(" [")[0] for label in COMPONENT_LABELS]
+    rows = drawn_rows(next(iter(series.values())))
     layout = _panels(6, *_edge_titles(6, x_title, "residual / noise"), labels, height=540)
     layout["legend"] |= {"y": 1.06}
     data = [
         _scatter(
-            np.round(x, 4),
-            np.round(values[:, i], 4),
+            np.round(x[rows], 4),
+            np.round(values[rows, i], 4),
             name=name,
             legendgroup=name,
             showlegend=i == 0,
@@ -272,7 +296,7 @@ def residuals_over(x: F, series: Mapping[str, F], *, x_title: str) -> dict[str, 
                 "symbol": ("circle-open", "cross-thin-open")[k % 2],
                 "color": COLOURS[(1, 0)[k % 2]],
             },
-            customdata=list(range(len(x))),
+            customdata=rows.tolist(),
             hovertemplate="row %{customdata}: %{y:.2f}<extra>" + name + "</extra>",
             **panel_axes(i),
         )

@@ -132,7 +132,8 @@ def _simulation(step: Mapping[str, Any], figures: Figures) -> Section:
             step["equation_11"],
         ),
         FigureBlock(
-            "The simulated poses: position and rotation vector of the top frame.",
+            "The simulated poses: position and rotation vector of the top frame."
+            + draw.drawn_sentence(figures["simulated_poses"]),
             draw.pose_cloud(figures["simulated_poses"]),
         ),
     ]
@@ -261,7 +262,8 @@ def _measurement(step: Mapping[str, Any], figures: Figures) -> Section:
     )
     fig_9 = FigureBlock(
         "Fig. 9: measured against predicted, trained on the D-optimal design; the dashed line "
-        "is an exact prediction.",
+        "is an exact prediction."
+        + draw.drawn_sentence(figures["predicted_d"] - figures["observed_d"]),
         draw.actual_predicted(figures["observed_d"], figures["predicted_d"], draw.COMPONENT_LABELS),
     )
     return Section("3 Measure and identify", [*blocks, fig_8, fig_9, fig_10])

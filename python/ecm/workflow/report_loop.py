@@ -43,7 +43,7 @@ def loop_section(step: Mapping[str, Any], figures: Mapping[str, F]) -> Section:
         blocks.append(
             FigureBlock(
                 "Residual of each measured pose over time, in units of its noise: before and "
-                "after the refit.",
+                "after the refit." + draw.drawn_sentence(figures["loop_before"]),
                 draw.residuals_over(
                     figures["loop_time_s"] / 60.0,
                     {"before": figures["loop_before"], "after": figures["loop_after"]},

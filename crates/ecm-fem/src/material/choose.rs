@@ -1,162 +1,77 @@
 //! A material from the name of its model and named parameters, as files give them.
 
-use super::{Fibre, Gent, Material, MooneyRivlin, NeoHookean, Ogden, Yeoh};
+use super::{COMMON, Fibre, MODELS, Material, Model, Parameters, Values, Volume};
 use crate::FemError;
-use std::collections::BTreeMap;
 
-/// Names of the models, each with its parameters; `bulk_modulus_Pa` or `poisson_ratio`
-/// (0.49 where neither is given), `fibre_direction`, `fibre_k1_Pa` and `fibre_k2` fit all.
-pub const MODELS: [(&str, &[&str]); 5] = [
-    ("neo_hookean", &["young_modulus_Pa"]),
-    ("mooney_rivlin", &["c10_Pa", "c01_Pa"]),
-    ("yeoh", &["c1_Pa", "c2_Pa", "c3_Pa"]),
-    ("ogden", &["mu_Pa", "alpha"]),
-    ("gent", &["shear_modulus_Pa", "j_m"]),
-];
+/// The model `name`.
+///
+/// # Errors
+/// An unknown name.
+pub fn model(name: &str) -> Result<&'static Model, FemError> {
+    MODELS
+        .iter()
+        .copied()
+        .find(|m| m.name == name)
+        .ok_or_else(|| {
+            let known: Vec<&str> = MODELS.iter().map(|m| m.name).collect();
+            FemError::Material {
+                model: name.into(),
+                problem: format!("no such model; expected one of {}", known.join(", ")),
+            }
+        })
+}
 
-const COMMON: [&str; 5] = [
-    "bulk_modulus_Pa",
-    "poisson_ratio",
-    "fibre_direction",
-    "fibre_k1_Pa",
-    "fibre_k2",
-];
-
-type Parameters = BTreeMap<String, Vec<f64>>;
-
-/// The material `model` with `parameters`, scalars as lists of one.
+/// The material `name` with `parameters`, scalars as lists of one.
 ///
 /// # Errors
 /// An unknown model or parameter, one that is missing or of the wrong length, a value out of
 /// bounds.
-pub fn choose(model: &str, parameters: &Parameters) -> Result<Box<dyn Material>, FemError> {
-    let Some((_, own)) = MODELS.iter().find(|(name, _)| *name == model) else {
-        return Err(FemError::Word {
-            name: "material model",
-            value: model.into(),
-            expected: "\"neo_hookean\", \"mooney_rivlin\", \"yeoh\", \"ogden\" or \"gent\"",
-        });
-    };
+pub fn choose(name: &str, parameters: &Parameters) -> Result<Box<dyn Material>, FemError> {
+    let model = model(name)?;
+    let values = Values::new(model.name, parameters);
     if let Some(key) = parameters
         .keys()
-        .find(|key| !own.contains(&key.as_str()) && !COMMON.contains(&key.as_str()))
+        .find(|key| !model.parameters.contains(&key.as_str()) && !COMMON.contains(&key.as_str()))
     {
-        return Err(FemError::Material {
-            model: model.into(),
-            problem: format!(
-                "parameter {key:?} is not known; expected {} and any of {}",
-                own.join(", "),
-                COMMON.join(", ")
-            ),
-        });
+        return Err(values.problem(format!(
+            "parameter {key:?} is not known; expected {} and any of {}",
+            model.parameters.join(", "),
+            COMMON.join(", ")
+        )));
     }
-    let matrix = compressible(model, parameters)?;
+    let matrix = (model.make)(&values, volume(&values)?)?;
     if !COMMON[2..].iter().any(|key| parameters.contains_key(*key)) {
         return Ok(matrix);
     }
-    let direction = list(model, parameters, "fibre_direction")?;
+    let direction = values.list("fibre_direction")?;
     let [x, y, z] = direction[..] else {
-        return Err(length(model, "fibre_direction", direction.len(), 3));
+        return Err(values.length("fibre_direction", direction.len(), 3));
     };
-    let k1 = one(model, parameters, "fibre_k1_Pa")?;
-    let k2 = one(model, parameters, "fibre_k2")?;
+    let (k1, k2) = (values.one("fibre_k1_Pa")?, values.one("fibre_k2")?);
     Ok(Box::new(Fibre::new(matrix, [x, y, z], k1, k2)?))
 }
 
-fn compressible(model: &str, parameters: &Parameters) -> Result<Box<dyn Material>, FemError> {
-    if parameters.contains_key("bulk_modulus_Pa") {
-        if parameters.contains_key("poisson_ratio") {
-            return Err(FemError::Material {
-                model: model.into(),
-                problem: "found bulk_modulus_Pa and poisson_ratio: give one of them".into(),
-            });
+fn volume(values: &Values<'_>) -> Result<Volume, FemError> {
+    match (values.has("bulk_modulus_Pa"), values.has("poisson_ratio")) {
+        (true, true) => {
+            Err(values.problem("found bulk_modulus_Pa and poisson_ratio: give one of them".into()))
         }
-        return with_bulk(
-            model,
-            parameters,
-            one(model, parameters, "bulk_modulus_Pa")?,
-        );
-    }
-    let nu = match parameters.get("poisson_ratio") {
-        Some(_) => one(model, parameters, "poisson_ratio")?,
-        None => 0.49,
-    };
-    if !(nu > 0.0 && nu <= 0.5) {
-        return Err(FemError::Parameter {
-            name: "poisson_ratio",
-            value: nu,
-            expected: "above 0 and at most 0.5",
-        });
-    }
-    if model == "neo_hookean" {
-        let young = one(model, parameters, "young_modulus_Pa")?;
-        return Ok(Box::new(NeoHookean::new(young, nu)?));
-    }
-    let mu = with_bulk(model, parameters, f64::INFINITY)?.shear_modulus_Pa();
-    with_bulk(
-        model,
-        parameters,
-        2.0 * mu * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)),
-    )
-}
-
-fn with_bulk(
-    model: &str,
-    parameters: &Parameters,
-    kappa: f64,
-) -> Result<Box<dyn Material>, FemError> {
-    let get = |key: &'static str| one(model, parameters, key);
-    Ok(match model {
-        "mooney_rivlin" => Box::new(MooneyRivlin::new(get("c10_Pa")?, get("c01_Pa")?, kappa)?),
-        "yeoh" => Box::new(Yeoh::new(
-            [get("c1_Pa")?, get("c2_Pa")?, get("c3_Pa")?],
-            kappa,
-        )?),
-        "gent" => Box::new(Gent::new(get("shear_modulus_Pa")?, get("j_m")?, kappa)?),
-        "ogden" => {
-            let (mu, alpha) = (
-                list(model, parameters, "mu_Pa")?,
-                list(model, parameters, "alpha")?,
-            );
-            if mu.len() != alpha.len() {
-                return Err(length(model, "alpha", alpha.len(), mu.len()));
+        (true, false) => Ok(Volume::BulkModulusPa(values.one("bulk_modulus_Pa")?)),
+        (false, given) => {
+            let nu = if given {
+                values.one("poisson_ratio")?
+            } else {
+                0.49
+            };
+            if nu > 0.0 && nu <= 0.5 {
+                return Ok(Volume::PoissonRatio(nu));
             }
-            let terms = mu.iter().copied().zip(alpha.iter().copied()).collect();
-            Box::new(Ogden::new(terms, kappa)?)
+            Err(FemError::Parameter {
+                name: "poisson_ratio",
+                value: nu,
+                expected: "above 0 and at most 0.5",
+            })
         }
-        _ => {
-            let young = get("young_modulus_Pa")?;
-            // E and κ give ν = (3 κ − E) / (6 κ).
-            Box::new(NeoHookean::new(young, 0.5 - young / (6.0 * kappa))?)
-        }
-    })
-}
-
-fn list<'a>(
-    model: &str,
-    parameters: &'a Parameters,
-    key: &'static str,
-) -> Result<&'a [f64], FemError> {
-    parameters
-        .get(key)
-        .map(Vec::as_slice)
-        .ok_or_else(|| FemError::Material {
-            model: model.into(),
-            problem: format!("parameter {key:?} is missing"),
-        })
-}
-
-fn one(model: &str, parameters: &Parameters, key: &'static str) -> Result<f64, FemError> {
-    match list(model, parameters, key)? {
-        [value] => Ok(*value),
-        other => Err(length(model, key, other.len(), 1)),
-    }
-}
-
-fn length(model: &str, key: &'static str, found: usize, expected: usize) -> FemError {
-    FemError::Material {
-        model: model.into(),
-        problem: format!("parameter {key:?} has {found} numbers, expected {expected}"),
     }
 }
 

@@ -1,12 +1,25 @@
 //! Gent: W_d = −μ J_m / 2 ln(1 − (Ī₁ − 3) / J_m).
 
 use super::isotropic::{Derivatives, Invariants};
-use super::{bulk, positive};
+use super::{Model, bulk, positive, positive_parameters};
 use crate::FemError;
 
 /// Share of J_m from which the energy goes on as a parabola: a Newton trial may pass
 /// the locking stretch, where the logarithm ends.
 const LOCK: f64 = 0.99;
+
+pub(super) const MODEL: Model = Model {
+    name: "gent",
+    parameters: &["shear_modulus_Pa", "j_m"],
+    has_terms: false,
+    make: |values, volume| {
+        let mu = values.one("shear_modulus_Pa")?;
+        let kappa = volume.bulk_modulus_Pa(mu);
+        Ok(Box::new(Gent::new(mu, values.one("j_m")?, kappa)?))
+    },
+    start: |mu, _| vec![mu.ln(), 50.0_f64.ln()],
+    decode: positive_parameters,
+};
 
 /// Shear modulus, locking value J_m of Ī₁ − 3, bulk modulus.
 #[derive(Debug, Clone, Copy, PartialEq)]

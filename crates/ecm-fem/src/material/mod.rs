@@ -7,22 +7,36 @@ mod choose;
 mod fibre;
 mod gent;
 mod isotropic;
+mod model;
 mod mooney_rivlin;
 mod neo_hookean;
+mod nominal_stress;
 mod ogden;
 #[cfg(test)]
 mod tests;
 mod yeoh;
 
-pub use choose::{MODELS, choose};
+pub use choose::{choose, model};
 pub use fibre::Fibre;
 pub use gent::Gent;
 pub use isotropic::{Derivatives, Invariants};
+use model::{COMMON, Values, positive_parameters};
+pub use model::{Model, Parameters, Volume};
 pub use mooney_rivlin::MooneyRivlin;
 pub use neo_hookean::NeoHookean;
 pub(crate) use neo_hookean::distortion;
+pub use nominal_stress::{TESTS, nominal_stress};
 pub use ogden::Ogden;
 pub use yeoh::Yeoh;
+
+/// All material models. A new one is its file, its `mod` line above and its entry here.
+pub const MODELS: &[&Model] = &[
+    &neo_hookean::MODEL,
+    &mooney_rivlin::MODEL,
+    &yeoh::MODEL,
+    &ogden::MODEL,
+    &gent::MODEL,
+];
 
 use crate::FemError;
 use crate::tensor::Mat3;

@@ -1,8 +1,21 @@
 //! Mooney–Rivlin: W_d = C10 (Ī₁ − 3) + C01 (Ī₂ − 3), μ = 2 (C10 + C01).
 
 use super::isotropic::{Derivatives, Invariants};
-use super::{bulk, positive};
+use super::{Model, bulk, positive, positive_parameters};
 use crate::FemError;
+
+pub(super) const MODEL: Model = Model {
+    name: "mooney_rivlin",
+    parameters: &["c10_Pa", "c01_Pa"],
+    has_terms: false,
+    make: |values, volume| {
+        let (c10, c01) = (values.one("c10_Pa")?, values.one("c01_Pa")?);
+        let kappa = volume.bulk_modulus_Pa(2.0 * (c10 + c01));
+        Ok(Box::new(MooneyRivlin::new(c10, c01, kappa)?))
+    },
+    start: |mu, _| vec![(0.4 * mu).ln(), (0.1 * mu).ln()],
+    decode: positive_parameters,
+};
 
 /// Two constants and a bulk modulus, Pa.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,25 @@
 //! Neo-Hookean: W_d = μ/2 (J^(−2/3) I₁ − 3), μ = E / (2 (1 + ν)), κ = E / (3 (1 − 2ν)).
 
-use super::{Material, Response};
+use super::{Material, Model, Response, Volume, positive_parameters};
 use crate::FemError;
 use crate::tensor::{Mat3, cofactor};
+
+pub(super) const MODEL: Model = Model {
+    name: "neo_hookean",
+    parameters: &["young_modulus_Pa"],
+    has_terms: false,
+    make: |values, volume| {
+        let young = values.one("young_modulus_Pa")?;
+        let nu = match volume {
+            Volume::PoissonRatio(nu) => nu,
+            // E and κ give ν = (3 κ − E) / (6 κ).
+            Volume::BulkModulusPa(kappa) => 0.5 - young / (6.0 * kappa),
+        };
+        Ok(Box::new(NeoHookean::new(young, nu)?))
+    },
+    start: |mu, _| vec![(3.0 * mu).ln()],
+    decode: positive_parameters,
+};
 
 /// The energy of Abaqus, CalculiX and FElupe (C10 = μ/2, D1 = 2/κ).
 #[derive(Debug, Clone, Copy, PartialEq)]

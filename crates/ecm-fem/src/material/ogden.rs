@@ -7,10 +7,39 @@
 //! i ≠ j, (W_i λ_i − W_j λ_j)/(λ_i² − λ_j²) and (W_i λ_j − W_j λ_i)/(λ_i² − λ_j²) on the
 //! off-diagonal ones (Ogden 1984, §6.1; Smith et al. 2019).
 
-use super::{Material, Response, bulk, positive};
+use super::{Material, Model, Response, bulk, positive};
 use crate::FemError;
 use crate::tensor::Mat3;
 use nalgebra::Matrix3;
+
+pub(super) const MODEL: Model = Model {
+    name: "ogden",
+    parameters: &["mu_Pa", "alpha"],
+    has_terms: true,
+    make: |values, volume| {
+        let (mu, alpha) = (values.list("mu_Pa")?, values.list("alpha")?);
+        if mu.len() != alpha.len() {
+            return Err(values.length("alpha", alpha.len(), mu.len()));
+        }
+        let terms = mu.iter().copied().zip(alpha.iter().copied()).collect();
+        let kappa = volume.bulk_modulus_Pa(mu.iter().sum());
+        Ok(Box::new(Ogden::new(terms, kappa)?))
+    },
+    // The first term carries most of the stiffness, with exponents of both signs.
+    start: |mu, terms| {
+        let shares = (0..terms).map(|i| [0.9, 0.08, 0.01][i.min(2)] * mu);
+        let exponents = (0..terms).map(|i| [1.5, -1.5, 4.0, -4.0][i % 4]);
+        shares.map(f64::ln).chain(exponents).collect()
+    },
+    decode: |x| {
+        let (log_mu, alpha) = x.split_at(x.len() / 2);
+        log_mu
+            .iter()
+            .map(|v| v.exp())
+            .chain(alpha.iter().copied())
+            .collect()
+    },
+};
 
 /// Terms (μ_p in Pa, α_p) and a bulk modulus.
 #[derive(Debug, Clone, PartialEq)]

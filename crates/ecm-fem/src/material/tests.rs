@@ -8,14 +8,27 @@ use ecm_se3::rotation_matrix;
 fn all() -> Vec<Box<dyn Material>> {
     let kappa = 1e7;
     let neo = || NeoHookean::new(0.72e6, 0.49).unwrap();
-    vec![
+    let own: [Box<dyn Material>; 6] = [
         Box::new(neo()),
         Box::new(MooneyRivlin::new(0.8e5, 0.4e5, kappa).unwrap()),
         Box::new(Yeoh::new([1e5, -1e4, 5e3], kappa).unwrap()),
         Box::new(Gent::new(2.4e5, 3.0, kappa).unwrap()),
         Box::new(Ogden::new(vec![(1.5e5, 1.3), (2e4, 5.0), (1e4, -2.0)], kappa).unwrap()),
         Box::new(Fibre::new(Box::new(neo()), [1.0, 0.3, -0.2], 5e4, 2.0).unwrap()),
-    ]
+    ];
+    own.into_iter().chain(listed()).collect()
+}
+
+/// Every model of the list, with the parameters that its own fit starts from.
+fn listed() -> Vec<Box<dyn Material>> {
+    let made = MODELS.iter().map(|model| {
+        let values = model.decode(&model.start(2e5, 2).unwrap()).unwrap();
+        let terms = values.len() / model.parameters.len();
+        let named = model.parameters.iter().zip(values.chunks(terms));
+        let named = named.map(|(name, v)| ((*name).to_string(), v.to_vec()));
+        choose(model.name, &named.collect()).unwrap()
+    });
+    made.collect()
 }
 
 const STATES: [Mat3; 3] = [
@@ -104,6 +117,29 @@ fn uniaxial_tension_of_the_neo_hookean() {
             assert!((axial / mu - ratio).abs() < 1e-6, "{material:?}");
         }
     }
+}
+
+/// Closed forms with W(I1, I2): uniaxial 2 (l − l⁻²)(W1 + W2 / l), equibiaxial
+/// 2 (l − l⁻⁵)(W1 + l² W2), pure shear 2 (l − l⁻³)(W1 + W2).
+#[test]
+fn classical_tests_follow_their_closed_forms() {
+    let (c10, c01) = (0.8e5, 0.4e5);
+    let material = MooneyRivlin::new(c10, c01, f64::INFINITY).unwrap();
+    for l in [0.6_f64, 1.0, 1.3, 2.5] {
+        for (test, exact) in [
+            ("uniaxial", 2.0 * (l - l.powi(-2)) * (c10 + c01 / l)),
+            ("equibiaxial", 2.0 * (l - l.powi(-5)) * (c10 + l * l * c01)),
+            ("pure_shear", 2.0 * (l - l.powi(-3)) * (c10 + c01)),
+        ] {
+            let stress = nominal_stress(&material, test, &[l]).unwrap()[0];
+            assert!(
+                (stress - exact).abs() < 1e-9 * (c10 + exact.abs()),
+                "{test} {l}"
+            );
+        }
+    }
+    assert!(nominal_stress(&material, "shear", &[1.0]).is_err());
+    assert!(nominal_stress(&material, "uniaxial", &[-1.0]).is_err());
 }
 
 #[test]

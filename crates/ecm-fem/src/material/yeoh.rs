@@ -1,8 +1,29 @@
 //! Yeoh: W_d = C1 x + C2 x² + C3 x³ with x = Ī₁ − 3, μ = 2 C1.
 
 use super::isotropic::{Derivatives, Invariants};
-use super::{bulk, positive};
+use super::{Model, bulk, positive};
 use crate::FemError;
+
+pub(super) const MODEL: Model = Model {
+    name: "yeoh",
+    parameters: &["c1_Pa", "c2_Pa", "c3_Pa"],
+    has_terms: false,
+    make: |values, volume| {
+        let c = [
+            values.one("c1_Pa")?,
+            values.one("c2_Pa")?,
+            values.one("c3_Pa")?,
+        ];
+        let kappa = volume.bulk_modulus_Pa(2.0 * c[0]);
+        Ok(Box::new(Yeoh::new(c, kappa)?))
+    },
+    start: |mu, _| vec![(0.5 * mu).ln(), (1e-6 * mu).ln(), -0.1],
+    // C1 = e^a, C3 = e^c, C2 = sqrt(3 C1 C3) (e^b − 1): the slope has no zero.
+    decode: |x| {
+        let (c1, c3) = (x[0].exp(), x[1].exp());
+        vec![c1, (3.0 * c1 * c3).sqrt() * x[2].exp_m1(), c3]
+    },
+};
 
 /// Three constants and a bulk modulus, Pa.
 #[derive(Debug, Clone, Copy, PartialEq)]

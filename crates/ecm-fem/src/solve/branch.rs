@@ -27,7 +27,8 @@ pub(super) enum End {
 
 /// A loss of stability, between a stable equilibrium and the next one on its branch.
 pub(super) struct Loss {
-    pub instability: Instability,
+    /// The body gives way, with the platform held or hardly moving (see [`super::critical_mode`]).
+    pub within: bool,
     pub before: Reached,
 }
 
@@ -56,7 +57,8 @@ impl Fem {
     /// the number of Newton iterations.
     ///
     /// An equilibrium that is not stable is approached again in smaller steps: a body that is not
-    /// quite symmetric turns off before it and may remain stable. `loss` keeps the first one.
+    /// quite symmetric turns off before it and may remain stable. `loss` keeps the state before the
+    /// first one.
     pub(super) fn follow_branch(
         &self,
         work: &mut Workspace,
@@ -88,10 +90,14 @@ impl Fem {
                     iterations += n;
                     let (result, instability) = self.report(work, &state, &path.at(share).0);
                     if let Some(instability) = instability {
-                        loss.get_or_insert_with(|| Loss {
-                            instability,
+                        // The closest loss tells best what gives way.
+                        let within = instability == Instability::Inner
+                            || self.gives_way_within(work, &state);
+                        let first = || Loss {
+                            within,
                             before: last.clone(),
-                        });
+                        };
+                        loss.get_or_insert_with(first).within = within;
                         Failure::Diverged
                     } else if share >= 1.0 {
                         // Load steps end the path exactly at the load.

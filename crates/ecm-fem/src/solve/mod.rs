@@ -4,6 +4,7 @@ mod batch;
 mod bent_frame;
 mod branch;
 mod condense;
+mod critical_mode;
 mod initial_guess;
 mod linear_start;
 mod load_path;

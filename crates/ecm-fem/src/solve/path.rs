@@ -7,7 +7,6 @@
 use super::branch::End;
 use super::load_path::{LoadPath, Reached};
 use super::newton::{Failure, MOST_UNSTABLE_ITERATES, Workspace};
-use super::stability::Instability;
 use super::{Fem, Load, State, Watch};
 use crate::result::{CREASE, CaseResult, Reason, Status};
 
@@ -39,14 +38,12 @@ impl Failure {
     }
 }
 
-impl Instability {
-    /// The reason, by the smallest stretch in the last stable state.
-    fn reason(self, smallest_stretch: f64) -> Reason {
-        match self {
-            Self::Platform => Reason::Buckling,
-            Self::Inner if smallest_stretch < CREASE => Reason::Crease,
-            Self::Inner => Reason::Inner,
-        }
+/// The reason of a loss, by the smallest stretch in the last stable state.
+fn reason(within: bool, smallest_stretch: f64) -> Reason {
+    match within {
+        false => Reason::Buckling,
+        true if smallest_stretch < CREASE => Reason::Crease,
+        true => Reason::Inner,
     }
 }
 
@@ -95,10 +92,10 @@ impl Fem {
             (Status::Unstable, Some(loss)) => {
                 last = loss.before;
                 let smallest = |r: &CaseResult| r.smallest_stretch;
-                Some(
-                    loss.instability
-                        .reason(last.result.as_ref().map_or(1.0, smallest)),
-                )
+                Some(reason(
+                    loss.within,
+                    last.result.as_ref().map_or(1.0, smallest),
+                ))
             }
             _ => None,
         };

@@ -3,7 +3,7 @@
 //! | key | meaning |
 //! |---|---|
 //! | `format`, `version` | `"ecm-model"`, 1; added by [`seal_model`] where they are missing |
-//! | `kind` | `polynomial`, `energy` or `physics` (an energy fitted to FEM, times a factor); `gp`, `mlp`, `rod`, `constant-curvature`, which hold only `parameters` |
+//! | `kind` | `polynomial`, `energy` or `physics` (an energy fitted to FEM, times a factor); any other kind, such as `rod`, holds only `parameters`, which its own reader checks |
 //! | `inputs`, `outputs` | columns of the measurement table |
 //! | `length_m` | undeformed length; `null` for a polynomial |
 //! | `degree` | highest degree of a term |

@@ -24,9 +24,9 @@ class Options:
     ] = None
     equibiaxial: _Tests = None
     pure_shear: _Tests = None
-    model: Annotated[
-        str, typer.Option(help="neo_hookean, mooney_rivlin, yeoh, ogden, gent or auto.")
-    ] = "auto"
+    model: Annotated[str, typer.Option(help="A material model by name (docs/fem.md), or auto.")] = (
+        "auto"
+    )
     terms: Annotated[int, typer.Option(min=1, max=4, help="Terms of ogden.")] = 2
     unit: Annotated[str, typer.Option(help="Pa, kPa, MPa; where no header names it.")] = ""
     order: Annotated[str, typer.Option(help="stretch-stress or stress-stretch.")] = ""
