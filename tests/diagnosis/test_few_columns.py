@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ecm
-from ecm.diagnosis.check import by_reason
+from ecm.diagnosis.check import by_reason, lines_by_reason
 from ecm.diagnosis.procedure import find_missing
 from ecm.effects import effects_for, get_effect, with_shape
 from ecm.errors import InputError
@@ -122,6 +122,7 @@ def test_what_cannot_be_tested_is_at_most_six_lines() -> None:
     assert len(lines) <= 6
     assert sum(len(ids.split(", ")) for ids, _, _ in lines) == len(listed)
     assert all(record for _, _, record in lines)
+    assert all(len(line) < 300 for line in lines_by_reason(listed))
 
 
 def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ecm.cli.text import columns
-from ecm.diagnosis.check import NotTestable, by_reason
+from ecm.diagnosis.check import NotTestable, lines_by_reason
 from ecm.diagnosis.sections import noise_words
+from ecm.effects import with_shape
 
 _SHOWN = 10
 
@@ -35,8 +36,7 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
             NotTestable(item["id"], item["reason"], item["record"])
             for item in document["not_testable"]
         ]
-        for ids, reason, record in by_reason(absent):
-            yield f"  {reason}: {ids} -> {record}"
+        yield from lines_by_reason(absent)
     for item in document["next_experiment"][:3]:
         sure = ""
         if item.get("p_correct") is not None:
@@ -59,6 +59,7 @@ def _basis(document: Mapping[str, Any]) -> str:
 
 def _sizes(document: Mapping[str, Any]) -> Iterator[str]:
     for item in document["effects"]:
+        yield f"  {item['id']}: {with_shape(item['id'], item.get('shape', {})).physics}"
         for name, fitted in item["parameters"].items():
             value = f"{fitted['value']:.4g} +- {fitted['sd']:.2g} {fitted['unit']}"
             yield f"  {item['id']} {name} = {value}"

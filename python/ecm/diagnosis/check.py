@@ -57,6 +57,7 @@ class NotTestable:
 
 
 _MOST_LINES = 6
+_MOST_NAMES = 6
 
 
 def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
@@ -85,6 +86,18 @@ def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
         reasons = "; ".join(dict.fromkeys(item.reason for item in rest))
         records = "; ".join(dict.fromkeys(item.record for item in rest if item.record))
         lines.append((", ".join(item.id for item in rest), reasons, records))
+    return lines
+
+
+def lines_by_reason(listed: Sequence[NotTestable]) -> list[str]:
+    """The groups of `by_reason` as lines; of a long group the first names and their number."""
+    lines = []
+    for ids, reason, record in by_reason(listed):
+        names = ids.split(", ")
+        some = ", ".join(names[:_MOST_NAMES])
+        if len(names) > _MOST_NAMES:
+            some += f" and {len(names) - _MOST_NAMES} more (all in --json)"
+        lines.append(f"  {reason}: {some} -> {record}")
     return lines
 
 
