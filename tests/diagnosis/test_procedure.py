@@ -57,6 +57,7 @@ def test_a_stage_is_replaced_by_argument(found: Diagnosis) -> None:
     blind = Stages(
         gate=lambda problem: replace(gate(problem), rejected=False),
         search=lambda problem, ranking: (),
+        white=lambda problem: None,
     )
     nothing = find_missing(model(), table, stages=blind)
     assert nothing.verdict == "none"

@@ -93,9 +93,12 @@ def test_the_c_loop_holds_the_platform(
         assert reason in ran.stdout
 
 
-def test_the_rust_loop_holds_the_platform(fitted: dict[str, Model], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "precision"), [("cubic", "double"), ("energy6", "single")])
+def test_the_rust_loop_holds_the_platform(
+    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
+) -> None:
     cargo = need_program("cargo")
-    folder = written(fitted["energy6"], tmp_path, "rust")
+    folder = written(fitted[name], tmp_path, "rust", precision)
     environment = {**os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target")}
     ran = done(
         cargo, "run", "--release", "--offline", "--example", "control",

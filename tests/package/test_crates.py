@@ -101,11 +101,12 @@ def test_no_public_signature_has_a_type_of_faer() -> None:
                 assert shown.search(source.read_text(encoding="utf-8")) is None, source
 
 
-def test_ecm_poly_builds_for_a_cortex_m() -> None:
+@pytest.mark.parametrize("features", ["", "binary", "alloc"])
+def test_ecm_poly_builds_for_a_cortex_m(features: str) -> None:
     need_rust_target("thumbv7em-none-eabihf")
     command = [
         need_program("cargo"), "check", "--quiet", "--offline", "-p", "ecm-poly",
-        "--no-default-features", "--target", "thumbv7em-none-eabihf",
+        "--no-default-features", "--features", features, "--target", "thumbv7em-none-eabihf",
     ]  # fmt: skip
     environment = {**os.environ, "RUSTFLAGS": "-D warnings"}
     done = subprocess.run(

@@ -31,6 +31,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
     templates = {path.name for path in (ROOT / "python/ecm/io/templates").glob("*.*")}
     assert {"rig.toml", "config.toml", "data.toml", "data.csv"} <= templates
     assert {f"ecm/io/templates/{name}" for name in templates} <= files
+    assert {f"ecm/models/control/templates/control.{end}" for end in ("c", "rs")} <= files
 
     clean = tmp_path / "clean"
     venv.create(clean)

@@ -1,10 +1,13 @@
 //! Pose-to-wrench models: polynomials with principal component regression, and symmetric
 //! energies in mid-frame coordinates, both with analytic stiffness.
 //!
-//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation; fitting and
-//! model files need the feature `std`.
+//! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature `binary` reads
+//! energies from bytes into memory of fixed size, `alloc` into memory of their own; fitting and
+//! model files (JSON) need `std`.
 #![no_std]
 
+#[cfg(feature = "alloc")]
+extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 

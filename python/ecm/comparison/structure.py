@@ -69,7 +69,7 @@ def structure_test(
     n, m = whitened.shape
     own = np.zeros((n, m, 0)) if fitted is None else fitted
     weights = scored.astype(np.float64)
-    values = other_columns(rows)
+    values = np.hstack([other_columns(rows), _higher_degrees(rows)])
     columns = np.concatenate(
         [
             feature_columns(rows, whitener, max(1, min(90, n // 3))),
@@ -90,6 +90,19 @@ def structure_test(
     chance = best.dof * best.rest / best.dof_error
     beyond = max(0.0, best.explained - chance) / max(1.0, float(weights.sum()) * m)
     return StructureTest(best.F, min(1.0, best.p * len(tests)), float(np.sqrt(beyond)))
+
+
+def _higher_degrees(rows: Rows) -> F:
+    """Return (N, q) polynomials above the quadratic in each coordinate: up to 6 of one or two."""
+    poses = rows.poses
+    wide = np.ptp(poses, axis=0)
+    low = poses.min(axis=0)
+    most = 6 if poses.shape[1] <= 2 else 3
+    columns = []
+    for j in np.flatnonzero(wide > 0.0):
+        scaled = 2.0 * (poses[:, j] - low[j]) / wide[j] - 1.0
+        columns.append(np.polynomial.chebyshev.chebvander(scaled, most)[:, 3:])
+    return np.hstack(columns) if columns else np.zeros((len(poses), 0))
 
 
 def other_columns(rows: Rows) -> F:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
@@ -141,7 +142,13 @@ class Check:
         """Return what matters, in plain words."""
         lines = [f"{self.source}: {self.rows} rows in {self.runs} run{'s' * (self.runs != 1)}."]
         lines.extend(excitation_sentences(self.never_excited))
-        if self.missing:
+        if len(self.missing) == len(POSE) + len(WRENCH):
+            lines.append(
+                "No pose and no wrench column is there: nothing can be fitted, compared or "
+                "diagnosed. Name at least one of each as in x_m and fx_N, or map your own names in "
+                "the TOML beside the data ([columns])."
+            )
+        elif self.missing:
             lines.append(f"Not there: {', '.join(self.missing)}.")
         if self.groups is not None:
             lines.append(f"Held-out splits keep {self.groups} groups of rows together.")
@@ -250,13 +257,13 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         columns=columns,
         never_excited=constant,
         padding=padded,
-        missing=tuple(missing) if len(missing) < 12 else (),
+        missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated_poses(table),
         noise=noise_source(table),
         testable=testable,
         not_testable=not_testable,
-        warnings=table.warnings,
+        warnings=(*table.warnings, *_misread(table)),
         suspect=tuple(suspect_rows(table)),
         remarks=(*padding_sentences(padded), *_sampling(table), *whole_turns(table)),
     )
@@ -276,6 +283,12 @@ def _sampling(table: Table) -> list[str]:
         f"Rows follow each other every {np.median(steps):.3g} s: samples of a continuous test? "
         'Then say kind = "continuous" in [file], or repeats and held-out rows are judged wrongly.'
     ]
+
+
+def _misread(table: Table) -> list[str]:
+    """Return what looks wrong with the signs and the time of a table."""
+    said = [time_unit(table), reversed_sign(table, table.pose_columns, table.wrench_columns)]
+    return [words for words in said if words]
 
 
 def _column(name: str, values: NDArray[Any]) -> ColumnCheck:

@@ -12,9 +12,11 @@ from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.statements import WrongStatement, find_wrong_statement, reversed_sign
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import find_pattern
+from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
 from ecm.models.physics.map import PhysicsMap
 
 Headline = Literal["none", "named", "ambiguous", "unknown"]
@@ -58,6 +60,7 @@ def verdict(
     left: Leftover,
     *,
     describe: Describe = describe_residual,
+    white: Callable[[Problem], Pattern | None] = find_pattern,
 ) -> Verdict:
     """Give the headline.
 
@@ -65,8 +68,15 @@ def verdict(
     ----------
     describe
         Function that puts what is left into words.
+    white
+        Function that looks for a pattern before `none` is said.
     """
-    strange = modulus_warning(problem)
+    wrong = _wrong_statement(problem, accepted) if gate.rejected else None
+    if wrong is not None:
+        unknown = describe(problem, problem.response, (), gate.structure)
+        said = replace(unknown, words=wrong.sentence(), nearest=None, statement=wrong)
+        return Verdict("unknown", Accepted(checks=accepted.checks), said)
+    strange = modulus_warning(problem) or sign_warning(problem)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
@@ -76,7 +86,7 @@ def verdict(
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
-        pattern = find_pattern(problem)
+        pattern = white(problem)
         if pattern is None:
             return Verdict("none", accepted, None)
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
@@ -116,6 +126,19 @@ def _rms(problem: Problem, residual: F) -> float:
     """Return the weighted rms of a whitened residual (N, m)."""
     squares = (residual**2).sum(axis=1) @ problem.weights
     return float(np.sqrt(squares / (problem.weights.sum() * residual.shape[1])))
+
+
+def _wrong_statement(problem: Problem, accepted: Accepted) -> WrongStatement | None:
+    before = _rms(problem, residual_after(problem, ()))
+    after = _rms(problem, residual_after(problem, accepted.effects))
+    return find_wrong_statement(problem, accepted.effects, before, after)
+
+
+def sign_warning(problem: Problem) -> str:
+    """Return what is wrong with the signs of a full table; empty where they may be right."""
+    if not problem.table.has(*POSE, *WRENCH):
+        return ""
+    return reversed_sign(problem.table, problem.base.inputs, problem.base.outputs)
 
 
 def is_noisy(problem: Problem) -> bool:

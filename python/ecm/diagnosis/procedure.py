@@ -34,6 +34,7 @@ from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.diagnosis.unexplained import Unknown, describe_residual
+from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import as_table
@@ -68,6 +69,7 @@ class Stages:
     leftover: Callable[[Problem, Gate, Sequence[Candidate]], Leftover] = leftover
     classify: Callable[[Problem, Accepted, Leftover], Accepted] = classify
     verdict: Callable[..., Verdict] = verdict
+    white: Callable[[Problem], Pattern | None] = find_pattern
     describe: Callable[..., Unknown] = describe_residual
 
 
@@ -197,7 +199,7 @@ def find_missing(
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
 
     decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
-    if not may_be_another_body(decision):
+    if misread(decision) or not may_be_another_body(decision):
         return decision
     return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)
 
@@ -235,7 +237,9 @@ def decide(
                 accepted = again
                 left = stages.leftover(problem, first, accepted.effects)
     accepted = stages.classify(problem, accepted, left)
-    final = stages.verdict(problem, first, accepted, left, describe=stages.describe)
+    final = stages.verdict(
+        problem, first, accepted, left, describe=stages.describe, white=stages.white
+    )
     return Decision(
         prepared=prepared,
         problem=problem,
@@ -247,6 +251,11 @@ def decide(
         verdict=final.headline,
         unknown=final.unknown,
     )
+
+
+def misread(decision: Decision) -> bool:
+    """Whether another reading of the table explains what is left: no body is to blame."""
+    return decision.unknown is not None and decision.unknown.statement is not None
 
 
 def may_be_another_body(decision: Decision) -> bool:

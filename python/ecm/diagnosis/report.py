@@ -32,6 +32,7 @@ from ecm.diagnosis.result import (
     RunError,
 )
 from ecm.diagnosis.search import Ranked, estimate
+from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
@@ -230,7 +231,9 @@ def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
         warnings.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
     if copies:
         warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
-    if strange := modulus_warning(problem):
+    if late := time_unit(problem.table):
+        warnings.append(late)
+    if strange := modulus_warning(problem) or reversed_sign(*own):
         warnings.append(strange)
     if problem.noise.is_residual:
         warnings.append(

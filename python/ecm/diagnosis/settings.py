@@ -188,6 +188,15 @@ class DiagnosisSettings(Checked):
     most_modulus_factor: float = setting(
         5.0, low=1.0, doc="Largest error of the stated E; beyond it a sign or a unit is wrong."
     )
+    least_wrong_error: float = setting(
+        2.0, low=1.0, doc="Error over the noise from which other readings of the table are tried."
+    )
+    mended_share: float = setting(
+        1.0 / 3.0,
+        above=0.0,
+        high=1.0,
+        doc="Share of the error to which another reading must bring it to be named.",
+    )
     # Unknown effects
     most_terms: int = setting(3, low=1, doc="Terms of a description in words.")
     least_term_gain: float = setting(

@@ -12,6 +12,7 @@ from ecm.diagnosis.ard import ard_relevance
 from ecm.diagnosis.effect_template import effect_template
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import rank
+from ecm.diagnosis.statements import WrongStatement
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
 
@@ -36,6 +37,8 @@ class Unknown:
     nearest: Nearest | None
     template: str = field(metadata={"json": "skeleton"})
     """Python text of an effect that a user may complete."""
+    statement: WrongStatement | None = field(default=None, metadata={"optional": True})
+    """A reading of the table that fits far better than the one that was stated."""
     pattern: Pattern | None = field(default=None, metadata={"optional": True})
     """What the residual follows that no smooth function shows."""
 

@@ -144,7 +144,10 @@ def export_files(
     if (inside.inputs, inside.outputs) != (POSE, WRENCH):
         return Exported(files, tuple(notes), left_out, folding=folding)
     poses = poses_to_hold(model)
-    designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
+    try:
+        designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
+    except InputError as error:
+        return Exported(files, (*notes, f"No control loop: {error}."), left_out)
     if designed.holds.any():
         files |= loop_file(designed, target, name, precision)
     return Exported(files, (*notes, *designed.sentences()), left_out, designed, folding)

@@ -5,11 +5,12 @@ use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Wrench};
 
 use crate::arithmetic::Arithmetic;
+use crate::energy::expansion::Monomial;
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::EnergyPlan;
 use crate::energy::simd::SimdPlan;
 use crate::energy::simd_tables::SimdTables;
-use crate::energy::tables::{EnergyTables, LARGEST_MEMORY, Monomial};
+use crate::energy::tables::{EnergyTables, LARGEST_MEMORY};
 use crate::shape::ShapeError;
 
 /// Energy, wrench and stiffness at a pose.

@@ -3,10 +3,14 @@
 pub mod invariants;
 pub mod plan;
 
+#[cfg(feature = "binary")]
+pub mod binary;
 #[cfg(feature = "std")]
 mod bulk;
 #[cfg(feature = "std")]
 mod evaluator;
+#[cfg(feature = "std")]
+mod expansion;
 #[cfg(feature = "std")]
 pub mod fit;
 #[cfg(feature = "std")]
@@ -19,7 +23,7 @@ pub mod regressor;
 mod simd;
 #[cfg(feature = "std")]
 mod simd_tables;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod tables;
 #[cfg(feature = "std")]
 pub mod terms;
@@ -32,7 +36,7 @@ pub use invariants::Symmetry;
 #[cfg(feature = "std")]
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use tables::EnergyTables;
 #[cfg(feature = "std")]
 pub use terms::EnergyTerms;

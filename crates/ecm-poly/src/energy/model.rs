@@ -157,6 +157,15 @@ impl EnergyModel {
         )?)
     }
 
+    /// The energy in binary form with weights of type `R`, for [`crate::energy::binary::EnergyMemory`].
+    ///
+    /// # Errors
+    /// As [`EnergyModel::tables`].
+    pub fn to_bytes<R: Real>(&self) -> Result<Vec<u8>, ModelError> {
+        let reach = crate::export::model::reach_squared(self);
+        Ok(self.tables::<R>()?.to_bytes(reach))
+    }
+
     /// Symmetry, exponents and coefficients (J) of the whole energy.
     fn written_out(&self) -> (Symmetry, Vec<[u8; 6]>, Vec<f64>) {
         let own = || self.terms.symmetric().iter().zip(&self.coefficients);

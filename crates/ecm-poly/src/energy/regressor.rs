@@ -7,11 +7,10 @@ use std::vec::Vec;
 use ecm_se3::mid_frame::MidFrame;
 use ecm_se3::{Mat6, Pose, Vec6};
 
+use crate::energy::expansion::{Monomial, Products, differentiated, first_order, unscaled};
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::fill_monomials;
-use crate::energy::tables::{
-    LARGEST_MEMORY, Monomial, Products, differentiated, first_order, unscaled,
-};
+use crate::energy::tables::LARGEST_MEMORY;
 use crate::energy::terms::EnergyTerms;
 use crate::error::{ModelError, check_finite, check_sizes, checked_poses};
 

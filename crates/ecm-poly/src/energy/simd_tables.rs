@@ -4,9 +4,9 @@ use std::vec::Vec;
 
 use ecm_se3::Real;
 
+use crate::energy::expansion::{Monomial, unscaled};
 use crate::energy::invariants::Symmetry;
 use crate::energy::simd::{Levels, SimdPlan};
-use crate::energy::tables::{Monomial, unscaled};
 
 /// Owned tables of a [`SimdPlan`] of `B` lanes.
 #[derive(Clone, Debug)]

@@ -1,16 +1,13 @@
-//! The tables of an [`EnergyPlan`], made from exponents and coefficients.
+//! Owned tables of an [`EnergyPlan`], and their binary form.
 
-use std::collections::BTreeSet;
-use std::vec::Vec;
+use alloc::vec::Vec;
 
 use ecm_se3::Real;
 
+use crate::energy::binary::{BinaryError, Parts, crc32, head};
 use crate::energy::invariants::Symmetry;
 use crate::energy::plan::{EnergyPlan, ROWS};
 use crate::shape::ShapeError;
-
-/// Exponents of the six variables.
-pub(crate) type Monomial = [u8; 6];
 
 /// Most monomials of an energy: all of six variables up to degree 8 are 3003.
 pub const LARGEST_MEMORY: usize = 4096;
@@ -27,46 +24,21 @@ pub struct EnergyTables<R> {
 }
 
 impl<R: Real> EnergyTables<R> {
-    /// From exponents of the variables and coefficients (J) of coordinates divided by `scale`.
+    /// From tables that fit together.
     ///
     /// # Errors
-    /// More monomials than [`LARGEST_MEMORY`].
-    pub(crate) fn new(
-        symmetry: Symmetry,
-        exponents: &[Monomial],
-        coefficients: &[f64],
-        scale: [f64; 2],
-        length_m: f64,
+    /// More monomials than [`LARGEST_MEMORY`], or tables that do not fit together.
+    pub(crate) fn of_parts(
+        (symmetry, length_m): (Symmetry, R),
+        products: Vec<(u16, u8)>,
+        ends: [u16; ROWS],
+        columns: Vec<u16>,
+        weights: Vec<R>,
     ) -> Result<Self, ShapeError> {
-        let terms = exponents.iter().zip(coefficients);
-        let terms: Vec<(Monomial, f64)> = terms
-            .map(|(row, c)| (*row, c * unscaled(symmetry, row, scale)))
-            .collect();
-        let rows: Vec<Vec<(Monomial, f64)>> = row_orders()
-            .iter()
-            .map(|orders| {
-                let mut row: Vec<_> = terms
-                    .iter()
-                    .filter_map(|(e, w)| differentiated(e, orders).map(|(m, f)| (m, w * f)))
-                    .collect();
-                row.sort_by_key(|entry| order(&entry.0));
-                row
-            })
-            .collect();
-        let products = Products::new(rows.iter().flatten().map(|entry| entry.0));
-        let mut ends = [0; ROWS];
-        let (mut columns, mut weights) = (Vec::new(), Vec::new());
-        for (end, row) in ends.iter_mut().zip(&rows) {
-            for (monomial, weight) in row {
-                columns.push(products.place(monomial));
-                weights.push(R::from_f64(*weight));
-            }
-            *end = columns.len() as u16;
-        }
         let tables = Self {
             symmetry,
-            length_m: R::from_f64(length_m),
-            products: products.table(),
+            length_m,
+            products,
             ends,
             columns,
             weights,
@@ -92,6 +64,7 @@ impl<R: Real> EnergyTables<R> {
     }
 
     /// As [`EnergyTables::plan`] without its checks, for `S` of at least [`EnergyTables::monomials`].
+    #[cfg(feature = "std")]
     #[inline(always)]
     pub(crate) fn checked_plan<const S: usize>(&self) -> EnergyPlan<'_, R, S> {
         debug_assert!(S.is_power_of_two() && self.products.len() < S);
@@ -133,94 +106,50 @@ impl<R: Real> EnergyTables<R> {
     pub fn weights(&self) -> &[R] {
         &self.weights
     }
-}
 
-/// Monomials in an order in which each is an earlier one times a variable.
-pub(crate) struct Products(Vec<(u8, Monomial)>);
-
-impl Products {
-    /// The monomials and all that they are products of.
-    pub(crate) fn new(monomials: impl Iterator<Item = Monomial>) -> Self {
-        let mut needed: BTreeSet<(u8, Monomial)> = BTreeSet::from([order(&[0; 6])]);
-        for mut monomial in monomials {
-            while needed.insert(order(&monomial)) {
-                match parent(&monomial) {
-                    Some((lower, _)) => monomial = lower,
-                    None => break,
-                }
+    /// The binary form ([`crate::energy::binary`]); `reach_squared`: squares of the largest |c| (m)
+    /// and |θ| (rad) of the training data.
+    pub fn to_bytes(&self, reach_squared: [f64; 2]) -> Vec<u8> {
+        let single = size_of::<R>() == 4;
+        let counts = [self.products.len() as u16, self.columns.len() as u16];
+        let length_m = self.length_m.to_f64();
+        let mut bytes = head(single, self.symmetry, length_m, reach_squared, counts).to_vec();
+        for (monomial, variable) in &self.products {
+            bytes.extend(monomial.to_le_bytes());
+            bytes.push(*variable);
+        }
+        bytes.extend(self.ends.iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(self.columns.iter().flat_map(|x| x.to_le_bytes()));
+        for weight in &self.weights {
+            if single {
+                bytes.extend((weight.to_f64() as f32).to_le_bytes());
+            } else {
+                bytes.extend(weight.to_f64().to_le_bytes());
             }
         }
-        Self(needed.into_iter().collect())
+        let sum = crc32(&bytes);
+        bytes.extend(sum.to_le_bytes());
+        bytes
     }
 
-    /// The number of a monomial.
-    pub(crate) fn place(&self, monomial: &Monomial) -> u16 {
-        self.0.binary_search(&order(monomial)).unwrap_or(0) as u16
-    }
-
-    /// Factor and variable of each monomial after 1.
-    pub(crate) fn table(&self) -> Vec<(u16, u8)> {
-        self.0
-            .iter()
-            .filter_map(|(_, reversed)| parent(&reversed.map(|e| u8::MAX - e)))
-            .map(|(lower, variable)| (self.place(&lower), variable))
-            .collect()
-    }
-}
-
-/// Sorts by degree, then as the paper's eq. (4): the first exponent falling.
-fn order(monomial: &Monomial) -> (u8, Monomial) {
-    (monomial.iter().sum(), monomial.map(|e| u8::MAX - e))
-}
-
-/// The monomial with one factor less, its last variable; `None` for 1.
-fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
-    let last = monomial.iter().rposition(|&e| e > 0)?;
-    let mut lower = *monomial;
-    lower[last] -= 1;
-    Some((lower, last as u8))
-}
-
-/// Orders of differentiation of the 28 rows.
-fn row_orders() -> Vec<Monomial> {
-    let mut rows = std::vec![[0; 6]];
-    rows.extend((0..6).map(first_order));
-    for i in 0..6 {
-        for j in i..6 {
-            let mut row = [0; 6];
-            row[i] += 1;
-            row[j] += 1;
-            rows.push(row);
+    /// From the bytes of [`EnergyTables::to_bytes`].
+    ///
+    /// # Errors
+    /// As `EnergyMemory::from_bytes`.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, BinaryError> {
+        let parts = Parts::new(bytes)?;
+        let length_m = R::from_f64(parts.length_m);
+        let weights: Vec<R> = parts.weights().collect();
+        if !weights.iter().chain([&length_m]).all(|x| x.is_finite()) || length_m <= R::ZERO {
+            return Err(BinaryError::Number);
         }
+        Self::of_parts(
+            (parts.symmetry, length_m),
+            parts.products().collect(),
+            parts.ends(),
+            parts.columns().collect(),
+            weights,
+        )
+        .map_err(BinaryError::Tables)
     }
-    rows
-}
-
-/// Once by variable i.
-pub(crate) fn first_order(i: usize) -> Monomial {
-    core::array::from_fn(|j| u8::from(i == j))
-}
-
-/// A derivative of a monomial, and its factor; `None` where it is 0.
-pub(crate) fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f64)> {
-    let mut result = *monomial;
-    let mut factor = 1.0;
-    for i in 0..6 {
-        for _ in 0..orders[i] {
-            factor *= f64::from(result[i]);
-            result[i] = result[i].checked_sub(1)?;
-        }
-    }
-    Some((result, factor))
-}
-
-/// 1/(lᵃ αᵇ) of a term of a lengths and b angles.
-pub(crate) fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
-    let degrees = symmetry.lengths_and_angles();
-    let mut factor = 1.0;
-    for (&e, (lengths, angles)) in row.iter().zip(degrees) {
-        let unit = scale[0].powi(i32::from(lengths)) * scale[1].powi(i32::from(angles));
-        factor /= unit.powi(i32::from(e));
-    }
-    factor
 }

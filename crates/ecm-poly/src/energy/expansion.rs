@@ -1,0 +1,151 @@
+//! How the tables of an energy are made from exponents and coefficients.
+
+use std::collections::BTreeSet;
+use std::vec::Vec;
+
+use ecm_se3::Real;
+
+use crate::energy::invariants::Symmetry;
+use crate::energy::plan::ROWS;
+use crate::energy::tables::EnergyTables;
+use crate::shape::ShapeError;
+
+/// Exponents of the six variables.
+pub(crate) type Monomial = [u8; 6];
+
+impl<R: Real> EnergyTables<R> {
+    /// From exponents of the variables and coefficients (J) of coordinates divided by `scale`.
+    ///
+    /// # Errors
+    /// More monomials than [`crate::energy::tables::LARGEST_MEMORY`].
+    pub(crate) fn new(
+        symmetry: Symmetry,
+        exponents: &[Monomial],
+        coefficients: &[f64],
+        scale: [f64; 2],
+        length_m: f64,
+    ) -> Result<Self, ShapeError> {
+        let terms = exponents.iter().zip(coefficients);
+        let terms: Vec<(Monomial, f64)> = terms
+            .map(|(row, c)| (*row, c * unscaled(symmetry, row, scale)))
+            .collect();
+        let rows: Vec<Vec<(Monomial, f64)>> = row_orders()
+            .iter()
+            .map(|orders| {
+                let mut row: Vec<_> = terms
+                    .iter()
+                    .filter_map(|(e, w)| differentiated(e, orders).map(|(m, f)| (m, w * f)))
+                    .collect();
+                row.sort_by_key(|entry| order(&entry.0));
+                row
+            })
+            .collect();
+        let products = Products::new(rows.iter().flatten().map(|entry| entry.0));
+        let mut ends = [0; ROWS];
+        let (mut columns, mut weights) = (Vec::new(), Vec::new());
+        for (end, row) in ends.iter_mut().zip(&rows) {
+            for (monomial, weight) in row {
+                columns.push(products.place(monomial));
+                weights.push(R::from_f64(*weight));
+            }
+            *end = columns.len() as u16;
+        }
+        Self::of_parts(
+            (symmetry, R::from_f64(length_m)),
+            products.table(),
+            ends,
+            columns,
+            weights,
+        )
+    }
+}
+
+/// Monomials in an order in which each is an earlier one times a variable.
+pub(crate) struct Products(Vec<(u8, Monomial)>);
+
+impl Products {
+    /// The monomials and all that they are products of.
+    pub(crate) fn new(monomials: impl Iterator<Item = Monomial>) -> Self {
+        let mut needed: BTreeSet<(u8, Monomial)> = BTreeSet::from([order(&[0; 6])]);
+        for mut monomial in monomials {
+            while needed.insert(order(&monomial)) {
+                match parent(&monomial) {
+                    Some((lower, _)) => monomial = lower,
+                    None => break,
+                }
+            }
+        }
+        Self(needed.into_iter().collect())
+    }
+
+    /// The number of a monomial.
+    pub(crate) fn place(&self, monomial: &Monomial) -> u16 {
+        self.0.binary_search(&order(monomial)).unwrap_or(0) as u16
+    }
+
+    /// Factor and variable of each monomial after 1.
+    pub(crate) fn table(&self) -> Vec<(u16, u8)> {
+        self.0
+            .iter()
+            .filter_map(|(_, reversed)| parent(&reversed.map(|e| u8::MAX - e)))
+            .map(|(lower, variable)| (self.place(&lower), variable))
+            .collect()
+    }
+}
+
+/// Sorts by degree, then as the paper's eq. (4): the first exponent falling.
+fn order(monomial: &Monomial) -> (u8, Monomial) {
+    (monomial.iter().sum(), monomial.map(|e| u8::MAX - e))
+}
+
+/// The monomial with one factor less, its last variable; `None` for 1.
+fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
+    let last = monomial.iter().rposition(|&e| e > 0)?;
+    let mut lower = *monomial;
+    lower[last] -= 1;
+    Some((lower, last as u8))
+}
+
+/// Orders of differentiation of the 28 rows.
+fn row_orders() -> Vec<Monomial> {
+    let mut rows = std::vec![[0; 6]];
+    rows.extend((0..6).map(first_order));
+    for i in 0..6 {
+        for j in i..6 {
+            let mut row = [0; 6];
+            row[i] += 1;
+            row[j] += 1;
+            rows.push(row);
+        }
+    }
+    rows
+}
+
+/// Once by variable i.
+pub(crate) fn first_order(i: usize) -> Monomial {
+    core::array::from_fn(|j| u8::from(i == j))
+}
+
+/// A derivative of a monomial, and its factor; `None` where it is 0.
+pub(crate) fn differentiated(monomial: &Monomial, orders: &Monomial) -> Option<(Monomial, f64)> {
+    let mut result = *monomial;
+    let mut factor = 1.0;
+    for i in 0..6 {
+        for _ in 0..orders[i] {
+            factor *= f64::from(result[i]);
+            result[i] = result[i].checked_sub(1)?;
+        }
+    }
+    Some((result, factor))
+}
+
+/// 1/(lᵃ αᵇ) of a term of a lengths and b angles.
+pub(crate) fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f64 {
+    let degrees = symmetry.lengths_and_angles();
+    let mut factor = 1.0;
+    for (&e, (lengths, angles)) in row.iter().zip(degrees) {
+        let unit = scale[0].powi(i32::from(lengths)) * scale[1].powi(i32::from(angles));
+        factor /= unit.powi(i32::from(e));
+    }
+    factor
+}

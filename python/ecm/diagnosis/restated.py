@@ -1,0 +1,245 @@
+"""Other readings of a table that a user may have meant: axes, signs, units, rotations, origins."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm._native import rotation_matrices, rotation_vectors
+from ecm.io.arrays import F
+
+Change = Callable[[F, F], tuple[F, F]]
+"""(poses (N, 6), wrenches (N, 6)) as stated -> the same as they may have been meant."""
+
+_SINGLE = 9
+"""Turns about one axis, which come first."""
+
+
+@dataclass(frozen=True)
+class Restatement:
+    """One wrong statement, and the change that mends it."""
+
+    words: str
+    change: Change
+    of_pose: bool
+    """Whether the poses change, so that the columns of a base change as well."""
+
+
+def restatements(length_m: float) -> Iterator[Restatement]:
+    """Yield what users state wrongly, the simplest first.
+
+    Parameters
+    ----------
+    length_m
+        Length of the mechanism, for origins at its other end.
+    """
+    yield from _signs()
+    yield from _units()
+    turns = list(_axis_turns())
+    yield from _turns(turns[:_SINGLE])
+    yield from _mirrors()
+    yield from _turns(turns[_SINGLE:])
+    yield from _points(length_m)
+    yield from _rotations()
+
+
+def _signs() -> Iterator[Restatement]:
+    for words, signs in (
+        ("the force's sign looks reversed", [-1.0] * 3 + [1.0] * 3),
+        ("the torque's sign looks reversed", [1.0] * 3 + [-1.0] * 3),
+    ):
+        yield Restatement(words, _scaled_wrench(np.array(signs)), False)
+    names = ("fx", "fy", "fz", "tau_x", "tau_y", "tau_z")
+    for j, name in enumerate(names):
+        signs = [1.0] * 6
+        signs[j] = -1.0
+        words = f"the sign of {name} looks reversed"
+        yield Restatement(words, _scaled_wrench(np.array(signs)), False)
+
+
+def _units() -> Iterator[Restatement]:
+    torques = {
+        "N mm": 1e-3,
+        "N cm": 1e-2,
+        "kgf cm": 0.0980665,
+        "lbf in": 0.1129848,
+        "lbf ft": 1.3558,
+    }
+    for unit, factor in torques.items():
+        words = f"the torque looks stated in {unit}, not N m"
+        yield Restatement(words, _scaled_wrench(np.array([1.0] * 3 + [factor] * 3)), False)
+    forces = {"kN": 1e3, "mN": 1e-3, "gf": 9.80665e-3, "kgf": 9.80665, "lbf": 4.448222}
+    for unit, factor in forces.items():
+        words = f"the force looks stated in {unit}, not N"
+        yield Restatement(words, _scaled_wrench(np.array([factor] * 3 + [1.0] * 3)), False)
+    yield Restatement(
+        "the angles look stated in degrees, not rad", _scaled_angle(np.pi / 180), True
+    )
+    yield Restatement(
+        "the angles look divided by 57.3 once too often", _scaled_angle(180 / np.pi), True
+    )
+
+
+def _turns(turns: Sequence[tuple[str, F]]) -> Iterator[Restatement]:
+    """Yield turns of the axes of the wrench, of the pose, and of both."""
+    for words, turn in turns:
+        yield Restatement(f"the wrench's axes look {words}", _turned_wrench(turn, turn), False)
+    for words, turn in turns:
+        yield Restatement(f"the pose's axes look {words}", _turned_pose(turn), True)
+    for words, turn in turns:
+        yield Restatement(f"the axes of pose and wrench look {words}", _turned_both(turn), True)
+
+
+def _mirrors() -> Iterator[Restatement]:
+    """Left-handed axes, and columns that changed places."""
+    for j, axis in enumerate("xyz"):
+        flip = np.eye(3)
+        flip[j, j] = -1.0
+        words = f"the {axis} axis of the wrench looks reversed (left-handed axes)"
+        yield Restatement(words, _turned_wrench(flip, -flip), False)
+        words = f"the {axis} axis of the pose looks reversed (left-handed axes)"
+        yield Restatement(words, _mirrored_pose(flip), True)
+    for a, b in itertools.combinations(range(3), 2):
+        swap = np.eye(3)[:, [b if j == a else a if j == b else j for j in range(3)]]
+        pair = f"{'xyz'[a]} and {'xyz'[b]}"
+        yield Restatement(
+            f"the columns {pair} of the wrench look exchanged", _turned_wrench(swap, swap), False
+        )
+    yield Restatement(
+        "the force and torque columns look exchanged", lambda p, h: (p, h[:, [3, 4, 5, 0, 1, 2]]),
+        False,
+    )  # fmt: skip
+
+
+def _points(length_m: float) -> Iterator[Restatement]:
+    yield Restatement(
+        "the wrench looks stated in the axes of the top, not the base", _from_top, False
+    )
+    yield Restatement("the wrench looks turned by the inverse rotation", _to_top, False)
+    yield Restatement(
+        "the torque looks taken about the base's origin, not the top's",
+        lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] - np.cross(p[:, :3], h[:, :3])])),
+        False,
+    )
+    yield Restatement(
+        "the torque looks taken a length too far",
+        lambda p, h: (p, np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])),
+        False,
+    )
+    along = np.array([length_m, 0.0, 0.0, 0.0, 0.0, 0.0])
+    yield Restatement(
+        "the positions look measured from the rest pose, not from the base",
+        lambda p, h: (p + along, h),
+        True,
+    )
+
+
+def _rotations() -> Iterator[Restatement]:
+    yield Restatement("the pose looks inverted (the base seen from the top)", _inverted, True)
+    yield Restatement(
+        "the rotation looks transposed (its sign reversed)",
+        lambda p, h: (np.hstack([p[:, :3], -p[:, 3:]]), h),
+        True,
+    )
+    for order in itertools.permutations(range(3)):
+        name = "".join("xyz"[j] for j in order)
+        words = f"the rotation columns look like Euler angles in the order {name}"
+        yield Restatement(words, _of_euler(order), True)
+
+
+def _axis_turns() -> Iterator[tuple[str, F]]:
+    """Yield the 23 turns that map axes to axes, those about one axis first."""
+    seen: list[F] = []
+    quarter = np.pi / 2.0
+    single = [
+        (f"turned by {90 * k if k < 3 else -90} degrees about {axis}", _about(j, k * quarter))
+        for k in (1, 3, 2)
+        for j, axis in enumerate("xyz")
+    ]
+    pairs = [
+        (f"{first}, then {second[len('turned by ') :]}", b @ a)
+        for first, a in single
+        for second, b in single
+    ]
+    for words, rough in [*single, *pairs]:
+        turn = np.round(rough)
+        if not np.array_equal(turn, np.eye(3)) and not any(np.array_equal(turn, t) for t in seen):
+            seen.append(turn)
+            yield words, turn
+
+
+def _about(axis: int, angle: float) -> F:
+    vector = np.zeros((1, 3))
+    vector[0, axis] = angle if angle <= np.pi else angle - 2.0 * np.pi
+    if abs(angle - np.pi) < 1e-9:
+        turned = -np.eye(3)
+        turned[axis, axis] = 1.0
+        return turned
+    return np.asarray(rotation_matrices(vector)[0])
+
+
+def _scaled_wrench(factors: F) -> Change:
+    return lambda poses, wrench: (poses, wrench * factors)
+
+
+def _scaled_angle(factor: float) -> Change:
+    scale = np.array([1.0] * 3 + [factor] * 3)
+    return lambda poses, wrench: (poses * scale, wrench)
+
+
+def _turned_wrench(force: F, torque: F) -> Change:
+    """Stated = turn @ meant, so that meant = turn' @ stated."""
+    return lambda poses, wrench: (poses, np.hstack([wrench[:, :3] @ force, wrench[:, 3:] @ torque]))
+
+
+def _turned_pose(turn: F) -> Change:
+    return lambda poses, wrench: (np.hstack([poses[:, :3] @ turn, poses[:, 3:] @ turn]), wrench)
+
+
+def _turned_both(turn: F) -> Change:
+    def change(poses: F, wrench: F) -> tuple[F, F]:
+        return _turned_pose(turn)(poses, _turned_wrench(turn, turn)(poses, wrench)[1])
+
+    return change
+
+
+def _mirrored_pose(flip: F) -> Change:
+    return lambda poses, wrench: (np.hstack([poses[:, :3] @ flip, -poses[:, 3:] @ flip]), wrench)
+
+
+def _matrices(poses: F) -> F:
+    return np.asarray(rotation_matrices(np.ascontiguousarray(poses[:, 3:])))
+
+
+def _in_axes(wrench: F, turns: F) -> F:
+    parts = [np.einsum("nij,nj->ni", turns, part) for part in (wrench[:, :3], wrench[:, 3:])]
+    return np.hstack(parts)
+
+
+def _from_top(poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _in_axes(wrench, _matrices(poses))
+
+
+def _to_top(poses: F, wrench: F) -> tuple[F, F]:
+    return poses, _in_axes(wrench, np.swapaxes(_matrices(poses), 1, 2))
+
+
+def _inverted(poses: F, wrench: F) -> tuple[F, F]:
+    back = np.einsum("nji,nj->ni", _matrices(poses), poses[:, :3])
+    return np.hstack([-back, -poses[:, 3:]]), wrench
+
+
+def _of_euler(order: tuple[int, ...]) -> Change:
+    def change(poses: F, wrench: F) -> tuple[F, F]:
+        turned = np.broadcast_to(np.eye(3), (len(poses), 3, 3))
+        for axis in order:
+            single = np.zeros((len(poses), 3))
+            single[:, axis] = poses[:, 3 + axis]
+            turned = turned @ rotation_matrices(single)
+        vectors = rotation_vectors(np.ascontiguousarray(turned))
+        return np.hstack([poses[:, :3], vectors]), wrench
+
+    return change

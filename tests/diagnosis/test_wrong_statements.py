@@ -1,0 +1,132 @@
+"""What the user states wrongly is found by the tool and named as what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.check import check
+from ecm.diagnosis.procedure import find_missing
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Instrument, Meta
+from ecm.io.table import Table, as_table
+from ecm.models import fit_model
+from support.campaigns import campaign, model, workspace_poses
+from support.stand_in import L, wrench
+
+F = np.ndarray
+NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+META = Meta(
+    mechanism={"length_m": L},
+    instrument=Instrument(
+        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
+    ),
+)
+
+
+def turned(axis: str, degrees: float) -> F:
+    return np.asarray(Rotation.from_euler(axis, degrees, degrees=True).as_matrix())
+
+
+def in_axes(h: F, turn: F) -> F:
+    """The wrench as it is written down in turned axes."""
+    return np.hstack([h[:, :3] @ turn.T, h[:, 3:] @ turn.T])
+
+
+def table_of(poses: F, h: F) -> Table:
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    return as_table(columns | {"time_s": 9.0 * np.arange(len(poses))}, meta=META)
+
+
+def stated(change: Callable[[F, F], tuple[F, F]]) -> Diagnosis:
+    """The verdict on rows that were written down wrongly."""
+    poses, random = workspace_poses(120, 7), np.random.default_rng(8)
+    h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
+    table = table_of(*change(poses, h))
+    return diagnose(
+        fit_model(table, "linear"), table, effects=["anisotropy", "payload", "fts_frame"]
+    )
+
+
+def euler(poses: F) -> F:
+    angles = Rotation.from_rotvec(poses[:, 3:]).as_euler("XYZ")
+    return np.hstack([poses[:, :3], angles])
+
+
+def inverse(poses: F) -> F:
+    turns = Rotation.from_rotvec(poses[:, 3:]).inv()
+    return np.hstack([-turns.apply(poses[:, :3]), turns.as_rotvec()])
+
+
+def about_the_base(p: F, h: F) -> F:
+    return np.hstack([h[:, :3], h[:, 3:] + np.cross(p[:, :3], h[:, :3])])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p, h: (p, in_axes(h, turned("z", 90))), "axes look turned by 90 degrees about z"),
+        (lambda p, h: (p, in_axes(h, turned("x", 90))), "axes look turned by 90 degrees about x"),
+        (lambda p, h: (p, in_axes(h, turned("y", -90))), "axes look turned by -90 degrees about y"),
+        (lambda p, h: (p, h * [1, 1, 1, -1, -1, -1]), "the torque's sign looks reversed"),
+        (lambda p, h: (p, h * [1, 1, 1, 1e3, 1e3, 1e3]), "the torque looks stated in N mm"),
+        (lambda p, h: (p, h[:, [0, 2, 1, 3, 5, 4]]), "columns y and z of the wrench look"),
+        (lambda p, h: (p, h * [1, -1, 1, -1, 1, -1]), "the y axis of the wrench looks reversed"),
+        (lambda p, h: (p, about_the_base(p, h)), "about the base's origin"),
+        (lambda p, h: (inverse(p), h), "the pose looks inverted"),
+        (lambda p, h: (p * [1, 1, 1, -1, -1, -1], h), "the rotation looks transposed"),
+        (lambda p, h: (euler(p), h), "Euler angles in the order xyz"),
+        (lambda p, h: (p * [1, 1, 1, *[np.pi / 180] * 3], h), "57.3 once too often"),
+    ],
+)  # fmt: skip
+def test_it_is_named_as_what_it_is(change: Callable[[F, F], tuple[F, F]], words: str) -> None:
+    found = stated(change)
+    assert found.verdict == "unknown"
+    assert found.answer == ()
+    assert words in found.sentence()
+    assert found.unknown is not None
+    statement = found.unknown.statement
+    assert statement is not None
+    assert statement.error_after < 1.3
+    assert statement.error_before > 6.0
+    assert found.to_dict()["unknown"]["statement"]["what"] == statement.what
+
+
+def test_a_turned_wrench_beside_a_body() -> None:
+    """The physics base, with all effects of the catalogue to imitate it."""
+    table = campaign("", 1.0, 4)
+    h = in_axes(table.wrenches, turned("x", 90))
+    wrong = table.with_columns(dict(zip(WRENCH, h.T, strict=True)))
+    found = diagnose(model(), wrong)
+    assert "The table looks misread: the wrench's axes look turned by 90 degrees about x" in (
+        found.sentence()
+    )
+
+
+def test_a_reversed_wrench_is_said_without_a_body_and_without_a_length() -> None:
+    poses, random = workspace_poses(120, 7), np.random.default_rng(8)
+    h = wrench(poses) + random.standard_normal((120, 6)) * NOISE
+    wrong = table_of(poses, -h).with_meta(Meta(instrument=META.instrument))
+    found = diagnose(fit_model(wrong, "cubic"), wrong)
+    assert found.verdict == "unknown"
+    assert "the wrench's sign looks reversed" in found.sentence()
+    assert any("sign looks reversed" in words for words in check(wrong).warnings)
+    right = table_of(poses, h).with_meta(Meta(instrument=META.instrument))
+    assert not any("sign looks reversed" in words for words in check(right).warnings)
+
+
+def test_minutes_for_seconds() -> None:
+    table = campaign("", 1.0, 4)
+    assert not any("minutes" in words for words in check(table).warnings)
+    wrong = table.with_columns({"time_s": table.column("time_s") / 60.0})
+    assert any("time_s looks stated in minutes" in words for words in check(wrong).warnings)
+
+
+def test_a_right_table_with_a_strong_effect_is_not_called_misread() -> None:
+    for effect in ("base_compliance", "tip_frame_misalignment"):
+        found = find_missing(model(), campaign(effect, 6.0, 4))
+        assert found.unknown is None or found.unknown.statement is None
