@@ -164,7 +164,7 @@ def test_grood_and_suntay_angles_are_those_of_their_definition(side: str) -> Non
         ({"angle_deg": [0.0, 1.0], "torque_Nm": [0.0, 1.0]}, "--axis x, or --axis y or z"),
         ({"x": [0.0, 30.0], "Fx_N": [0.0, 1.0]}, "x: 0 to 30, in m or in mm"),
         ({"Fx_N": [0.0, 1.0], "force x [N]": [1.0, 2.0]}, "may both be fx_N"),
-        ({"speed": [0.0, 1.0]}, "no pose and no wrench was found"),
+        ({"speed": [0.0, 1.0]}, "speed: 0 to 1\nName what is one"),
     ],
 )  # fmt: skip
 def test_what_has_two_readings_is_asked_for(log: dict[str, Any], message: str) -> None:
@@ -184,6 +184,17 @@ def test_map_axis_and_units_by_one_word() -> None:
     ):
         with pytest.raises(ecm.InputError, match=message):
             import_log(log, columns=bad, units=["deg"], axis="z")
+
+
+def test_map_finds_a_column_without_regard_to_case_and_separators(tmp_path: Path) -> None:
+    path = tmp_path / "finger.csv"
+    path.write_text("Big Pos, , Torque,\nX,  Y, X,  Y\n1,2,3,4\n2,3,4,5\n", encoding="utf-8")
+    imported = import_log(
+        path, columns={"load_y_m": "big_pos-y:cm", "tau_y_Nm": "TORQUE Y:gf cm"}, units=["SI"]
+    )
+    assert imported.table["load_y_m"].tolist() == [0.02, 0.03]
+    assert np.allclose(imported.table["tau_y_Nm"], [4 * 9.80665e-5, 5 * 9.80665e-5])
+    assert imported.meta.origin["x_m"] == "Big Pos X"
 
 
 def test_quaternions_without_direction_are_found_and_left_out(tmp_path: Path) -> None:

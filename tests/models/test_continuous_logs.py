@@ -15,11 +15,12 @@ from ecm.cli import console
 from ecm.cli.console import Console
 from ecm.comparison.reference_models import ReferenceModels
 from ecm.diagnosis.procedure import STAGES, watched
+from ecm.io.columns import POSE, WRENCH
 from ecm.models import fit_summary as summary
 from ecm.models.fit_summary import fit_summary
 from ecm.models.learned import GaussianProcessModel
 from ecm.regression.correlation import correlation_time
-from support.neck import Done, csv_text
+from support.neck import LENGTH_M, STIFFNESS, Done, csv_text, neck_columns
 
 F = np.ndarray[Any, np.dtype[np.float64]]
 CONTINUOUS = {"file": {"kind": "continuous"}}
@@ -49,7 +50,7 @@ def test_the_correlation_time_is_twice_that_of_an_exponential() -> None:
 def test_a_gaussian_process_fits_some_rows_of_a_long_log_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert GaussianProcessModel.most_rows == 2000
+    assert GaussianProcessModel().most_rows == 2000
     monkeypatch.setattr(GaussianProcessModel, "most_rows", 200)
     monkeypatch.setattr(summary, "_held_out", lambda *_: None)
     table = ecm.Table(log(1_000), meta=CONTINUOUS)
@@ -111,3 +112,22 @@ def test_the_stages_of_a_diagnosis_tell_where_it_is() -> None:
     names = [name for _, _, name in seen]
     assert names.index("gate") < names.index("search") < names.index("verdict")
     assert {total for _, total, _ in seen} == {10}
+
+
+def test_an_energy_without_symmetry_that_the_rows_do_not_hold_is_refused_at_once() -> None:
+    t = 0.05 * np.arange(600)
+    ends = np.array([0.004, 0.012, 0.012, 0.15, 0.2, 0.2])
+    rates = np.array([0.11, 0.17, 0.23, 0.13, 0.19, 0.29])
+    motion = ends * np.sin(2.0 * np.pi * rates * t[:, None])
+    noise = np.random.default_rng(0).normal(size=motion.shape)
+    values = np.hstack([motion, motion @ STIFFNESS.T + 0.1 * noise])
+    values[:, 0] += LENGTH_M
+    columns = {"time_s": t} | dict(zip((*POSE, *WRENCH), values.T, strict=True))
+    table = ecm.Table(columns, meta=CONTINUOUS | {"mechanism": {"length_m": LENGTH_M}})
+    with pytest.raises(ecm.InputError, match="energy6-general has 923 coefficients, which these"):
+        ecm.fit_model(table, "energy6-general")
+    # Poses all over the box hold the same terms.
+    spread_out = ecm.Table(neck_columns(800), meta={"mechanism": {"length_m": LENGTH_M}})
+    ecm.fit_model(spread_out, "energy6-general", weights="spread")
+    assert ecm.EnergyModel(6, "general").most_rows == 4000
+    assert ecm.EnergyModel(6).most_rows is None

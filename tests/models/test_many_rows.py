@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table
-from ecm.models import cross_validate, fit_model, parse_model
+from ecm.models import cross_validate, fit_model, parse_model, polynomial
 from ecm.models import cross_validation as cross_validation_module
 from ecm.models.history import ceiling_rms
 from ecm.models.joint_fit import joint_fit
+from ecm.models.specification import Weights
 from ecm.regression import blocks
 from ecm.regression.noise import Noise
 from ecm.regression.normal_equations import NormalEquations
@@ -183,3 +185,17 @@ def test_a_refit_of_many_rows_takes_some_and_says_so() -> None:
     # With a quarter of the rows the errors are about twice as large, and hold the difference.
     assert 1.2 < float(np.median(own.sd / other.sd)) < 3.0
     assert np.abs((own.values - other.values) / own.sd).max() < 3.0
+
+
+@pytest.mark.parametrize(
+    ("pcr", "weights"), [("press", "auto"), ("rank:5", "auto"), (None, "noise")]
+)
+def test_fits_that_hold_all_rows_refuse_too_many(
+    pcr: str | None, weights: Weights, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polynomial, "_MOST_AT_ONCE", 250)
+    specification = parse_model("quadratic", pcr=pcr)
+    fit_model(slow_ramp(250), specification, weights=weights)
+    with pytest.raises(InputError, match=r"251 rows, at most 250; .*, which reads them block by"):
+        fit_model(slow_ramp(251), specification, weights=weights)
+    fit_model(slow_ramp(251), "quadratic", weights="auto")

@@ -25,7 +25,8 @@ def far_table() -> Table:
     poses = workspace_poses(40, 5)
     poses[:, 3:] *= (REACH_RAD / np.linalg.norm(poses[:, 3:], axis=1))[:, None]
     wrenches = physics().predict(poses)
-    wrenches += 0.3 * np.random.default_rng(0).standard_normal(wrenches.shape)
+    noise = [0.3, 0.3, 0.3, 0.01, 0.01, 0.01]
+    wrenches += noise * np.random.default_rng(0).standard_normal(wrenches.shape)
     columns = dict(zip(POSE, poses.T.copy(), strict=True))
     return as_table(columns | dict(zip(WRENCH, wrenches.T.copy(), strict=True)))
 

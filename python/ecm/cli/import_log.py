@@ -20,16 +20,17 @@ def import_log(options: Options, session: Session) -> None:
             "give it with --meta to copy what it says."
         )
     session.check_output(options.out, beside)
-    imported = import_any(
-        options.log,
-        columns=_pairs(options.columns or []),
-        rotation=options.rotation,
-        units=[word for word in options.units.split(",") if word.strip()],
-        axis=options.axis,
-        topics=options.topics or [],
-        meta=options.meta,
-        leave_out=options.leave_out,
-    )
+    with session.working(f"reading {options.log}"):
+        imported = import_any(
+            options.log,
+            columns=_pairs(options.columns or []),
+            rotation=options.rotation,
+            units=[word for word in options.units.split(",") if word.strip()],
+            axis=options.axis,
+            topics=options.topics or [],
+            meta=options.meta,
+            leave_out=options.leave_out,
+        )
     session.print(str(imported))
     for warning in imported.table.warnings:
         session.warn(warning)

@@ -76,7 +76,10 @@ class Session(Console):
 
     def read(self, paths: Sequence[Path], need: Need | None = None) -> Table:
         """Read the measurement table of the command and print its warnings."""
-        table = read_table(list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need)
+        with self.working("reading"):
+            table = read_table(
+                list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need
+            )
         for warning in brief(table.warnings, paths):
             self.warn(warning)
         return table

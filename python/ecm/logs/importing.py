@@ -32,6 +32,7 @@ from ecm.logs.units import given_units
 
 _SAMPLED_S = 0.5
 """Rows that follow each other faster are samples of a continuous test."""
+_MOST_SHOWN = 20
 _EPOCH_S = 1e8
 """Larger times count from an epoch; the table's begin at 0."""
 
@@ -247,13 +248,19 @@ def _converted(
         notes.append(f"column '{name}' is text and was left aside")
     if not any(name in found for name in (*POSE, *WRENCH)):
         raise InputError(
-            f"{source}: no pose and no wrench was found (columns: "
-            f"{', '.join(list(log.columns)[:12])}). Name them: --map NAME=COLUMN:UNIT, for example "
-            "--map theta_z_rad=COLUMN:deg"
+            f"{source}: no pose and no wrench was found by name. Its columns:\n{_ranges(log)}\n"
+            "Name what is one: --map NAME=COLUMN:UNIT, for example --map theta_z_rad=COLUMN:deg "
+            f"(names: {', '.join((*POSE, *WRENCH))}, time_s)"
         )
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable
+
+
+def _ranges(log: Log) -> str:
+    """The first columns with their smallest and largest number, a line each."""
+    lines = [f"  {n}: {np.nanmin(v):.4g} to {np.nanmax(v):.4g}" for n, v in log.columns.items()]
+    return "\n".join(lines[:_MOST_SHOWN]) + ("\n  ..." if len(lines) > _MOST_SHOWN else "")
 
 
 def _words(entry: Source) -> str:

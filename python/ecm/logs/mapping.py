@@ -152,10 +152,10 @@ def _wished(
     standard: str, wish: str, log: Log, named: Mapping[str, Named], wishes: Wishes
 ) -> Source:
     """The source that --map gives: a column, or a column and its unit."""
-    column, colon, word = wish, "", ""
-    if wish not in log.columns:
+    column, colon, word = _like(wish, log), "", ""
+    if column not in log.columns:
         column, colon, word = wish.rpartition(":")
-        column = column if colon else wish
+        column = _like(column if colon else wish, log)
     if column not in log.columns:
         raise InputError(
             f"--map {standard}={wish}: the log has no column '{column}', "
@@ -175,6 +175,18 @@ def _wished(
             )
         return Source(column, unit)
     return Source(column, _unit(column, standard, named[column], wishes))
+
+
+def _like(name: str, log: Log) -> str:
+    """The log's only column of this name without regard to case and separators, else the name."""
+    if name in log.columns:
+        return name
+    alike = [own for own in log.columns if _squeezed(own) == _squeezed(name)]
+    return alike[0] if len(alike) == 1 and _squeezed(name) else name
+
+
+def _squeezed(name: str) -> str:
+    return "".join(sign for sign in name.lower() if sign.isalnum())
 
 
 def _dimension(standard: str) -> str:
@@ -279,7 +291,7 @@ def _rotation(
     if word:
         count = check_rotation_word(word)
         if colon:
-            columns = [name.strip() for name in listed.split(",")]
+            columns = [_like(name.strip(), log) for name in listed.split(",")]
             for name in columns:
                 if name not in log.columns:
                     raise InputError(

@@ -29,7 +29,7 @@ def read_text_log(path: Path) -> Log:
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
     comma = word != "commas" and _has_decimal_comma(kept[begin : begin + _SAMPLE], split)
-    above = [_trimmed(split(line)) for line in kept[:begin]]
+    above = [_of_width(split(line), width) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
     columns, text, bad = _columns(kept[begin:], split, width, comma, names)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
@@ -100,7 +100,10 @@ def _header(
             names = _grouped(rows[-2], names)
     else:
         names = _named_by_comment(comments, split, width)
-    names = [name.strip().strip('"') or f"column_{i + 1}" for i, name in enumerate(names)]
+    names = [
+        " ".join(name.strip().strip('"').split()) or f"column_{i + 1}"
+        for i, name in enumerate(names)
+    ]
     names = names or [f"column_{i + 1}" for i in range(width)]
     for i, name in enumerate(names):
         if name in names[:i]:
@@ -146,7 +149,7 @@ def _columns(
     fast = _all_numbers(lines, split, width, comma)
     if fast is not None:
         return dict(zip(names, fast.T, strict=True)), {}, 0
-    rows = [_trimmed(split(line)) for line in lines]
+    rows = [_of_width(split(line), width) for line in lines]
     good = [row for row in rows if len(row) == width]
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
@@ -214,6 +217,11 @@ def _quoted_split(line: str) -> list[str]:
     if '"' not in line:
         return line.split(",")
     return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
+
+
+def _of_width(cells: list[str], width: int) -> list[str]:
+    """The cells, without an empty one at the end where they are one too many."""
+    return cells if len(cells) == width else _trimmed(cells)
 
 
 def _trimmed(cells: list[str]) -> list[str]:

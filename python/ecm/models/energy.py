@@ -19,10 +19,22 @@ from ecm.models.maps import SYMMETRIES, EnergyMap, StiffnessMap, Symmetry
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 from ecm.regression.blocks import few_rows
 from ecm.regression.noise import declared_noise
+from ecm.regression.thinning import spread_rows
 
 GROUPS = ("unlike_ends", "handedness", "precurvature", "face_tilt", "anisotropy")
 """Broken symmetries that an energy may be given terms for (docs/models.md)."""
 _LOW, _HIGH = ENERGY_DEGREES
+
+
+_MOST_ROWS = 4000
+"""Rows to which an energy of hundreds of terms is fitted at most."""
+_FEWEST_TRIED = 100
+_TRIED_ROWS = 1500
+"""Rows on which it is tried before."""
+_STRETCHES = 5
+"""Stretches of these rows, of which the middle one is predicted from the others."""
+_WILD = 20.0
+"""Error over spread that no model has that the rows hold."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +94,11 @@ class EnergyModel(ModelSpecification):
         symmetry: Any = suffix or "alike"
         return cls(int(digits), symmetry, tuple(groups))
 
+    @property
+    def most_rows(self) -> int | None:
+        """Without symmetry, degrees 5 and 6 have hundreds of terms: time grows with the square."""
+        return _MOST_ROWS if self.symmetry == "general" and self.degree > 4 else None
+
     def regressor(self, poses: F, length_m: float, scale: F) -> F:
         """(N, 6, k) wrench of each term of the energy at poses (N, 6)."""
         return EnergyEvaluator.regressor(
@@ -96,6 +113,8 @@ class EnergyModel(ModelSpecification):
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Errors in variables by the declared noise; with `weights` spread least squares."""
         family = _TermsOfEnergy(self, length_of(table, self.name))
+        if self.symmetry == "general" and len(table) > _FEWEST_TRIED:
+            family.refuse_wild(table)
         noise = declared_noise(table)
         if weights == "spread":
             first = family.by_spread(table)
@@ -138,6 +157,28 @@ class _TermsOfEnergy:
     def by_spread(self, table: Table) -> EnergyEvaluator:
         """The fit that weighs each component by its own spread."""
         return EnergyEvaluator.fit(table.poses, table.wrenches, **self._terms)
+
+    def refuse_wild(self, table: Table) -> None:
+        """Raise InputError where a fit without one stretch of rows errs beyond measure on it.
+
+        Without symmetry the terms are so many that a log of one motion does not hold them. This is
+        found here in a second, on some of the rows; the fit to all of them may take minutes.
+        """
+        table = table.select(spread_rows(table, _TRIED_ROWS))
+        stretch = np.arange(len(table)) * _STRETCHES // len(table) == _STRETCHES // 2
+        fitted = self.by_spread(table.select(~stretch))
+        wrenches = table.wrenches[stretch]
+        errors = fitted.predict(np.ascontiguousarray(table.poses[stretch])) - wrenches
+        spread = table.wrenches.std(axis=0)
+        excited = spread > 0.0
+        rms = np.sqrt((errors[:, excited] ** 2).mean(axis=0)) / spread[excited]
+        if not rms.max(initial=0.0) <= _WILD:
+            raise InputError(
+                f"{table.source}: {self.energy.name} has {len(fitted.coefficients)} coefficients, "
+                "which these rows do not hold: fitted without a stretch of them, it errs "
+                f"{rms.max():.2g} times the spread there. Take an energy with symmetry "
+                f"(energy{self.energy.degree}), a lower degree, or record more poses."
+            )
 
     def frame(self, poses: F) -> F:
         """(2,) scale of length and angle."""

@@ -219,7 +219,11 @@ class GaussianProcessModel(ModelSpecification):
     """
 
     kind = "gp"
-    most_rows = 2000  # its matrices grow with their square, its time with the cube
+
+    @property
+    def most_rows(self) -> int:
+        """Its matrices grow with the square of the rows, its time with the cube."""
+        return 2000
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Fit lengths and noise to at most 300 rows, the weights to all."""
@@ -260,7 +264,11 @@ class NeuralNetworkModel(ModelSpecification):
     """
 
     kind = "mlp"
-    most_rows = 5000
+
+    @property
+    def most_rows(self) -> int:
+        """Its steps go over all rows, thousands of times."""
+        return 5000
 
     def fit_map(self, table: Table, weights: Weights) -> FittedMap:
         """Fit by L-BFGS with a little weight decay."""

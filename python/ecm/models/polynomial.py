@@ -29,6 +29,8 @@ from ecm.regression.noise import declared_noise
 
 _ALIASES = {"linear": 1, "quadratic": 2, "cubic": 3}
 _LOW, _HIGH = POLYNOMIAL_DEGREES
+_MOST_AT_ONCE = 100_000
+"""Rows of fits that hold the columns of all rows; a cubic's take 0.5 GB then."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,10 @@ class PolynomialModel(ModelSpecification):
                 f"{_HIGH}; degrees up to {MOST_OF_ONE_INPUT} are for a single one"
             )
         poses, wrenches = table.matrix(inputs), table.matrix(outputs)
+        if weights == "noise":
+            _check_rows(len(poses), "--weights noise of a polynomial", "fit an energy (energy6)")
+        if isinstance(self.pcr, str) and self.pcr.strip().lower().startswith(("press", "rank")):
+            _check_rows(len(poses), f"--pcr {self.pcr}", "give --pcr B/sqrtN")
         model = PolynomialEvaluator.fit(
             np.ascontiguousarray(poses),
             np.ascontiguousarray(wrenches),
@@ -151,3 +157,12 @@ class PolynomialModel(ModelSpecification):
     def map_from_document(document: dict[str, Any]) -> PolynomialMap:
         """Return the map of an opened model file."""
         return PolynomialMap.from_document(document)
+
+
+def _check_rows(rows: int, what: str, instead: str) -> None:
+    """Refuse a fit that would hold the columns of too many rows."""
+    if rows > _MOST_AT_ONCE:
+        raise InputError(
+            f"{what} holds the columns of all rows: {rows} rows, at most {_MOST_AT_ONCE}; "
+            f"{instead}, which reads them block by block, or give fewer rows"
+        )

@@ -47,8 +47,6 @@ class ModelSpecification(Checked, ABC):
     """Kind of map in a model file; also the short name, unless the subclass has another."""
     usage: ClassVar[str] = ""
     """How short names are written, for messages; empty where the kind is the only one."""
-    most_rows: ClassVar[int | None] = None
-    """Largest number of rows that are fitted; of more, some are chosen that are spread over all."""
     weighted: ClassVar[bool] = False
     """Whether `weights` may be chosen."""
 
@@ -56,6 +54,11 @@ class ModelSpecification(Checked, ABC):
     def name(self) -> str:
         """Short name, as on the command line."""
         return self.kind
+
+    @property
+    def most_rows(self) -> int | None:
+        """Largest number of rows that are fitted: of more, some that are spread over all."""
+        return None
 
     @property
     def alias(self) -> str:

@@ -24,7 +24,7 @@ class Options:
         typer.Option("--map", metavar="A=B[:UNIT]", help="Column A is B of the log; repeat it."),
     ] = None
     rotation: Annotated[
-        str, typer.Option("--rotation", metavar="WORD", help="wxyz, xyzw, rotvec, ZYX, xyz, ...")
+        str, typer.Option("--rotation", metavar="WORD", help="wxyz, xyzw, rotvec, ZYX or xyz.")
     ] = ""
     units: Annotated[
         str, typer.Option("--units", metavar="LIST", help="Where unstated: SI, or mm,deg,N,N mm.")
