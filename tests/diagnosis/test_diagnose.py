@@ -460,11 +460,11 @@ def test_an_error_far_beyond_the_noise_is_no_name() -> None:
     assert "times the noise" in diagnosis.unknown.words
 
 
-def test_a_flipped_sign_is_described_and_not_named() -> None:
+def test_a_flipped_sign_is_named_as_what_it_is() -> None:
     diagnosis = with_one_sign_wrong()
     assert diagnosis.verdict == "unknown"
     assert diagnosis.unknown is not None
-    assert diagnosis.unknown.words.startswith("fz follows")
+    assert diagnosis.unknown.words.startswith("the sign of fz looks reversed")
 
 
 def test_the_evidence_for_an_effect_that_is_not_there_can_be_written() -> None:

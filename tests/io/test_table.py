@@ -318,7 +318,7 @@ def test_groups_number_equal_values() -> None:
 def test_what_is_written_is_read_back_bit_for_bit(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float, int, float, str]]
 ) -> None:
-    names = ("y_m", "fy_N", "pose_id", "dwell_s", "approach")
+    names = ("y_m", "fy_N", "pose_id", "dwell_s", "action")
     columns: dict[str, Any] = dict(zip(names, zip(*rows, strict=True), strict=True))
     table = as_table(columns)
     path = tmp_path_factory.mktemp("round") / "t.csv"
@@ -330,7 +330,7 @@ def test_what_is_written_is_read_back_bit_for_bit(
         np.testing.assert_array_equal(left.view(np.int64)[~np.isnan(left)],
                                       right.view(np.int64)[~np.isnan(right)])  # fmt: skip
         np.testing.assert_array_equal(np.isnan(left), np.isnan(right))
-    assert back.text("approach").tolist() == table.text("approach").tolist()
+    assert back.text("action").tolist() == table.text("action").tolist()
 
 
 def test_the_description_travels_with_the_table(tmp_path: Path) -> None:

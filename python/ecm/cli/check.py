@@ -7,7 +7,7 @@ from pathlib import Path
 from ecm.cli.options.check import Options
 from ecm.cli.session import Session
 from ecm.cli.text import columns
-from ecm.diagnosis.check import Check
+from ecm.diagnosis.check import Check, lines_by_reason
 from ecm.diagnosis.check import check as check_table
 from ecm.diagnosis.suspect_rows import record_leave_out
 from ecm.effects import load_installed
@@ -59,5 +59,5 @@ def _print(result: Check, session: Session) -> None:
     session.print(f"\nTestable effects ({len(result.testable)}): {testable}")
     if result.not_testable:
         session.print("Not testable with these columns:")
-        missing = [(f"  {one.id}", one.reason, f"-> {one.record}") for one in result.not_testable]
-        session.print(columns(missing, header=False))
+        for line in lines_by_reason(result.not_testable):
+            session.print(line)

@@ -33,6 +33,11 @@ class Console:
         if not self.quiet:
             self._write(sys.stdout, text)
 
+    def note(self, text: str = "") -> None:
+        """Print a line on stderr."""
+        if not self.quiet:
+            self._write(sys.stderr, text)
+
     def warn(self, text: str) -> None:
         """Print a warning about the input."""
         if not self.quiet:

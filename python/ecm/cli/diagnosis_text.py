@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ecm.cli.text import columns
+from ecm.diagnosis.check import NotTestable, lines_by_reason
 from ecm.diagnosis.sections import noise_words
+from ecm.effects import with_shape
 
 _SHOWN = 10
 
@@ -30,11 +32,11 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"\nCannot be told apart with these data: {listed}"
     if document["not_testable"]:
         yield "\nNot testable with these data:"
-        missing = [
-            (f"  {item['id']}", item["reason"], f"-> {item['record']}")
+        absent = [
+            NotTestable(item["id"], item["reason"], item["record"])
             for item in document["not_testable"]
         ]
-        yield columns(missing, header=False)
+        yield from lines_by_reason(absent)
     for item in document["next_experiment"][:3]:
         sure = ""
         if item.get("p_correct") is not None:
@@ -57,6 +59,7 @@ def _basis(document: Mapping[str, Any]) -> str:
 
 def _sizes(document: Mapping[str, Any]) -> Iterator[str]:
     for item in document["effects"]:
+        yield f"  {item['id']}: {with_shape(item['id'], item.get('shape', {})).physics}"
         for name, fitted in item["parameters"].items():
             value = f"{fitted['value']:.4g} +- {fitted['sd']:.2g} {fitted['unit']}"
             yield f"  {item['id']} {name} = {value}"

@@ -22,6 +22,7 @@ def export(options: Options, session: Session) -> None:
         name=options.name,
         precision=options.precision.value,
         loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
+        force=options.force,
     )
     session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")
     session.write_json(

@@ -9,7 +9,7 @@ from ecm.cli.session import Session
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 from ecm.io.interrupts import uninterrupted
-from ecm.io.templates import NEXT_STEP, template
+from ecm.io.templates import NEXT_STEP, data_template, description_template, template
 
 _FILES = {"config": "config.toml", "rig": "rig.toml", "data": "data.csv"}
 
@@ -18,11 +18,13 @@ def new(options: Options, session: Session) -> None:
     """Run `ecm new`."""
     usual = _FILES[options.what.value]
     path = options.out or Path(usual)
-    files = {path: template(usual)}
-    if options.what is What.data:
+    dof = int(options.dof.value)
+    is_data = options.what is What.data
+    files = {path: data_template(dof) if is_data else template(usual)}
+    if is_data:
         if path.suffix == ".toml":
             raise InputError(f"{path}: expected the name of the table, e.g. {path.stem}.csv")
-        files[path.with_suffix(".toml")] = template("data.toml")
+        files[path.with_suffix(".toml")] = description_template(dof)
     session.check_output(*files)
     there = [target for target in files if target.exists()]
     # A kill between the two files of a pair leaves one as it was written: the other is added.

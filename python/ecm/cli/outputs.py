@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ecm.cli.interrupt import NOTHING_WRITTEN
 from ecm.errors import ComputationError, InputError
+from ecm.io.cache import is_device
 from ecm.io.table import Table, check_description
 
 
@@ -25,6 +26,10 @@ class Outputs:
                 continue
             if path.is_dir():
                 raise InputError(f"{path}: found a directory, expected the name of a file to write")
+            if is_device(path):
+                if not os.access(path, os.W_OK):
+                    raise InputError(f"{path}: no permission to write there")
+                continue
             _check_writable(path, path.parent)
             if path.suffix == ".csv":
                 check_description(path)

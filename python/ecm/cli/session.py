@@ -13,6 +13,27 @@ from ecm.io.cache import write_json
 from ecm.io.table import Need, Table, read_table
 from ecm.report.page import require_report
 
+_STDOUT = Path("/dev/stdout")
+
+
+def _stream(path: Path | None) -> Path | None:
+    """Return the standard output for `-`."""
+    return _STDOUT if path == Path("-") else path
+
+
+def brief(warnings: Sequence[str], paths: Sequence[Path]) -> list[str]:
+    """Warnings with the names of files in place of their paths; what several share is one line."""
+    files: dict[str, list[str]] = {}
+    for warning in warnings:
+        path = next((p for p in paths if warning.startswith(f"{p}: ")), None)
+        text = warning if path is None else warning.removeprefix(f"{path}: ")
+        files.setdefault(text, []).extend([] if path is None else [path.name])
+    lines = []
+    for text, names in files.items():
+        some = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        lines.append(f"{some}: {text}" if names else text)
+    return lines
+
 
 class Session(Console):
     """A command at work: its common options, and what it prints, reads and writes."""
@@ -30,9 +51,17 @@ class Session(Console):
     ) -> None:
         super().__init__(quiet=quiet)
         self.meta, self.skip_bad_rows = meta, skip_bad_rows
-        self.json, self.report = json, report
+        self.json, self.report = _stream(json), _stream(report)
         self.seed, self.threads = seed, threads
         self._outputs = Outputs()
+
+    def print(self, text: str = "") -> None:
+        """Print a line of the result; on stderr where stdout gets --json or --report."""
+        to_stdout = _STDOUT in (self.json, self.report)
+        if to_stdout:
+            self.note(text)
+        else:
+            super().print(text)
 
     def __enter__(self) -> Session:
         interrupt.describe(self._outputs.sentence)
@@ -51,7 +80,7 @@ class Session(Console):
             table = read_table(
                 list(paths), meta=self.meta, skip_bad_rows=self.skip_bad_rows, need=need
             )
-        for warning in table.warnings:
+        for warning in brief(table.warnings, paths):
             self.warn(warning)
         return table
 

@@ -8,36 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.io.arrays import F, I
+from ecm.regression.derived import derived_columns
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
 
 
 KNOWN = ("time_s", "temperature_degC", "sensor_temperature_degC", "dwell_s")
-_DERIVED = 1.0 - 1e-3
 _ORDERED = 0.9
 _LEAST_IN_GROUP = 4
-
-
-def derived_columns(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Return the user's columns that are linear functions of the model's pose and wrench columns.
-
-    A column that was computed from the reading (another unit, somebody's estimate, a residual)
-    explains the reading and is no cause of it.
-    """
-    known = np.stack([table.column(name) for name in (*inputs, *outputs)], axis=1)
-    design = np.column_stack([np.ones(len(table)), known])
-    spread = design.std(axis=0)
-    design = design[:, (spread > 0.0) | (np.arange(design.shape[1]) == 0)]
-    derived = []
-    for name in table.covariates:
-        values = np.nan_to_num(table.column(name))
-        if float(np.ptp(values)) <= 0.0 or len(values) <= 2 * design.shape[1]:
-            continue
-        fitted = design @ np.linalg.lstsq(design, values, rcond=1e-12)[0]
-        if 1.0 - float((values - fitted).var() / values.var()) > _DERIVED:
-            derived.append(name)
-    return tuple(derived)
 
 
 def candidate_covariates(

@@ -60,8 +60,9 @@ def residuals(rows: Rows, predicted: F, noise: Noise, base_error: F) -> Residual
 def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     """Return (N, q) smooth functions of pose, time, order, temperature, side, dwell; their names.
 
-    Pose, each covariate, t squared, products of covariates with the pose, squares and products of
-    the pose; the last are left out where there would be more than `most`.
+    Pose, each covariate, squares of t and of the user's own columns, products of covariates with
+    the pose, squares and products of the pose; the last are left out where there would be more
+    than `most`.
     """
     loaded = (~rows.unloaded).astype(np.float64)
     scaled = _standard(rows.poses) * loaded[:, None]
@@ -75,7 +76,8 @@ def features(rows: Rows, most: int) -> tuple[F, tuple[str, ...]]:
     ]
     named = covariates(rows)
     own = [(values, name) for name, values in named.items()]
-    bent = [(v**2, f"{name}^2") for name, v in named.items() if name == "time_s"]
+    own_names = ("time_s", *rows.table.covariates)
+    bent = [(v**2, f"{name}^2") for name, v in named.items() if name in own_names]
     products = [
         (scaled[:, j] * values, f"{name}*{names[j]}")
         for name, values in named.items()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
-from ecm.effects import all_effects
+from ecm.effects import effects_for
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
@@ -57,6 +57,51 @@ class NotTestable:
     record: str
 
 
+_MOST_LINES = 6
+_MOST_NAMES = 6
+
+
+def by_reason(listed: Sequence[NotTestable]) -> list[tuple[str, str, str]]:
+    """Effects, reason and what to record: at most six lines, the most frequent reason first.
+
+    Examples
+    --------
+    >>> by_reason([NotTestable("ageing", "no time", "time_s"), NotTestable("set", "no time", "")])
+    [('ageing, set', 'no time', 'time_s')]
+    """
+    groups: dict[str, list[NotTestable]] = {}
+    for item in listed:
+        groups.setdefault(item.reason, []).append(item)
+    ordered = sorted(groups.values(), key=lambda items: -len(items))
+    shown = ordered if len(ordered) <= _MOST_LINES else ordered[: _MOST_LINES - 1]
+    lines = [
+        (
+            ", ".join(item.id for item in items),
+            items[0].reason,
+            ", or ".join(dict.fromkeys(item.record for item in items if item.record)),
+        )
+        for items in shown
+    ]
+    rest = [item for items in ordered[len(shown) :] for item in items]
+    if rest:
+        reasons = "; ".join(dict.fromkeys(item.reason for item in rest))
+        records = "; ".join(dict.fromkeys(item.record for item in rest if item.record))
+        lines.append((", ".join(item.id for item in rest), reasons, records))
+    return lines
+
+
+def lines_by_reason(listed: Sequence[NotTestable]) -> list[str]:
+    """The groups of `by_reason` as lines; of a long group the first names and their number."""
+    lines = []
+    for ids, reason, record in by_reason(listed):
+        names = ids.split(", ")
+        some = ", ".join(names[:_MOST_NAMES])
+        if len(names) > _MOST_NAMES:
+            some += f" and {len(names) - _MOST_NAMES} more (all in --json)"
+        lines.append(f"  {reason}: {some} -> {record}")
+    return lines
+
+
 @dataclass(frozen=True)
 class Check:
     """What a table holds and what it can test; `print` shows it in plain words."""
@@ -69,6 +114,8 @@ class Check:
     columns: tuple[ColumnCheck, ...]
     never_excited: tuple[str, ...]
     """Pose and wrench columns that are constant: nothing can be learnt about them."""
+    padding: tuple[str, ...]
+    """Pose and wrench columns that are 0 in every row: left out when effects are tested."""
     missing: tuple[str, ...]
     """Pose and wrench columns that are not there."""
     groups: int | None
@@ -138,6 +185,31 @@ def never_excited(table: Table) -> tuple[str, ...]:
     return tuple(name for name in names if _is_constant(measured.column(name)))
 
 
+def padding(table: Table) -> tuple[str, ...]:
+    """Return the pose and wrench columns that are 0 in every row, where a table was filled up.
+
+    With a body in [mechanism] a pose may well stay zero: then the physics tells what follows.
+    """
+    measured = table.measured()
+    body = table.meta.body()
+    if body is not None and body.has_body:
+        return ()
+    names = (*measured.pose_columns, *measured.wrench_columns)
+    zero = tuple(name for name in names if not measured.column(name).any())
+    kept = set(names) - set(zero)
+    return zero if kept & {*POSE} and kept & {*WRENCH} else ()
+
+
+def padding_sentences(padded: Sequence[str]) -> list[str]:
+    """Return what is done with columns that are 0 in every row; nothing without any."""
+    if not padded:
+        return []
+    return [
+        f"{', '.join(padded)} {'are' if len(padded) > 1 else 'is'} 0 in every row: padding? "
+        "Effects are tested without, in the columns that vary."
+    ]
+
+
 def excitation_sentences(names: Sequence[str]) -> list[str]:
     """Return one sentence for each column that is never excited."""
     return [
@@ -173,7 +245,10 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         for name in ("pose", "home", "unloaded")
     }
     groups = table.groups()
-    testable, not_testable = _effects(table, constant)
+    padded = padding(table)
+    testable, not_testable = _effects(
+        table.drop(*padded), [name for name in constant if name not in padded]
+    )
     return Check(
         source=table.source,
         rows=len(table),
@@ -181,6 +256,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         runs=len(np.unique(table.column("run"))) if table.has("run") else 1,
         columns=columns,
         never_excited=constant,
+        padding=padded,
         missing=tuple(missing),
         groups=None if groups is None else len(np.unique(groups)),
         repeated_poses=repeated_poses(table),
@@ -189,7 +265,7 @@ def check(table: TableLike, *, meta: MetaLike = None) -> Check:
         not_testable=not_testable,
         warnings=(*table.warnings, *_misread(table)),
         suspect=tuple(suspect_rows(table)),
-        remarks=(*_sampling(table), *whole_turns(table)),
+        remarks=(*padding_sentences(padded), *_sampling(table), *whole_turns(table)),
     )
 
 
@@ -246,7 +322,7 @@ def _effects(
     """Return the ids that the table can test, and the others with reason and remedy."""
     testable: list[str] = []
     not_testable: list[NotTestable] = []
-    for effect in all_effects():
+    for effect in effects_for((*table.pose_columns, *table.wrench_columns)):
         missing = effect.missing(table)
         if missing is not None:
             not_testable.append(NotTestable(effect.id, missing.reason, missing.record))

@@ -58,7 +58,8 @@ def held_out_by_fold(problem: Problem, chosen: Sequence[Candidate]) -> F:
     rows = np.bincount(problem.groups, np.where(problem.scored, problem.weights, 0.0), len(squares))
     sums = np.bincount(parts, squares)
     counts = np.bincount(parts, rows) * problem.response.shape[1]
-    return np.asarray(np.sqrt(sums / np.maximum(counts, 1e-300)))
+    # A column that is a copy of the reading leaves nothing, and rounding less than that.
+    return np.asarray(np.sqrt(np.maximum(sums, 0.0) / np.maximum(counts, 1e-300)))
 
 
 def _fold_of_group(problem: Problem, kind: str) -> I:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ecm.diagnosis.check import padding
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.effects import Effect, Missing, Rows, all_effects, get_effect
+from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
@@ -39,6 +40,8 @@ class Prepared:
     """Effects to test."""
     carried: dict[str, Missing]
     """Effects that the model has already."""
+    padding: tuple[str, ...] = ()
+    """Pose and wrench columns that are 0 in every row: `unexplained` is without them."""
 
 
 def prepare(
@@ -75,7 +78,11 @@ def prepare(
     if len(table) > settings.most_rows:
         chosen = spread_rows(table, settings.most_rows)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
-    given = [get_effect(e) if isinstance(e, str) else e for e in effects or all_effects()]
+    padded = () if model.base.kind == "physics" else padding(table)
+    unexplained = unexplained.drop(*padded)
+    columns = (*unexplained.pose_columns, *unexplained.wrench_columns)
+    chosen_effects = [get_effect(e) if isinstance(e, str) else e for e in effects or ()]
+    given = effects_for(columns, chosen_effects or None)
     of_model = {item.id for item in model.effects}
     why = Missing("the model holds it already", "refit without it first")
     return Prepared(
@@ -85,6 +92,7 @@ def prepare(
         copies=copies,
         effects=tuple(effect for effect in given if effect.id not in of_model),
         carried={effect.id: why for effect in given if effect.id in of_model},
+        padding=padded,
     )
 
 

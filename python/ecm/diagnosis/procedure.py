@@ -198,7 +198,7 @@ def find_missing(
     def against(base: StiffnessMap) -> Decision:
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
 
-    decision = against(choose_base(model, prepared.table))
+    decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
     if misread(decision) or not may_be_another_body(decision):
         return decision
     return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize, special
 
-from ecm.comparison.covariates import confounded_with_order, derived_columns
+from ecm.comparison.covariates import confounded_with_order
 from ecm.comparison.run_outliers import run_outliers
 from ecm.comparison.signature import signature_shares
-from ecm.diagnosis.check import NotTestable, never_excited
+from ecm.diagnosis.check import NotTestable, never_excited, padding_sentences
 from ecm.diagnosis.classify import modulus_warning
 from ecm.diagnosis.confusion import confusable_pairs
 from ecm.diagnosis.decision import Decision
@@ -36,6 +36,7 @@ from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.model import Model
+from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import held_out_by
 from ecm.regression.thinning import HOW, RowsUsed
@@ -92,7 +93,11 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         left_over=decision.left,
         look_alikes=_outside_causes(decision),
         refinements=refinements(problem, accepted),
-        warnings=(*_warnings(problem, prepared.copies), *decision.warnings),
+        warnings=(
+            *padding_sentences(prepared.padding),
+            *_warnings(problem, prepared.copies),
+            *decision.warnings,
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from scipy import special
 
 from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
+from ecm.effects.few.forms import FORMS
 from ecm.effects.thinned import jacobian_of
 from ecm.errors import InputError
 from ecm.io.arrays import F
@@ -222,17 +223,25 @@ def _not_absorbed(
     absorbed: dict[str, Missing] = {}
     for item in every:
         share = projection.absorbed(item.columns)
-        if share <= (settings.absorbed_share if item.imitates else most):
+        own = getattr(item.effect, "most_absorbed", None)
+        if share <= (own or (settings.absorbed_share if item.imitates else most)):
             kept.append(item)
         elif not item.imitates:
             absorbed[item.effect.id] = Missing(
                 f"the base absorbs it ({100.0 * share:.0f} %)",
-                "pure axial and pure torsion poses, or a second specimen"
-                if physics
-                else "[mechanism], so that the physics model is the base",
+                _record(base_kind, item.effect),
             )
     seen = {item.effect.id for item in kept}
     return kept, {id: why for id, why in absorbed.items() if id not in seen}
+
+
+def _record(base_kind: str, effect: Effect) -> str:
+    """Return what separates an effect from a base that absorbs it."""
+    if base_kind == "physics":
+        return "pure axial and pure torsion poses, or a second specimen"
+    if effect.id in FORMS and type(effect) is type(FORMS[effect.id]):
+        return "the same poses again, in another order and at another speed"
+    return "[mechanism], so that the physics model is the base"
 
 
 def robust_weights(response: F, blocks: Sequence[F], outlier_chance: float) -> F:

@@ -12,6 +12,7 @@ from ecm.effects.protocol import (
 from ecm.effects.registry import (
     all_effects,
     effect,
+    effects_for,
     get_effect,
     load_installed,
     register,
@@ -34,6 +35,7 @@ __all__ = [
     "all_effects",
     "approach_sides",
     "effect",
+    "effects_for",
     "get_effect",
     "load_installed",
     "register",

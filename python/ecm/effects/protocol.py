@@ -140,8 +140,17 @@ def needs_columns(*names: str) -> Need:
     return need
 
 
-needs_full = needs_columns(*POSE, *WRENCH)
-"""The six pose and six wrench columns."""
+_needs_all_twelve = needs_columns(*POSE, *WRENCH)
+
+
+def needs_full(table: Table) -> Missing | None:
+    """Missing without all of the six pose and six wrench columns."""
+    lacking = _needs_all_twelve(table)
+    if lacking is None:
+        return None
+    return Missing("not all six poses and six wrenches are columns", lacking.record, absent=True)
+
+
 needs_time = needs_columns("time_s")
 """Time: without it the order of rows is not the order in which they were read."""
 
@@ -266,6 +275,8 @@ class EffectBase:
     side: Side = "physics"
     kind: Kind = "pose"
     rivals: Mapping[str, str] = MappingProxyType({})
+    most_absorbed: float | None = None
+    """Share of its columns that the base may take before it counts as absorbed; None: the usual."""
     outside: LookAlike = LookAlike()
 
     @property

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from importlib import import_module, metadata
 from types import ModuleType
 
 import numpy as np
 
+from ecm.effects.few import elastic
+from ecm.effects.few.forms import FORMS, is_full
 from ecm.effects.protocol import (
     Effect,
     Kind,
     LinearEffect,
+    Missing,
     Parameter,
     Shape,
     Side,
     needs_columns,
+    needs_full,
 )
 from ecm.errors import EcmError, InputError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table
 from ecm.io.toml import did_you_mean
 from ecm.regression.rows import Rows
 
@@ -48,6 +54,8 @@ _CATALOGUE: tuple[Effect, ...] = tuple(
     effect for group in _GROUPS for effect in import_module(f"ecm.effects.{group}").EFFECTS
 )
 _own: dict[str, Effect] = {}
+_FEW_ONLY = elastic.FORMS
+"""Effects that exist for tables of few columns only."""
 
 
 def all_effects() -> tuple[Effect, ...]:
@@ -89,7 +97,7 @@ def get_effect(id: str) -> Effect:
     >>> get_effect("payload").parameters[0].unit
     'kg'
     """
-    known = {effect.id: effect for effect in all_effects()}
+    known = {effect.id: effect for effect in (*all_effects(), *_FEW_ONLY)}
     if id in known:
         return known[id]
     raise InputError(f"unknown effect '{id}', {did_you_mean(id, sorted(known))}")
@@ -123,14 +131,53 @@ def with_shape(id: str, shape: Shape) -> Effect:
     effect = get_effect(id)
     if not shape:
         return effect
+    # The fields that a form always states say which one it is.
+    form = FORMS.get(id, effect)
+    known = getattr(form, "__dataclass_fields__", {})
+    needed = {name for name, item in known.items() if not item.metadata.get("optional")}
+    if needed <= set(shape) <= set(known):
+        effect = form
     try:
-        variant = type(effect)(**shape)
+        variant: Effect = type(effect)(**shape)
     except TypeError:
         raise InputError(
             f"effect {id}: shape {sorted(shape)} is not known; the model file was written by "
             "another version, refit it"
         ) from None
     return variant
+
+
+def effects_for(names: Iterable[str], given: Sequence[Effect] | None = None) -> tuple[Effect, ...]:
+    """The effects in the forms that a table of these columns calls for.
+
+    Parameters
+    ----------
+    names
+        Pose and wrench columns. Where not all twelve are there, effects that have a form in the
+        coordinates that exist take it, and a few more effects are there.
+    given
+        Effects in their plain forms; default: all that are registered.
+
+    Returns
+    -------
+    tuple of Effect
+        In the order given.
+
+    Examples
+    --------
+    >>> [item.id for item in effects_for(["theta_z_rad", "tau_z_Nm"])[-4:]]
+    ['kink', 'dead_zone', 'higher_degree', 'unused_column']
+    """
+    few = not is_full(names)
+    if given is None:
+        given = (*all_effects(), *_FEW_ONLY) if few else all_effects()
+    if not few:
+        return tuple(given)
+    plain = {effect.id: effect for effect in _CATALOGUE}
+    return tuple(
+        FORMS[effect.id] if effect is plain.get(effect.id) and effect.id in FORMS else effect
+        for effect in given
+    )
 
 
 def register(effect: Effect) -> Effect:
@@ -216,6 +263,15 @@ class _FunctionEffect(LinearEffect):
         return columns
 
 
+def _needs_full_or_said(table: Table) -> Missing | None:
+    """The six poses and six wrenches, unless the effect says that fewer columns are enough."""
+    lacking = needs_full(table)
+    if lacking is None:
+        return None
+    said = 'or say which columns the effect uses: @effect(..., needs=("theta_z_rad",))'
+    return replace(lacking, record=f"{lacking.record}; {said}")
+
+
 def effect(
     id: str,
     *,
@@ -279,7 +335,9 @@ def effect(
         own.parameters = tuple(Parameter(name, unit, scale) for name, unit in parameters.items())
         beyond = set(needs or ()) - {*POSE, *WRENCH}
         own.kind = kind or ("time" if beyond else "pose")
-        if needs is not None:
+        if needs is None:
+            own.requires = (_needs_full_or_said,)
+        else:
             own.needs = ", ".join(needs)
             own.requires = tuple(needs_columns(name) for name in needs)
         register(own)

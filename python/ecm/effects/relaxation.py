@@ -93,7 +93,7 @@ class StressRelaxation(LinearEffect):
             return tuple(
                 StressRelaxation(float(t), overstress)
                 for overstress in ("linear", "elastic")
-                for t in _time_constants(table)
+                for t in time_constants(table)
             )
         dwell = table.measured().column("dwell_s")
         low, high = max(float(dwell.min()), 0.1), float(dwell.max())
@@ -109,7 +109,7 @@ class StressRelaxation(LinearEffect):
         """Time constants between this one and its neighbours."""
         if not self.overstress:
             return ()
-        taus = _time_constants(table)
+        taus = time_constants(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
         return tuple(
             StressRelaxation(self.tau_s * factor, self.overstress) for factor in (1 / step, step)
@@ -121,7 +121,7 @@ class StressRelaxation(LinearEffect):
             return ()
         return tuple(
             StressRelaxation(self.tau_s, self.overstress, float(t))
-            for t in _time_constants(table)
+            for t in time_constants(table)
             if not 0.5 < t / self.tau_s < 2.0
         )
 
@@ -209,7 +209,7 @@ def _remaining_shares(steps_s: F, tau_s: float) -> F:
     return np.where(ratio < 1e-9, 1.0, -np.expm1(-safe) / safe)
 
 
-def _time_constants(table: Table) -> tuple[float, ...]:
+def time_constants(table: Table) -> tuple[float, ...]:
     """From a few samples to a good part of the longest run."""
     time = table.column("time_s")
     orders = [order for order in order_of_visits(table) if len(order) > 2]

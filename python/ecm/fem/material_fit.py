@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,42 @@ class MaterialFit:
     warnings: tuple[str, ...]
 
 
+_LOOP = 0.05
+
+
+def _loop_warnings(tests: Sequence[MaterialTest]) -> tuple[str, ...]:
+    """Say where loading and unloading differ, which no elastic material does."""
+    warnings = []
+    for test in tests:
+        gap = _loop_gap(test)
+        if gap > _LOOP:
+            warnings.append(
+                f"{test.source or test.mode}: loading and unloading differ by {gap:.0%} of the "
+                "largest stress, and an elastic material has one curve: keep the rows up to the "
+                "largest stretch (first loading), or those of one branch of the last cycle if the "
+                "mechanism is used after many; ecm diagnose names the cause on the mechanism "
+                "itself (hysteresis, stress_relaxation, mullins_softening)"
+            )
+    return tuple(warnings)
+
+
+def _loop_gap(test: MaterialTest) -> float:
+    """Mean distance of the stress before the largest stretch from that after it, over its size."""
+    away = np.abs(test.stretch - 1.0)
+    top = int(np.argmax(away))
+    first, later = slice(0, top + 1), slice(top, None)
+    if top < 2 or len(away) - top < 3:
+        return 0.0
+    low = max(away[first].min(), away[later].min())
+    at = np.linspace(low, away[top], 50)
+    curves = []
+    for part in (first, later):
+        order = np.argsort(away[part], kind="stable")
+        curves.append(np.interp(at, away[part][order], np.abs(test.stress_Pa[part])[order]))
+    largest = float(np.abs(test.stress_Pa).max())
+    return float(np.abs(curves[0] - curves[1]).mean()) / largest if largest > 0.0 else 0.0
+
+
 def fit_material(
     tests: Sequence[MaterialTest],
     model: str = "auto",
@@ -172,8 +208,10 @@ def fit_material(
     """
     if not tests:
         raise InputError(f"no test: give at least one of {', '.join(TESTS)}")
+    loops = _loop_warnings(tests)
     if model in MODELS:
-        return _fit(tests, model, terms, use, poisson_ratio)
+        fit = _fit(tests, model, terms, use, poisson_ratio)
+        return replace(fit, warnings=(*loops, *fit.warnings))
     if model != "auto":
         raise InputError(f"model = '{model}': {did_you_mean(model, (*MODELS, 'auto'))}")
     fits = []
@@ -184,7 +222,8 @@ def fit_material(
             continue
     if not fits:
         raise ComputationError("no model fits these tests: check units and columns")
-    return min(fits, key=lambda fit: fit.aicc)
+    best = min(fits, key=lambda fit: fit.aicc)
+    return replace(best, warnings=(*loops, *best.warnings))
 
 
 def _fit(

@@ -100,8 +100,21 @@ def atomic(path: Path) -> Iterator[IO[bytes]]:
         yield file
 
 
+def is_device(path: Path) -> bool:
+    """Whether a path is a device, a pipe or a terminal, such as /dev/stdout: written in place."""
+    return path.parts[:2] == ("/", "dev") or (
+        path.exists() and not path.is_file() and not path.is_dir()
+    )
+
+
 @contextmanager
 def _replacing(path: Path) -> Iterator[IO[bytes]]:
+    if is_device(path):
+        with path.open("ab") as stream:
+            yield stream
+        return
+    # A link stays one: the file that it leads to is replaced.
+    path = path.resolve() if path.is_symlink() else path
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

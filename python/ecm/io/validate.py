@@ -190,6 +190,11 @@ def _text(name: str, cells: Cells, errors: RowErrors) -> NDArray[np.object_]:
         values[values == ""] = "pose"
         for row in np.flatnonzero(~np.isin(values.astype(str), KINDS)):
             errors.add(int(row), name, f"'{values[row]}'", "pose, home or unloaded")
+    if name == "approach":
+        wanted = "initial, the pose_id of the pose before, or empty where it is unknown"
+        for place, text in enumerate(values.tolist()):
+            if text not in ("", "initial") and not text.isdecimal():
+                errors.add(place, name, f"'{text}'", wanted)
     return values
 
 

@@ -32,6 +32,8 @@ Precision = Literal["double", "single"]
 
 _POSES = 2000
 _SEED = 11
+_MOST_FOLDING = 1.0
+"""Largest change of a model by folding, over the noise, that is exported without `force`."""
 _SMALL_ERROR = 0.15
 """An energy whose error over the noise is smaller is near enough to fold effects into."""
 
@@ -54,6 +56,8 @@ class Exported:
     """Ids of the effects that are not in the files."""
     loop: ControlLoop | None = None
     """The control loop of the example, where the model takes a pose to a wrench."""
+    folding: float = 0.0
+    """Change of the model by folding its effects into the base, over the noise."""
 
 
 def export(
@@ -64,6 +68,7 @@ def export(
     name: str = "ecm_model",
     precision: Precision = "double",
     loop: LoopSettings | None = None,
+    force: bool = False,
 ) -> Exported:
     """Write a model as source code for a controller, or as a MuJoCo file.
 
@@ -81,6 +86,8 @@ def export(
         Floating-point type of the code, `c` and `rust` only: `double` or `single`.
     loop
         Mass, inertia and delay of the robot, for the example of a control loop.
+    force
+        Write also where folding the effects into the base changes the model by more than the noise.
 
     Returns
     -------
@@ -90,7 +97,7 @@ def export(
     Raises
     ------
     InputError
-        A wrong name, or a model that cannot be exported.
+        A wrong name, a model that cannot be exported, or one that folding changes too much.
 
     Examples
     --------
@@ -103,6 +110,13 @@ def export(
     ['spring.c', 'spring.h']
     """
     exported = export_files(model, to, name, precision, loop)
+    if exported.folding > _MOST_FOLDING and not force:
+        raise InputError(
+            f"{model.name}: with its effects folded into one map the model changes by "
+            f"{exported.folding:.2g} times the measurement noise, more than {_MOST_FOLDING:g}: the "
+            "controller would not have the model that was fitted. Remove an effect (ecm refit "
+            "--remove), or export it all the same with --force."
+        )
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
             write_atomically(Path(directory) / path, text)
@@ -121,14 +135,14 @@ def export_files(
         raise InputError(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
         )
-    inside, left_out, notes = _mechanism_alone(model)
+    inside, left_out, notes, folding = _mechanism_alone(model)
     if target == "mujoco":
         text, lost = _mujoco(inside, name)
-        return Exported({f"{name}.xml": text}, (*notes, *lost), left_out)
+        return Exported({f"{name}.xml": text}, (*notes, *lost), left_out, folding=folding)
     sealed = seal_model(json.dumps(inside.document()))
     files = dict(export_model(sealed, name, target=target, precision=precision))
     if (inside.inputs, inside.outputs) != (POSE, WRENCH):
-        return Exported(files, tuple(notes), left_out)
+        return Exported(files, tuple(notes), left_out, folding=folding)
     poses = poses_to_hold(model)
     try:
         designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
@@ -136,11 +150,14 @@ def export_files(
         return Exported(files, (*notes, f"No control loop: {error}."), left_out)
     if designed.holds.any():
         files |= loop_file(designed, target, name, precision)
-    return Exported(files, (*notes, *designed.sentences()), left_out, designed)
+    return Exported(files, (*notes, *designed.sentences()), left_out, designed, folding)
 
 
-def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
-    """The model without effects of instruments; effects of physics are folded into its base."""
+def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str], float]:
+    """The model without effects of instruments, those of physics folded into its base.
+
+    Also the effects that are left out, notes, and the change by folding over the noise.
+    """
     acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
     left_out = tuple(i.id for i in model.effects if i.id not in acting)
     notes = []
@@ -151,14 +168,14 @@ def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str]]:
         )
     bare = replace(model, effects=(), history=(), correlations=())
     if not acting:
-        return bare, left_out, notes
+        return bare, left_out, notes, 0.0
     folded, error = _folded(model)
-    share = np.max(error / _noise_sd(model))
+    share = float(np.max(error / _noise_sd(model)))
     notes.append(
         f"Folded into {folded.name}: {', '.join(sorted(acting))}; the folded map differs from "
         f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
     )
-    return replace(bare, base=folded, covariance=None), left_out, notes
+    return replace(bare, base=folded, covariance=None), left_out, notes, share
 
 
 def _folded(model: Model) -> tuple[EnergyMap, F]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ecm._native import convert_stiffness
-from ecm.effects import Effect, Missing, Rows, get_effect
+from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.effects.thinned import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
@@ -416,16 +416,15 @@ class Model:
     def _best_shape(self, position: int, table: Table, noise: Noise) -> Model:
         """The model whose effect at this position has its best shape, with values zero."""
         item = self.effects[position]
-        lacking = item.effect.missing(table if table.whole is None else table.whole)
+        (plain,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
+        lacking = plain.missing(table if table.whole is None else table.whole)
         if lacking is not None:
             raise InputError(
                 f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
                 f"record {lacking.record}"
             )
         others = (*self.effects[:position], *self.effects[position + 1 :])
-        effect = best_shape(
-            self.base, others, item.effect, table, noise, freeze_base=self.base_frozen
-        )
+        effect = best_shape(self.base, others, plain, table, noise, freeze_base=self.base_frozen)
         effects = list(self.effects)
         effects[position] = FittedEffect.unfitted(effect)
         return replace(self, effects=tuple(effects))

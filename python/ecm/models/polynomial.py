@@ -10,7 +10,7 @@ import numpy as np
 from ecm._native import PolynomialModel as PolynomialEvaluator
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
-from ecm.io.degrees import POLYNOMIAL_DEGREES
+from ecm.io.degrees import MOST_OF_ONE_INPUT, POLYNOMIAL_DEGREES
 from ecm.io.settings import setting
 from ecm.io.table import Table
 from ecm.models.errors_in_variables import AllRows, fit_with_pose_noise
@@ -40,7 +40,7 @@ class PolynomialModel(ModelSpecification):
     Parameters
     ----------
     degree
-        Largest sum of exponents in a term, 1 to 6.
+        Largest sum of exponents in a term, 1 to 6; of a single pose column up to 9.
     pcr
         Threshold of principal component regression: a number b, or `"b/sqrtN"`, `"rank:R"` or
         `"press"` (pcr.py). None: ordinary least squares.
@@ -55,11 +55,16 @@ class PolynomialModel(ModelSpecification):
     'poly:3'
     """
 
-    degree: int = setting(3, low=_LOW, high=_HIGH, doc="largest sum of exponents in a term")
+    degree: int = setting(
+        3, low=_LOW, high=MOST_OF_ONE_INPUT, doc="largest sum of exponents in a term"
+    )
     pcr: Threshold = None
 
     kind = "polynomial"
-    usage = f"poly:D with D from {_LOW} to {_HIGH}, {', '.join(_ALIASES)}"
+    usage = (
+        f"poly:D with D from {_LOW} to {_HIGH} ({MOST_OF_ONE_INPUT} for one pose column), "
+        f"{', '.join(_ALIASES)}"
+    )
     weighted = True
 
     @property
@@ -92,6 +97,11 @@ class PolynomialModel(ModelSpecification):
                 "a PCR threshold belongs to ordinary least squares; leave out one of both"
             )
         inputs, outputs = pose_and_wrench_columns(table)
+        if self.degree > _HIGH and len(inputs) > 1:
+            raise InputError(
+                f"model poly:{self.degree}: with {len(inputs)} pose columns the largest degree is "
+                f"{_HIGH}; degrees up to {MOST_OF_ONE_INPUT} are for a single one"
+            )
         poses, wrenches = table.matrix(inputs), table.matrix(outputs)
         if weights == "noise":
             _check_rows(len(poses), "--weights noise of a polynomial", "fit an energy (energy6)")

@@ -312,9 +312,14 @@ def fit_rod(poses: F, wrenches: F, length: float) -> RodMap:
     scale = np.array([length] * 3 + [1.0] * 3)
     start = EnergyModel.fit(poses, wrenches, length_m=length, degree=4)
     home = np.array([[length, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    rest = np.diag(np.linalg.inv(start.stiffness(home, "generalised")[0]))
+    # Wrenches that follow no pose leave a singular stiffness: a pseudoinverse, which is not
+    # positive, and so is refused below.
+    rest = np.diag(np.linalg.pinv(start.stiffness(home, "generalised")[0]))
     if not np.all(rest > 0.0):
-        raise ComputationError("the measured stiffness at rest is not that of a rod: not positive")
+        raise ComputationError(
+            "the measured stiffness at rest is not that of a rod: not positive. Check units and "
+            "signs of the wrench (ecm check), or fit energy4"
+        )
     axial, _, _, torsion, _, bending = rest
     bend = length / bending
     shear = length / max(rest[1] - length**3 / (3.0 * bend), 0.05 * rest[1])

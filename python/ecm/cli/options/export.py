@@ -50,6 +50,9 @@ class Options:
         float, typer.Option("--delay", metavar="S", help="Longest, from pose to wrench.")
     ] = 0.003
     dt: Annotated[float, typer.Option("--dt", metavar="S", help="Step of the loop.")] = 0.001
+    force: Annotated[
+        bool, typer.Option("--force", help="Also where folding effects changes it beyond noise.")
+    ] = False
 
 
 export = command("export", Options)

@@ -20,6 +20,14 @@ class What(str, Enum):
     data = "data"
 
 
+class Dof(str, Enum):
+    """Degrees of freedom of a table."""
+
+    one = "1"
+    three = "3"
+    six = "6"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """Write a commented file to begin from: config.toml, rig.toml, or data.csv with data.toml."""
@@ -28,6 +36,10 @@ class Options:
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Instead of the usual name.")
     ] = None
+    dof: Annotated[
+        Dof,
+        typer.Option("--dof", metavar="1|3|6", help="Of data: one angle, three, or all columns."),
+    ] = Dof.six
 
 
 new = command("new", Options)

@@ -9,8 +9,20 @@ NEXT_STEP = {
     "rig": "Next: ecm campaign PLAN.csv --rig {path} --out data.csv",
     "data": "Next: put your rows in, then: ecm check {path}",
 }
+DEGREES_OF_FREEDOM = (1, 3, 6)
+"""Tables of measurements: one angle and one torque, three of each, all six poses and wrenches."""
 
 
 def template(name: str) -> str:
-    """Return the text of config.toml, rig.toml, data.csv or data.toml."""
+    """Return the text of a file of this folder, such as config.toml or rig.toml."""
     return (files(__name__) / name).read_text(encoding="utf-8")
+
+
+def data_template(dof: int) -> str:
+    """Return the text of a table of measurements with so many degrees of freedom."""
+    return template("data.csv" if dof == 6 else f"data_{dof}.csv")
+
+
+def description_template(dof: int) -> str:
+    """Return the text of the description beside `data_template`."""
+    return template("data.toml" if dof == 6 else "data_few.toml")

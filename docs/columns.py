@@ -1,0 +1,80 @@
+"""Write docs/columns.md from the list of columns and the effects: python docs/columns.py."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ecm.effects import all_effects, effects_for
+from ecm.io.column_guide import COLUMN_GUIDE
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.templates import DEGREES_OF_FREEDOM, data_template
+
+PAGE = Path(__file__).with_name("columns.md")
+_HEAD = """# The columns of a measurement table
+
+One row per reading. The unit is part of the name; case and order do not matter for the reader of
+`ecm import`, here they do. A table may hold any subset: fit and compare need at least one pose and
+one wrench column, predict and design the pose columns. Any other numeric column is kept, and
+offered as a cause of what is missing. A column that is not there makes an effect untestable, it is
+no error. Do not fill up with zeros: leave out what was not measured.
+
+`ecm new data --dof 1` writes a table of one angle and one torque with its description, `--dof 3`
+three of each, `--dof 6` all; `ecm check data.csv` says what a table holds and what it can test.
+`docs/import.md` is about logs with other names, units and frames.
+
+| column | unit | meaning | allowed | effects that need it |
+|---|---|---|---|---|
+"""
+_FEW = """
+## Effects in few columns
+
+Without all six poses and six wrenches these effects are tested in the columns that vary:
+
+| effect | what it is | needs |
+|---|---|---|
+"""
+
+
+def page() -> str:
+    """Return the text of docs/columns.md."""
+    lines = [_HEAD]
+    for guide in COLUMN_GUIDE:
+        names = ", ".join(f"`{name}`" for name in _shortened(guide.names))
+        cells = (names, guide.unit, guide.meaning, guide.allowed, _needed_by(guide.names))
+        lines.append(f"| {' | '.join(cells)} |\n")
+    lines.append(_FEW)
+    plain = {id(effect) for effect in all_effects()}
+    for effect in effects_for((POSE[5], WRENCH[5])):
+        if id(effect) not in plain:
+            needs = effect.needs or "20 rows"
+            lines.append(f"| `{effect.id}` | {effect.physics} | {needs} |\n")
+    lines.append("\n## Templates\n")
+    for dof in DEGREES_OF_FREEDOM:
+        lines.append(f"\n`ecm new data --dof {dof}`:\n\n```\n{data_template(dof)}```\n")
+    return "".join(lines)
+
+
+def _shortened(names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(names) if len(names) <= 3 else (names[0], "...", names[-1])
+
+
+def _needed_by(names: Sequence[str]) -> str:
+    """Return the effects whose words name one of the columns."""
+    if set(names) <= {*POSE, *WRENCH}:
+        return "all; those outside the next table need all twelve"
+    sought = [re.compile(rf"(?<!\w){name}(?!\w)") for name in names]
+    if names[0].startswith("v_"):
+        sought.append(re.compile(r"v_ columns"))
+    few = effects_for((POSE[5], WRENCH[5]))
+    found = dict.fromkeys(
+        effect.id
+        for effect in (*all_effects(), *few)
+        if any(pattern.search(effect.needs) for pattern in sought)
+    )
+    return ", ".join(f"`{id}`" for id in found) or "none"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,136 @@
+"""One angle and one torque: effects in the coordinates that exist."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm.diagnosis.check import by_reason, lines_by_reason
+from ecm.diagnosis.procedure import find_missing
+from ecm.effects import effects_for, get_effect, with_shape
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.models import load_model
+from support.campaigns import campaign
+from support.one_angle import NOISE_NM, bouc_wen, one_angle
+
+NAMED = (
+    "hysteresis", "backlash", "stress_relaxation", "kink", "higher_degree", "mullins_softening",
+    "temperature_modulus", "fts_drift", "fts_offset", "unused_column",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NAMED)
+def test_what_is_hidden_is_named(kind: str) -> None:
+    table = one_angle(kind)
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.answer == ((kind,),)
+
+
+@pytest.mark.parametrize("kind", ["viscous_damping", "dead_zone"])
+def test_what_looks_like_another_is_in_a_class_of_two(kind: str) -> None:
+    """A damper of short relaxation, a smooth slack: one rival each may look the same."""
+    table = one_angle(kind)
+    ((members),) = find_missing(ecm.fit(table, "cubic"), table).answer
+    assert kind in members
+    assert len(members) <= 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_nothing_is_hidden_nothing_is_named(seed: int) -> None:
+    table = one_angle("", seed)
+    assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"
+
+
+@pytest.mark.parametrize("kind", ["hysteresis", "backlash", "kink", "unused_column"])
+def test_what_is_added_is_saved_and_predicts_other_rows(kind: str, tmp_path: Path) -> None:
+    table = one_angle(kind)
+    plain = ecm.fit(table, "cubic")
+    better = ecm.refit(plain, table, add=[kind])
+    better.save(tmp_path / "model.json")
+    loaded = load_model(tmp_path / "model.json")
+    np.testing.assert_array_equal(loaded.predict(table), better.predict(table))
+    again = one_angle(kind, seed=5)
+    before, after = (np.std(again["tau_z_Nm"] - m.predict(again)[:, 0]) for m in (plain, loaded))
+    assert after < 1.1 * NOISE_NM < 0.7 * before
+
+
+def test_the_fields_of_a_form_say_which_it_is() -> None:
+    """A full table's form and that of few columns have the same id and other fields."""
+    rows = campaign()
+    for few in effects_for(["x_m", "fx_N"]):
+        full = get_effect(few.id)
+        assert type(with_shape(few.id, few.shape)) is type(few)
+        for form in full.variants(rows) if full.missing(rows) is None else ():
+            assert type(with_shape(few.id, form.shape)) is type(form)
+        assert effects_for([*POSE, *WRENCH], [full]) == (full,)
+
+
+def test_six_poses_and_three_forces_are_tested_as_well() -> None:
+    rng = np.random.default_rng(3)
+    corners = rng.uniform(-1.0, 1.0, (60, 6)) * np.array([8e-3, 8e-3, 8e-3, 0.2, 0.2, 0.2])
+    poses = np.concatenate([np.linspace(a, b, 6)[1:] for a, b in itertools.pairwise(corners)])
+    time = 0.5 * np.arange(len(poses))
+    forces = poses[:, :3] * 600.0 + poses[:, [5, 3, 4]] * 2.0
+    forces += 0.05 * rng.standard_normal(forces.shape)
+    forces[:, 1] += 0.3 * bouc_wen(poses[:, 1], 3e-4)
+    columns = (
+        dict(zip(POSE, poses.T, strict=True))
+        | dict(zip(WRENCH[:3], forces.T, strict=True))
+        | {"time_s": time}
+    )
+    meta = {"instrument": {"force_sd_N": 0.05, "pose_position_sd_m": 1e-6,
+                           "pose_rotation_sd_rad": 1e-5}}  # fmt: skip
+    table = ecm.Table(columns, meta)
+    found = find_missing(ecm.fit(table, "linear"), table)
+    assert found.answer == (("hysteresis",),)
+    assert {"kink", "fts_drift", "stress_relaxation", "viscous_damping"} <= set(
+        ecm.check(table).testable
+    )
+
+
+def test_a_copy_of_the_reading_or_of_the_clock_is_no_unused_column() -> None:
+    table = one_angle("kink")
+    copies = table.with_columns({"torque_mNm": 1e3 * table["tau_z_Nm"], "sample": np.arange(400.0)})
+    missing = {item.id: item.reason for item in ecm.check(copies).not_testable}
+    assert missing["unused_column"] == "no other column"
+    assert "unused_column" in ecm.check(one_angle("unused_column")).testable
+
+
+@pytest.mark.parametrize("zeros", [("x_m", "fx_N"), (*POSE[:5], *WRENCH[:5])])
+def test_columns_of_zeros_are_noticed_and_left_out(zeros: tuple[str, ...]) -> None:
+    table = one_angle("kink")
+    padded = table.with_columns({name: np.zeros(len(table)) for name in zeros}).with_length(0.1)
+    checked = ecm.check(padded)
+    assert set(checked.padding) == set(zeros)
+    assert "0 in every row: padding?" in str(checked)
+    assert {"kink", "hysteresis"} <= set(checked.testable)
+    found = ecm.diagnose(ecm.fit(padded, "cubic"), padded)
+    assert found.answer == (("kink",),)
+    assert any("padding" in line for line in found.warnings)
+    assert ecm.check(table).padding == ()
+
+
+def test_what_cannot_be_tested_is_at_most_six_lines() -> None:
+    listed = ecm.check(one_angle("")).not_testable
+    lines = by_reason(listed)
+    assert len(listed) > 20
+    assert len(lines) <= 6
+    assert sum(len(ids.split(", ")) for ids, _, _ in lines) == len(listed)
+    assert all(record for _, _, record in lines)
+    assert all(len(line) < 300 for line in lines_by_reason(listed))
+
+
+def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:
+    table = one_angle("higher_degree")
+    steps = [ecm.compare(ecm.fit(table, f"poly:{d}"), table).whitened_rms for d in (3, 6, 9)]
+    assert steps[0] > 4.0 > steps[1] > 1.1 > steps[2]
+    two = table.with_columns({"x_m": 1e-3 * np.cos(table["time_s"])})
+    with pytest.raises(InputError, match="with 2 pose columns the largest degree is 6"):
+        ecm.fit(two, "poly:9")
+    with pytest.raises(InputError, match="10"):
+        ecm.fit(table, "poly:10")
