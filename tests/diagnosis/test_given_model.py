@@ -131,7 +131,7 @@ def one_angle(torque: F, time: F, angle: F) -> Table:
 
 def test_a_model_of_the_form_of_the_base_lacks_what_the_base_lacks() -> None:
     time = 2.0 * np.arange(200)
-    angle = 0.3 * np.sin(0.13 * time) + 0.1 * np.sin(0.031 * time)
+    angle: F = 0.3 * np.sin(0.13 * time) + 0.1 * np.sin(0.031 * time)
     noise = 0.02 * np.random.default_rng(3).standard_normal(200)
     plain = 4.0 * angle + 9.0 * angle**3 + noise
     hum = one_angle(plain + 0.05 * np.sin(2.0 * np.pi * time / 7.3), time, angle)
