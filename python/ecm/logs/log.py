@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -53,8 +54,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     The number of rows is the length that most numbers share. Arrays of another length, and scalars,
     are left aside and noted. InputError where nothing has rows.
     """
-    parts = {name: np.asarray(value) for name, value in arrays.items()}
-    parts = {name: _as_rows(value) for name, value in parts.items()}
+    parts = {name: _as_rows(_array(name, value, source)) for name, value in arrays.items()}
     sizes: dict[int, int] = {}
     for value in parts.values():
         if value.ndim and len(value) > 1:
@@ -86,6 +86,25 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
         shown = ", ".join(aside[:8]) + (", ..." if len(aside) > 8 else "")
         notes = (f"left aside, because they have not {rows} rows of numbers: {shown}",)
     return Log(columns, text, {}, notes)
+
+
+def unique_name(name: str, taken: Collection[str]) -> str:
+    """Return the name, or the first of NAME_2, NAME_3, ... that is not taken.
+
+    Examples
+    --------
+    >>> unique_name("a", ["a", "a_2"])
+    'a_3'
+    """
+    numbered = (f"{name}_{i}" for i in itertools.count(2))
+    return name if name not in taken else next(n for n in numbered if n not in taken)
+
+
+def _array(name: str, value: Any, source: str) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise InputError(f"{source}: '{name}' has rows of different lengths") from None
 
 
 def _as_rows(value: NDArray[Any]) -> NDArray[Any]:

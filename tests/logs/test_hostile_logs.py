@@ -1,0 +1,138 @@
+"""Logs as strangers have them: nothing is read as what it is not, and nothing is lost unsaid."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ecm
+from ecm import import_log
+
+ANGLE = np.linspace(-1.0, 1.0, 12)
+JOINT = {"theta_z_rad": ANGLE, "tau_z_Nm": 2.0 * ANGLE}
+
+
+def test_labview_with_two_header_blocks_and_a_comment(tmp_path: Path) -> None:
+    head = [
+        "LabVIEW Measurement\t", "Decimal_Separator\t,", "***End_of_Header***\t", "\t",
+        "Channels\t2\t\t", "Samples\t3\t3\t", "Y_Unit_Label\tMillimeters\tNewtons\t",
+        "X_Dimension\tTime\tTime\t", "X0\t0,0E+0\t0,0E+0\t", "***End_of_Header***\t\t\t",
+        "X_Value\tDisplacement\tForce\tComment",
+    ]  # fmt: skip
+    rows = [f"0,{i:02d}\t{i},5\t1{i},0" for i in range(30)]
+    rows[0] += "\tstart"
+    path = tmp_path / "bench.lvm"
+    path.write_text("\r\n".join(head + rows), encoding="latin-1")
+    imported = import_log(path, units=["mm", "N"], axis="y")
+    assert imported.table["time_s"].tolist() == [i / 100 for i in range(30)]
+    assert np.allclose(imported.table["y_m"], 1e-3 * (np.arange(30) + 0.5))
+    assert imported.table["fy_N"][:3].tolist() == [10.0, 11.0, 12.0]
+    with pytest.raises(ecm.InputError, match="'X_Value' may be time_s or x_m"):
+        import_log({"X_Value": ANGLE, "Force_X": ANGLE}, units=["SI"])
+
+
+@pytest.mark.parametrize(
+    "name", ["Fx (V)", "Load x [kg]", "Force X limit", "Force X error", "x (mm/s)"]
+)
+def test_other_units_and_set_points_are_no_reading(name: str) -> None:
+    imported = import_log({**JOINT, name: ANGLE}, units=["SI"])
+    assert not imported.table.has("fx_N")
+    assert not imported.table.has("x_m")
+    assert imported.table.covariates
+
+
+def test_a_row_of_units_with_units_of_other_quantities(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    rows = "".join(f"{i}\t{i}\t{i}\t{i}\n" for i in range(9))
+    path.write_text("Time\tAngle\tTorque\tLoad x\ns\tdeg\tN mm\tV\n" + rows)
+    table = import_log(path, axis="z").table
+    assert np.allclose(table["theta_z_rad"], np.radians(np.arange(9.0)))
+    assert np.allclose(table["tau_z_Nm"], 1e-3 * np.arange(9.0))
+    assert not table.has("fx_N")
+
+
+def test_decimal_commas_that_begin_late(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    rest = "".join(f"{i};0;0\n" for i in range(450))
+    path.write_text("time_s;theta_z_rad;tau_z_Nm\n" + rest + "450;0,25;0,5\n")
+    assert import_log(path).table["theta_z_rad"][-1] == 0.25
+
+
+def test_no_column_is_lost_to_another_of_nearly_the_same_name() -> None:
+    table = import_log(
+        {**JOINT, "A b": ANGLE, "a_b": ANGLE**2, "温度": ANGLE, "压力": -ANGLE}
+    ).table
+    assert len(table.covariates) == 4
+
+
+def test_map_decides_between_two_columns() -> None:
+    log = {"Fx (N)": [1.0, 2.0], "force x [N]": [3.0, 4.0], "x_m": [0.0, 1e-3]}
+    table = import_log(log, columns={"fx_N": "force x [N]"}).table
+    assert table["fx_N"].tolist() == [3.0, 4.0]
+    assert [table[name].tolist() for name in table.covariates] == [[1.0, 2.0]]
+
+
+def test_an_own_column_with_gaps_costs_no_rows_and_bad_cells_are_named() -> None:
+    gaps = np.where(np.arange(12) % 3 == 0, np.nan, ANGLE)
+    imported = import_log({**JOINT, "junk": gaps})
+    assert len(imported.table) == 12
+    assert "column 'junk' has no number in 4 rows" in str(imported)
+    with pytest.raises(ecm.InputError, match="in junk: rows 1, 4, 7, 10"):
+        import_log({**JOINT, "junk": gaps}, columns={"junk": "junk"})
+
+
+def test_rows_left_out_hold_no_zeros_that_somebody_may_take_back(tmp_path: Path) -> None:
+    log = {**JOINT, "theta_z_rad": np.r_[np.nan, ANGLE[1:]]}
+    import_log(log, leave_out=True).write(tmp_path / "t.csv")
+    assert len(ecm.read_table(tmp_path / "t.csv")) == 11
+    (tmp_path / "t.toml").unlink()
+    with pytest.raises(ecm.InputError, match="theta_z_rad"):
+        ecm.read_table(tmp_path / "t.csv")
+
+
+def test_a_hinge_that_moves_by_more_than_half_a_turn_is_not_unwrapped() -> None:
+    swing = np.tile([2.0, -2.0], 6)
+    assert import_log({**JOINT, "theta_z_rad": swing}).table["theta_z_rad"].tolist() == [*swing]
+
+
+def test_a_time_without_unit_is_said_to_be_in_seconds() -> None:
+    assert "time, no unit stated, taken as s" in str(import_log({**JOINT, "time": ANGLE + 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("bad.npz", b"PK\3\4garbage"),
+        ("bad.mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0f\0\0\0\xff\0\0\0" + b"z" * 90),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ecm.InputError, match="no readable"):
+        import_log(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        {**JOINT, "time": -2e9 + np.arange(12.0)},
+        {**JOINT, "time": np.full(12, np.nan)},
+        {"theta_z_rad": [[1.0], [1.0, 2.0]], "tau_z_Nm": [1.0, 2.0]},
+    ],
+)
+def test_odd_arrays_end_in_a_table_or_in_words(log: dict[str, Any]) -> None:
+    with contextlib.suppress(ecm.InputError):
+        assert len(import_log(log).table) == 12
+
+
+def test_dates_of_which_some_have_a_time_zone_are_left_aside(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "time,theta_z_rad,tau_z_Nm\n2026-03-05T10:00:00+00:00,0,0\n"
+        "2026-03-05T10:00:01,1,1\n2026-03-05T10:00:02,1,2\n"
+    )
+    assert "'time' is text" in str(import_log(path))
