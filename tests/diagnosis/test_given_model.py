@@ -110,3 +110,11 @@ def test_a_model_that_holds_an_effect_is_judged_with_it() -> None:
     better = plain.add("temperature_modulus").fit(heated)
     assert diagnose(plain, heated).model.missing
     assert not diagnose(better, heated).model.missing
+
+
+def test_a_base_of_the_same_kind_is_not_called_another() -> None:
+    angle = np.linspace(-1.0, 1.0, 60)
+    noise = 0.01 * np.random.default_rng(4).standard_normal(60)
+    table = as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle + noise})
+    sentence = diagnose(fit_model(table, "linear"), table).model.sentence()
+    assert "names are against the same kind fitted to these data, which errs" in sentence

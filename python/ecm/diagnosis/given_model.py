@@ -100,7 +100,9 @@ class GivenModel:
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
         if not self.is_base:
-            text += f"; names are against another base, {self.base}, which errs {self.base_errors}"
+            base = "the same kind fitted to these data" if self.base == self.name else self.base
+            other = "" if self.base == self.name else "another base, "
+            text += f"; names are against {other}{base}, which errs {self.base_errors}"
         return f"{text}.{self._advice()}"
 
     def _advice(self) -> str:
