@@ -74,13 +74,14 @@ def verdict(
     wrong = _wrong_statement(problem, accepted) if gate.rejected else None
     if wrong is not None:
         unknown = describe(problem, problem.response, (), gate.structure)
-        said = replace(unknown, words=wrong.sentence(), nearest=None, statement=wrong)
+        said = replace(unknown, words=wrong.sentence(), nearest=None, statement=wrong, misread=True)
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
     strange = modulus_warning(problem) or sign_warning(problem)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
-        return Verdict("unknown", nothing, replace(unknown, words=strange))
+        said = replace(unknown, words=strange, nearest=None, misread=True)
+        return Verdict("unknown", nothing, said)
     noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
     if accepted.effects and not left.remains and not noisy and not mountain:
         single = all(len(members) == 1 for members in accepted.classes)

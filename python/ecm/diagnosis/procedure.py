@@ -165,7 +165,7 @@ def diagnose(
         settings=settings,
         stages=stages,
     )
-    return report(decision, model, seed)
+    return report(decision, model, seed, noise=noise)
 
 
 @one_blas_thread()
