@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ecm
 from ecm import import_log
+from ecm.io.columns import POSE
 
 ANGLE = np.linspace(-1.0, 1.0, 12)
 JOINT = {"theta_z_rad": ANGLE, "tau_z_Nm": 2.0 * ANGLE}
@@ -136,3 +138,31 @@ def test_dates_of_which_some_have_a_time_zone_are_left_aside(tmp_path: Path) -> 
         "2026-03-05T10:00:01,1,1\n2026-03-05T10:00:02,1,2\n"
     )
     assert "'time' is text" in str(import_log(path))
+
+
+def test_what_names_do_not_decide_about_a_rotation() -> None:
+    turn = Rotation.from_rotvec(np.random.default_rng(0).normal(size=(9, 3)) * 0.4)
+    matrix, angles = turn.as_matrix(), turn.as_euler("ZYZ")
+    by_columns = {f"R{i}{j}": matrix[:, i, j] for j in range(3) for i in range(3)}
+    force = {"fx_N": np.arange(9.0)}
+    table = import_log({**by_columns, **force}, rotation="columns").table
+    assert np.allclose(table.matrix(POSE[3:]), turn.as_rotvec())
+    euler = {f"r{axis}_rad": angles[:, i] for i, axis in enumerate("xyz")}
+    with pytest.raises(ecm.InputError, match="--rotation ZYZ:COLUMN"):
+        import_log({**euler, **force}, rotation="ZYZ")
+    listed = import_log({**euler, **force}, rotation="ZYZ:rx_rad,ry_rad,rz_rad").table
+    assert np.allclose(listed.matrix(POSE[3:]), turn.as_rotvec())
+
+
+def test_a_log_without_pose_or_wrench_is_told_so() -> None:
+    assert "no pose was found by name" in str(import_log({"yaw_deg": ANGLE, "fx_N": ANGLE}))
+    assert "no wrench was found by name" in str(import_log({"x_m": ANGLE, "Fx (V)": ANGLE}))
+
+
+def test_a_log_is_not_overwritten_by_its_own_table(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("x (mm),Fx (N)\n1,2\n2,3\n")
+    with pytest.raises(ecm.InputError, match="is the log itself"):
+        import_log(path).write(path)
+    assert path.read_text().startswith("x (mm)")
+    assert not path.with_suffix(".toml").exists()

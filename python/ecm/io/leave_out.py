@@ -16,6 +16,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.raw_table import RawTable
+from ecm.io.toml import parse_toml, write_toml
 
 _SHOWN = 6
 
@@ -98,6 +99,11 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
 
     Everything else stays as it was written, comments too.
 
+    Raises
+    ------
+    InputError
+        Where the text has `leave_out` in another form than a section.
+
     Examples
     --------
     >>> print(with_leave_out("[scene]  # lab", {"clipped": "3-9"}))
@@ -110,10 +116,14 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
     kept, own = [], False
     for line in text.splitlines():
         if line.strip().startswith("["):
-            own = line.strip().startswith("[leave_out]")
-        if not own:
+            own = re.match(r"\s*\[\s*leave_out\s*\]", line) is not None
+        if not own or line.strip().startswith("#"):
             kept.append(line)
     head = "\n".join(kept).rstrip()
-    entries = [f'{reason} = "{ranges}"' for reason, ranges in leave_out.items()]
-    section = "\n".join(["[leave_out]", *entries]) if entries else ""
+    if "leave_out" in parse_toml(head, "[leave_out]", "description of a table"):
+        raise InputError(
+            "leave_out is written in another form than a section: write it as [leave_out] with one "
+            'line for each reason, e.g. coffee = "1-3"'
+        )
+    section = write_toml({"leave_out": dict(leave_out)}).rstrip() if leave_out else ""
     return "\n\n".join(part for part in (head, section) if part) + "\n"

@@ -99,6 +99,8 @@ class ImportedLog:
     def write(self, path: str | Path) -> None:
         """Write NAME.csv and NAME.toml beside it, each complete or not at all."""
         target = Path(path)
+        if target.resolve() == Path(self.source).resolve():
+            raise InputError(f"{target} is the log itself; give the table another name")
         if target.suffix != ".csv":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         with uninterrupted():
@@ -258,6 +260,10 @@ def _converted(
             "Name what is one: --map NAME=COLUMN:UNIT, for example --map theta_z_rad=COLUMN:deg "
             f"(names: {', '.join((*POSE, *WRENCH))}, time_s)"
         )
+    for what, group in (("pose", POSE), ("wrench", WRENCH)):
+        if not any(name in found for name in group):
+            notes.append(f"no {what} was found by name: say --map NAME=COLUMN:UNIT, for example "
+                         f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable

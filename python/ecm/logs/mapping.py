@@ -386,7 +386,11 @@ def _columns_of(word: str, named: Mapping[str, Named], used: set[str]) -> list[s
             parts = [_part(named[name], kind) for name in columns]
             if kind == "quaternion" and "w" in parts and word == "xyzw":
                 return [*columns[1:], columns[0]]
+            if word == "columns":  # one after the other as in the log, whatever their indices
+                return [name for name in named if name in columns]
             if kind in ("euler", "rotation", "rotvec") and word not in COUNT:
+                if len(set(word.lower())) < 3:  # ZYZ: no name says which turn about z is meant
+                    return []
                 by_axis = dict(zip("xyz", columns, strict=True))
                 return [by_axis[axis] for axis in word.lower() if axis in by_axis]
             return columns
