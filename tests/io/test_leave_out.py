@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ecm import InputError
+from ecm import InputError, as_table
 from ecm.io.leave_out import with_leave_out
 from ecm.io.toml import parse_toml
 
@@ -27,3 +27,8 @@ def test_reasons_of_the_users_own_words_and_comments_stay_readable() -> None:
 def test_another_form_is_refused_before_anything_is_written(text: str) -> None:
     with pytest.raises(InputError, match=r"write it as \[leave_out\]"):
         with_leave_out(text, {"clipped": "7"})
+
+
+def test_a_description_that_leaves_out_every_row_is_told_so() -> None:
+    with pytest.raises(InputError, match="names every one of the 2 rows"):
+        as_table({"x_m": [0.0, 1e-3]}, meta={"leave_out": {"all": "1-2"}})

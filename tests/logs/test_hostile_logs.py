@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -166,3 +167,26 @@ def test_a_log_is_not_overwritten_by_its_own_table(tmp_path: Path) -> None:
         import_log(path).write(path)
     assert path.read_text().startswith("x (mm)")
     assert not path.with_suffix(".toml").exists()
+
+
+def test_components_along_the_first_axis() -> None:
+    force = np.arange(60.0).reshape(3, 20)
+    log = {"F": force, "x_m": np.linspace(0.0, 0.01, 20)}
+    assert np.array_equal(import_log(log, units=["SI"]).table["fy_N"], force[1])
+
+
+def test_dates_of_frames_and_parquet_are_times(tmp_path: Path) -> None:
+    frame = pd.DataFrame(JOINT)
+    stamps = pd.Series(pd.date_range("2026-03-05 10:00", periods=12, freq="500ms"))
+    frame.assign(t=stamps).to_parquet(tmp_path / "log.parquet")
+    frame.assign(t=stamps).to_csv(tmp_path / "log.csv", index=False)
+    for log in (
+        frame.assign(t=stamps),
+        frame.assign(t=stamps.dt.tz_localize("Europe/Berlin")),
+        frame.assign(t=stamps - stamps[0]),
+        tmp_path / "log.parquet",
+        tmp_path / "log.csv",
+    ):
+        imported = import_log(log)
+        assert np.allclose(imported.table["time_s"], 0.5 * np.arange(12))
+        assert "no unit" not in str(imported)

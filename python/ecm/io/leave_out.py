@@ -70,7 +70,7 @@ def without_rows(
 ) -> tuple[RawTable, I, tuple[str, ...]]:
     """Return the cells of the rows that stay, their numbers from 1, and a sentence of the others.
 
-    InputError for a row that the table does not have.
+    InputError for a row that the table does not have, and where no row stays.
     """
     size = len(raw.numbers)
     every = np.arange(1, size + 1, dtype=np.int64)
@@ -84,6 +84,11 @@ def without_rows(
             "Delete [leave_out] in the description, or run ecm check --leave-out anew."
         )
     kept = np.setdiff1d(every, rows, assume_unique=True)
+    if size and not len(kept):
+        raise InputError(
+            f"{source}: [leave_out] names every one of the {size} rows. Correct it in the "
+            "description."
+        )
     columns = tuple(
         cells[kept - 1] if isinstance(cells, np.ndarray) else [cells[i - 1] for i in kept]
         for cells in raw.columns

@@ -180,8 +180,9 @@ def import_log(
         )
         if len(gone) == len(usable):
             raise InputError(
-                f"{source}: no row holds a number in every column (cells are empty in {empty}); "
-                "give --map NAME=COLUMN for those that hold the readings"
+                f"{source}: no row holds numbers and a rotation in every column: there are none in "
+                f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
+                "WORD:COLUMN,..."
             )
         if not leave_out:
             raise InputError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.logs.log import Log, unique_name
+from ecm.logs.log import Log, seconds_of_dates, unique_name
 from ecm.logs.units import find_unit, is_other_unit
 
 _SAMPLE = 400
@@ -34,7 +33,7 @@ def read_text_log(path: Path) -> Log:
     remarks = begin > 0 and _ends_with_remark(split(kept[begin - 1]), width)
     above = [_of_width(split(line), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
-    columns, text, bad = _columns(kept[begin:], split, width, comma, names, remarks)
+    columns, text, bad = _columns(kept[begin:], split, width, comma, names, remarks, units)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
         notes.append(f"{begin} line(s) above the numbers")
@@ -164,8 +163,12 @@ def _columns(
     comma: bool,
     names: list[str],
     remarks: bool,
+    units: dict[str, str],
 ) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
-    """Numbers and text by name, and the count of lines with another number of cells."""
+    """Numbers and text by name, and the count of lines with another number of cells.
+
+    Dates become seconds, which is added to `units`.
+    """
     fast = _all_numbers(lines, split, width, comma)
     if fast is not None:
         return dict(zip(names, fast.T, strict=True)), {}, 0
@@ -178,11 +181,11 @@ def _columns(
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         else:
-            times = _clock(cells)
+            times = seconds_of_dates(cells)
             if times is None:
                 text[name] = np.array([cell.strip().strip('"') for cell in cells], dtype=object)
             else:
-                columns[name] = times
+                columns[name], units[name] = times, "s"
     return columns, text, len(rows) - len(good)
 
 
@@ -202,17 +205,6 @@ def _all_numbers(
     except ValueError:
         return None
     return values if values.shape[1] == width else None
-
-
-def _clock(cells: Sequence[str]) -> F | None:
-    """Seconds since the first cell, of dates and times in ISO form; None where a cell is none."""
-    try:
-        times = [
-            datetime.fromisoformat(cell.strip().strip('"').replace("/", "-")) for cell in cells
-        ]
-        return np.array([(time - times[0]).total_seconds() for time in times])
-    except (ValueError, TypeError):  # no dates, or some of them with a time zone
-        return None
 
 
 def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]]) -> bool:
