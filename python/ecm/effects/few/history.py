@@ -81,6 +81,8 @@ def _needs_unloading(table: Table) -> Missing | None:
     lacking = needs_time(table)
     if lacking is not None:
         return lacking
+    if not table.wrench_columns:
+        return Missing("no wrench column", "a force or a torque", absent=True)
     load = _load(table.matrix(table.wrench_columns), table.wrench_columns)
     below = largest_so_far(table, load) > 1.05 * load
     if int(below.sum()) < _LEAST_BELOW:
