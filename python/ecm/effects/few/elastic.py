@@ -48,7 +48,7 @@ class Kink(PairEffect):
     id = "kink"
     physics = "From some pose on the stiffness is another: a stop, a bumper, a slack part."
     outside = LookAlike(
-        "anything that begins at one pose: a second body, a cable that becomes tight, a fold of the skin",
+        "anything that begins at one pose: a second body, a cable that becomes tight, a fold",
         "what touches there, seen by eye; the same poses with that part taken off",
     )
     signature = "a straight piece on either side of one pose"
@@ -96,7 +96,7 @@ class DeadZone(PairEffect):
     id = "dead_zone"
     physics = "Around one pose the mechanism is slack."
     outside = LookAlike(
-        "anything that hides small changes: play of the joint, a threshold or dead band of the sensor",
+        "anything that hides small changes: play of a joint, a dead band of the sensor",
         "small steps both ways inside the zone, with a second sensor or by hand",
     )
     signature = "a flat piece between two straight ones"
