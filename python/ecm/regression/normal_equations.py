@@ -16,6 +16,8 @@ import numpy as np
 from ecm.io.arrays import F, I
 
 RIDGE = 1e-10
+_ROUNDING = 1e-12
+"""Share of a column's square below which what other rows leave of it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +96,24 @@ class NormalEquations:
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
             rows, response = own.rows[inside], self.response[inside]
-            theta = solve(matrix - rows.T @ rows, vector - response @ rows)
+            theta = solve(*difference((matrix, vector), (rows.T @ rows, response @ rows)))
             left = (response - rows @ theta) ** 2
             result += np.bincount(group[inside], left, len(result))
         return np.where(scored > 0.0, result, 0.0)
+
+
+def difference(whole: tuple[F, F], part: tuple[F, F]) -> tuple[F, F]:
+    """Return matrix and vector of all rows less those of some of them.
+
+    A column that is zero in all other rows leaves rounding errors, which a fit would divide by each
+    other: it is set to zero.
+    """
+    matrix, vector = whole[0] - part[0], whole[1] - part[1]
+    lost = np.diag(matrix) <= _ROUNDING * np.diag(whole[0])
+    matrix[lost] = 0.0
+    matrix[:, lost] = 0.0
+    vector[lost] = 0.0
+    return matrix, vector
 
 
 def solve(matrix: F, vector: F) -> F:
