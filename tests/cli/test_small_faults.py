@@ -118,3 +118,22 @@ def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(
         ecm.export(model, "c", tmp_path)
     assert list(tmp_path.iterdir()) == []
     assert ecm.export(model, "c", tmp_path, force=True).folding == 36.0
+
+
+def test_a_folded_model_without_a_control_loop_is_refused_as_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mechanism that pushes away has no loop; how much folding changes it must not be lost."""
+    poses = np.random.default_rng(2).normal(size=(60, 6)) * [1e-3, 1e-3, 1e-3, 0.05, 0.05, 0.05]
+    wrenches = -poses * [3000.0, 3000.0, 3000.0, 1.0, 1.0, 1.0]
+    columns = np.hstack([poses, wrenches]).T
+    model = ecm.fit(ecm.as_table(dict(zip((*POSE, *WRENCH), columns, strict=True))), "linear")
+    folded = export_module.__globals__["_mechanism_alone"]
+    monkeypatch.setitem(
+        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:3], 36.0)
+    )
+    with pytest.raises(InputError, match="36 times the measurement noise"):
+        ecm.export(model, "c", tmp_path)
+    assert any(
+        "No control loop" in note for note in ecm.export(model, "c", tmp_path, force=True).notes
+    )

@@ -15,6 +15,7 @@ from ecm.effects import effects_for, get_effect, with_shape
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
+from ecm.regression.derived import derived_columns
 from support.campaigns import campaign
 from support.one_angle import NOISE_NM, bouc_wen, one_angle
 
@@ -134,3 +135,19 @@ def test_one_angle_may_have_a_polynomial_of_degree_nine() -> None:
         ecm.fit(two, "poly:9")
     with pytest.raises(InputError, match="10"):
         ecm.fit(table, "poly:10")
+
+
+@pytest.mark.parametrize("size", [3.0, 30.0])
+def test_a_setting_that_acts_strongly_is_still_a_cause(size: float) -> None:
+    """It follows from pose and reading nearly as well as a column that was computed from them."""
+    random, n = np.random.default_rng(3), 200
+    time = 2.0 * np.arange(n)
+    angle = 0.3 * np.sin(0.13 * time) + 0.1 * np.sin(0.031 * time)
+    slider = np.repeat(random.uniform(0.0, 1.0, 20), 10)
+    torque = 4.0 * angle + size * slider + 0.02 * random.standard_normal(n)
+    columns = {"time_s": time, "theta_z_rad": angle, "tau_z_Nm": torque}
+    table = ecm.Table(columns | {"slider": slider, "reading": np.round(torque, 2)})
+    pair = (("theta_z_rad",), ("tau_z_Nm",))
+    assert derived_columns(table, *pair) == ("reading",)
+    found = ecm.diagnose(ecm.fit(table.drop("reading"), "linear"), table)
+    assert found.answer == (("unused_column",),), found.sentence()

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.regression.noise import Noise
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 
@@ -48,7 +51,9 @@ def test_each_model_gets_an_answer_of_its_own() -> None:
         assert own["as_given"]["rmse"] == pytest.approx(found.rmse.before)
         assert own["base_errors"]["rmse"] == pytest.approx(found.rmse.base)
         assert "N m" in own["sentence"]
-        assert f"another base, {own['base']}" in own["sentence"]
+        is_own = own["base"] == found.model.name
+        other = f"{own['base']} fitted to them" if is_own else f"another base, {own['base']}"
+        assert other in own["sentence"]
 
 
 def test_aprils_model_on_mays_data() -> None:
@@ -110,3 +115,45 @@ def test_a_model_that_holds_an_effect_is_judged_with_it() -> None:
     better = plain.add("temperature_modulus").fit(heated)
     assert diagnose(plain, heated).model.missing
     assert not diagnose(better, heated).model.missing
+
+
+def test_the_noise_that_is_given_judges_the_model_as_well() -> None:
+    table, known = measured(7), Noise(source="declared", components=(3.0,) * 3 + (0.1,) * 3)
+    given = model("linear")
+    found = diagnose(given, table, noise=known)
+    assert found.model.as_given.over_noise == pytest.approx(
+        compare(given, table, noise=known).whitened_rms
+    )
+
+
+def one_angle(torque: F, time: F, angle: F) -> Table:
+    return as_table({"time_s": time, "theta_z_rad": angle, "tau_z_Nm": torque})
+
+
+def test_a_model_of_the_form_of_the_base_lacks_what_the_base_lacks() -> None:
+    time = 2.0 * np.arange(200)
+    angle: F = 0.3 * np.sin(0.13 * time) + 0.1 * np.sin(0.031 * time)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(200)
+    plain = 4.0 * angle + 9.0 * angle**3 + noise
+    hum = one_angle(plain + 0.05 * np.sin(2.0 * np.pi * time / 7.3), time, angle)
+    found = diagnose(fit_model(hum, "cubic"), hum)
+    assert found.verdict == "unknown"
+    assert found.model.answer == "effect"
+    assert "fits these data" not in found.sentence()
+    text = "\n".join(paragraphs(found.to_dict()))
+    assert "period 7.3 s: p = " in text
+    assert "own error" not in text
+    assert "draft of an effect" not in text
+    reversed_ = one_angle(-plain, time, angle)
+    said = diagnose(fit_model(one_angle(plain, time, angle), "cubic"), reversed_).sentence()
+    assert "A sign is likely reversed" in said
+
+
+def test_a_table_that_is_misread_lacks_no_effect() -> None:
+    given, table = model("linear"), measured(8)
+    turned = table.with_columns({name: -table.column(name) for name in WRENCH[3:]})
+    found = diagnose(given, turned)
+    assert found.verdict == "unknown"
+    assert found.model.answer == "table"
+    assert "effect is missing" not in found.sentence()
+    assert "no known effect explains" not in found.sentence()

@@ -139,3 +139,22 @@ def test_check_says_samples_and_whole_turns() -> None:
     )
     row = int(np.argmin(np.diff(angle))) + 2
     assert f"theta_z_rad jumps by a whole turn at row(s) {row}" in str(ecm.check(table))
+
+
+def test_whole_turns_are_of_one_run_and_numbered_as_in_the_file(tmp_path: Path) -> None:
+    """The next run may begin at another angle; rows that were left out keep their numbers."""
+    time = np.tile(0.01 * np.arange(200), 2)
+    run = np.repeat([1.0, 2.0], 200)
+    angle = np.where(run == 1.0, 3.0, -3.0) + 0.01 * np.sin(time)
+    columns = {"time_s": time, "theta_z_rad": angle, "tau_z_Nm": angle, "run": run}
+    table = ecm.Table(columns, meta={"file": {"kind": "continuous"}})
+    assert "whole turn" not in str(ecm.check(table))
+    turned = angle.copy()
+    turned[300:] *= -1.0
+    path = tmp_path / "runs.csv"
+    rows = np.stack([*(columns | {"theta_z_rad": turned}).values()], axis=1)
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="")
+    path.with_suffix(".toml").write_text(
+        '[file]\nkind = "continuous"\n[leave_out]\nstart_up = "1-20"\n', encoding="utf-8"
+    )
+    assert "at row(s) 301:" in str(ecm.check(path))

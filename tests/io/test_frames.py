@@ -170,3 +170,15 @@ def test_a_position_in_the_robots_base_is_no_millimetre(base: dict[str, F]) -> N
     same(read(columns, mechanism={"length_m": 0.1}, frames=said), base)
     with pytest.raises(ecm.InputError, match="millimetres"):
         read(base | {"y_m": base["y_m"] * 1e3}, mechanism={"length_m": 0.1})
+
+
+def test_a_tool_that_points_straight_down_is_no_mistake(base: dict[str, F]) -> None:
+    """Turns about y of a tool that is turned by half a turn about x are half turns themselves."""
+    down = Motion(Rotation.from_quat([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
+    angles = np.linspace(-0.2, 0.2, ROWS)
+    flat = base | {"theta_x_rad": 0.0 * angles, "theta_y_rad": angles, "theta_z_rad": 0.0 * angles}
+    columns = log_of(flat, tops(flat) @ down)
+    assert (np.linalg.norm([columns[name] for name in POSE[3:]], axis=0) >= np.pi).any()
+    same(read(columns, frames={"top_from_tool": down.toml()}), flat)
+    with pytest.raises(ecm.InputError, match="less than pi"):
+        read(columns)

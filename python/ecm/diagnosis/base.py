@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ecm.diagnosis.decision import Decision
+from ecm.diagnosis.held_out import held_out_rms
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.errors import ModelError
 from ecm.io.columns import POSE, WRENCH
-from ecm.models.by_degree import polynomial, symmetric_energy
+from ecm.models.by_degree import energy_of_unlike_ends, polynomial, symmetric_energy
 from ecm.models.fit import fit_model
+from ecm.models.joint_fit import joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import FREE, PhysicsMap
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.model import Model
+
+_FAR = 2.0
+"""Error over the noise, with all that was named, from which the body is doubted."""
+_BETTER = 0.5
+"""Share of the error that another body must leave at most to be taken instead."""
 
 
 def choose_base(model: Model, table: Table) -> StiffnessMap:
@@ -31,3 +44,36 @@ def choose_base(model: Model, table: Table) -> StiffnessMap:
     if full and table.meta.length_m is not None:
         return symmetric_energy(table)
     return polynomial(table)
+
+
+def base_of_unlike_ends(problem: Problem, named: Sequence[Candidate]) -> StiffnessMap | None:
+    """Return the energy of a body whose ends differ, where it fits far better by itself.
+
+    The symmetric energy takes both ends of the body as alike. On a tapered one, effects would be
+    named that imitate a part of the difference.
+
+    Parameters
+    ----------
+    problem
+        Against a symmetric energy; None is returned for any other base.
+    named
+        The accepted effects; None is returned where they leave little.
+    """
+    if problem.base.kind != "energy" or held_out_rms(problem, named) < _FAR:
+        return None
+    try:
+        base = energy_of_unlike_ends(problem.table)
+        fit = joint_fit(base, (), problem.table, problem.noise, row_weights=problem.weights)
+    except ModelError:
+        # Fewer rows than coefficients.
+        return None
+    freedom = problem.size - fit.design.shape[2]
+    squares = (fit.whitened**2).sum(axis=1) @ problem.weights
+    alone = held_out_rms(problem, ())
+    return base if freedom > 0 and np.sqrt(squares / freedom) < _BETTER * alone else None
+
+
+def leaves_far_less(other: Decision, first: Decision) -> bool:
+    """Whether base and effects of another decision leave far less on held-out rows."""
+    left, before = (held_out_rms(d.problem, d.accepted.effects) for d in (other, first))
+    return left < _BETTER * before

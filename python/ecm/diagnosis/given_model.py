@@ -31,11 +31,14 @@ if TYPE_CHECKING:
     from ecm.io.table import Table
     from ecm.models.model import Model
 
-Answer = Literal["fits", "numbers", "form", "effect"]
+Answer = Literal["fits", "numbers", "form", "effect", "table"]
 _MOST_ROWS = 1000
 """Rows that a refit of the same kind uses."""
 _SCALED = 0.25
 """One factor explains a misfit where it leaves at most this share of its squares."""
+
+_MOST_SCALE = 50.0
+"""Beyond this factor on the wrench, or its inverse, it is rather a unit than a specimen."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,8 @@ class GivenModel:
 
     name: str
     answer: Answer
-    """It fits; its numbers are wrong; its form is too plain; or an effect is missing."""
+    """It fits; its numbers are wrong; its form is too plain; an effect is missing; or the table is
+    stated wrongly."""
     gate: StructureTest
     """Test of its residual as it stands."""
     as_given: Errors
@@ -100,12 +104,14 @@ class GivenModel:
         else:
             text = f"{self.name} fits these data: it errs {self.as_given}"
         if not self.is_base:
-            text += f"; names are against another base, {self.base}, which errs {self.base_errors}"
+            own = self.base == self.name
+            other = f"{self.base} fitted to them" if own else f"another base, {self.base}"
+            text += f"; names are against {other}, which errs {self.base_errors}"
         return f"{text}.{self._advice()}"
 
     def _advice(self) -> str:
         again = "" if self.refitted is None else f" it errs {self.refitted}"
-        if self.answer == "fits":
+        if self.answer in ("fits", "table"):
             return ""
         if self.answer == "effect":
             return (
@@ -118,16 +124,26 @@ class GivenModel:
         if not again:
             return " The base fits: its numbers or its form are wrong; fit it again."
         factor = "" if self.scale is None else f", the wrench is {self.scale:.3g} times its own"
-        return (
-            f" Refitted on them{again}: its form is fine, its numbers are not{factor}. Another "
-            "specimen, scale or frame: fit it again."
-        )
+        cause = "Another specimen, scale or frame: fit it again."
+        if self.scale is not None and self.scale < 0.0:
+            cause = "A sign is likely reversed: mend it in the data."
+        elif self.scale is not None and not 1.0 / _MOST_SCALE < self.scale < _MOST_SCALE:
+            cause = "A unit is likely wrong: mend it in the data; else fit the model again."
+        return f" Refitted on them{again}: its form is fine, its numbers are not{factor}. {cause}"
 
 
-def judge_given_model(model: Model, decision: Decision) -> GivenModel:
-    """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong."""
+def judge_given_model(
+    model: Model, decision: Decision, *, noise: Noise | None = None
+) -> GivenModel:
+    """Compare the model with the rows of a diagnosis, refit its kind, and say what is wrong.
+
+    Parameters
+    ----------
+    noise
+        Noise of the rows, where the user gave it.
+    """
     problem, prepared = decision.problem, decision.prepared
-    result = compare(model, prepared.table)
+    result = compare(model, prepared.table, noise=noise)
     same = isinstance(model.base, PhysicsMap) and isinstance(problem.base, PhysicsMap)
     noise, scored = result.noise, problem.scored
     of_base = np.sqrt((problem.fit.residual[scored] ** 2).mean(axis=0))
@@ -146,7 +162,13 @@ def judge_given_model(model: Model, decision: Decision) -> GivenModel:
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
     if again is not None and accepted and alike:
         after = _errors(joint_fit(again.base, accepted, again.rows.table, noise), noise)
+    # Of the same form as the base, what the base lacks the model lacks as well.
+    lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
     answer = _answer(result.missing, refitted is not None and not still, decision)
+    if lacks_the_same:
+        answer = "effect"
+    if result.missing and decision.unknown is not None and decision.unknown.misread:
+        answer = "table"
     return GivenModel(
         name=model.name,
         answer=answer,

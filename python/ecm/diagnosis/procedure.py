@@ -22,7 +22,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 from ecm.diagnosis.accept import Accepted, accept, fullest_forms
-from ecm.diagnosis.base import choose_base
+from ecm.diagnosis.base import base_of_unlike_ends, choose_base, leaves_far_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.gate import Gate, Leftover, gate, leftover
@@ -47,6 +47,12 @@ if TYPE_CHECKING:
     from ecm.io.table import MetaLike, Table, TableLike
     from ecm.models.maps import StiffnessMap
     from ecm.models.model import Model
+
+_UNLIKE_ENDS = (
+    "the ends of the body differ, or something acts along its axis: an energy that takes the ends "
+    "as alike leaves more than twice the error, whatever is named; names are against one of "
+    "revolution; fit energy6-revolution"
+)
 
 
 @dataclass(frozen=True)
@@ -165,7 +171,7 @@ def diagnose(
         settings=settings,
         stages=stages,
     )
-    return report(decision, model, seed)
+    return report(decision, model, seed, noise=noise)
 
 
 @one_blas_thread()
@@ -199,7 +205,14 @@ def find_missing(
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)
 
     decision = against(choose_base(model, prepared.table.drop(*prepared.padding)))
-    if misread(decision) or not may_be_another_body(decision):
+    if misread(decision):
+        return decision
+    if decision.verdict != "none":
+        other = base_of_unlike_ends(decision.problem, decision.accepted.effects)
+        again = None if other is None else against(other)
+        if again is not None and leaves_far_less(again, decision):
+            return replace(again, warnings=(_UNLIKE_ENDS,))
+    if not may_be_another_body(decision):
         return decision
     return against_energy(decision, against(symmetric_energy(prepared.unexplained)), stages)
 

@@ -19,6 +19,7 @@ from ecm.diagnosis.given_model import judge_given_model
 from ecm.diagnosis.held_out import held_out_by_fold, held_out_rms, kind_of
 from ecm.diagnosis.next_experiment import next_experiments
 from ecm.diagnosis.noise_effects import tested_noise
+from ecm.diagnosis.preparation import Prepared
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.refinement import refinements
 from ecm.diagnosis.result import (
@@ -39,10 +40,13 @@ from ecm.models.model import Model
 from ecm.regression.derived import derived_columns
 from ecm.regression.f_test import FTest
 from ecm.regression.folds import held_out_by
+from ecm.regression.noise import Noise
 from ecm.regression.thinning import HOW, RowsUsed
 
 
-def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
+def report(
+    decision: Decision, model: Model, seed: int = 0, *, noise: Noise | None = None
+) -> Diagnosis:
     """Work out the sizes, limits, errors and experiments of a decision.
 
     Parameters
@@ -51,6 +55,8 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         The model that was diagnosed; gives the errors before.
     seed
         Seed that the decision was made with.
+    noise
+        Noise of the rows, where the user gave it.
     """
     problem, prepared = decision.problem, decision.prepared
     accepted = decision.accepted.effects
@@ -65,7 +71,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
     tested = tuple(effect.id for effect in tested_noise(problem, prepared.effects))
     return Diagnosis(
         seed=seed,
-        model=judge_given_model(model, decision),
+        model=judge_given_model(model, decision, noise=noise),
         base=BaseSummary(problem.base.kind, problem.base_error),
         noise=NoiseSummary(problem.noise, decision.noise_effects, tested),
         gate=decision.gate,
@@ -95,7 +101,7 @@ def report(decision: Decision, model: Model, seed: int = 0) -> Diagnosis:
         refinements=refinements(problem, accepted),
         warnings=(
             *padding_sentences(prepared.padding),
-            *_warnings(problem, prepared.copies),
+            *_warnings(problem, prepared),
             *decision.warnings,
         ),
     )
@@ -216,7 +222,7 @@ def _component_errors(
     )
 
 
-def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
+def _warnings(problem: Problem, prepared: Prepared) -> tuple[str, ...]:
     own = (problem.table, problem.base.inputs, problem.base.outputs)
     warnings = [run.sentence() for run in run_outliers(*own)]
     if derived := derived_columns(*own):
@@ -227,9 +233,9 @@ def _warnings(problem: Problem, copies: int) -> tuple[str, ...]:
         warnings.append(
             f"{' and '.join(together)} and time cannot be separated: rows come in that order"
         )
-    if silent := never_excited(problem.table):
+    if silent := never_excited(prepared.table):
         warnings.append(f"never excited: {', '.join(silent)}: nothing can be said about it")
-    if copies:
+    if copies := prepared.copies:
         warnings.append(f"{copies} rows repeat an earlier row to the last digit: left out")
     if late := time_unit(problem.table):
         warnings.append(late)

@@ -197,8 +197,11 @@ class Diagnosis:
             nearest = self.unknown.nearest if self.unknown else None
             near = f"; nearest is {nearest.id} ({nearest.share:.0%})" if nearest else ""
             words = self.unknown.words if self.unknown else ""
-            if self.unknown is not None and self.unknown.statement is not None:
-                return f"The table looks misread: {words}."
+            if self.unknown is not None and self.unknown.misread:
+                first = "Something is stated wrongly"
+                if self.unknown.statement is not None:
+                    first = "The table looks misread"
+                return f"{first}: {words}."
             listed = ", ".join(item.id for item in self.effects)
             already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."

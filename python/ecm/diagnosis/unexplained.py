@@ -36,9 +36,11 @@ class Unknown:
     words: str
     nearest: Nearest | None
     template: str = field(metadata={"json": "skeleton"})
-    """Python text of an effect that a user may complete."""
+    """Python text of an effect that a user may complete; empty where no effect would help."""
     statement: WrongStatement | None = field(default=None, metadata={"optional": True})
     """A reading of the table that fits far better than the one that was stated."""
+    misread: bool = False
+    """Whether the words say what looks wrong with the table: a unit, a sign, an axis."""
     pattern: Pattern | None = field(default=None, metadata={"optional": True})
     """What the residual follows that no smooth function shows."""
 

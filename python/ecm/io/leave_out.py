@@ -16,6 +16,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.raw_table import RawTable
+from ecm.io.toml import parse_toml, write_toml
 
 _SHOWN = 6
 
@@ -69,7 +70,7 @@ def without_rows(
 ) -> tuple[RawTable, I, tuple[str, ...]]:
     """Return the cells of the rows that stay, their numbers from 1, and a sentence of the others.
 
-    InputError for a row that the table does not have.
+    InputError for a row that the table does not have, and where no row stays.
     """
     size = len(raw.numbers)
     every = np.arange(1, size + 1, dtype=np.int64)
@@ -83,6 +84,11 @@ def without_rows(
             "Delete [leave_out] in the description, or run ecm check --leave-out anew."
         )
     kept = np.setdiff1d(every, rows, assume_unique=True)
+    if size and not len(kept):
+        raise InputError(
+            f"{source}: [leave_out] names every one of the {size} rows. Correct it in the "
+            "description."
+        )
     columns = tuple(
         cells[kept - 1] if isinstance(cells, np.ndarray) else [cells[i - 1] for i in kept]
         for cells in raw.columns
@@ -98,6 +104,11 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
 
     Everything else stays as it was written, comments too.
 
+    Raises
+    ------
+    InputError
+        Where the text has `leave_out` in another form than a section.
+
     Examples
     --------
     >>> print(with_leave_out("[scene]  # lab", {"clipped": "3-9"}))
@@ -110,10 +121,14 @@ def with_leave_out(text: str, leave_out: Mapping[str, str]) -> str:
     kept, own = [], False
     for line in text.splitlines():
         if line.strip().startswith("["):
-            own = line.strip().startswith("[leave_out]")
-        if not own:
+            own = re.match(r"\s*\[\s*leave_out\s*\]", line) is not None
+        if not own or line.strip().startswith("#"):
             kept.append(line)
     head = "\n".join(kept).rstrip()
-    entries = [f'{reason} = "{ranges}"' for reason, ranges in leave_out.items()]
-    section = "\n".join(["[leave_out]", *entries]) if entries else ""
+    if "leave_out" in parse_toml(head, "[leave_out]", "description of a table"):
+        raise InputError(
+            "leave_out is written in another form than a section: write it as [leave_out] with one "
+            'line for each reason, e.g. coffee = "1-3"'
+        )
+    section = write_toml({"leave_out": dict(leave_out)}).rstrip() if leave_out else ""
     return "\n\n".join(part for part in (head, section) if part) + "\n"

@@ -17,12 +17,16 @@ _parser = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else 
 
 def read_toml(path: Path, what: str = "TOML file") -> dict[str, Any]:
     """Read a TOML file; InputError names file and line where it cannot be read."""
-    text = read_text(path, what)
+    return parse_toml(read_text(path, what), str(path), what)
+
+
+def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
+    """Return what a TOML text says; InputError with the place `where` for other text."""
     try:
         document: dict[str, Any] = _parser.loads(text)
     except ValueError as error:  # TOMLDecodeError; its message carries line and column
         raise InputError(
-            f"{path}: this {what} is no valid TOML: {error}. Correct that place; "
+            f"{where}: this {what} is no valid TOML: {error}. Correct that place; "
             "'ecm new config|rig|data' writes a valid example."
         ) from None
     return document

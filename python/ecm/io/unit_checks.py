@@ -18,6 +18,8 @@ _LARGEST_LENGTHS = 5.0
 """Largest position in lengths of the mechanism."""
 _LARGEST_REACH_M = 3.0
 """Largest position in a robot's or a camera's own frame."""
+_ROUNDING = 1e-6
+"""By how much a rotation vector of half a turn may be longer in a robot's own frame, rad."""
 _FEW_ROWS = 0.1
 """If a smaller share of rows exceeds the limit, these rows are wrong; else the unit is."""
 
@@ -32,16 +34,22 @@ def check_positions(
             _check_column(name, columns[name], rows, limit_m, errors)
 
 
-def check_rotations(columns: Mapping[str, F], rows: I, errors: RowErrors) -> None:
-    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong."""
+def check_rotations(
+    columns: Mapping[str, F], rows: I, errors: RowErrors, *, in_own_frames: bool = False
+) -> None:
+    """Add rotation vectors of pi and more to `errors`; InputError if the unit seems wrong.
+
+    In frames of the log half a turn is usual: a robot's tool that points down.
+    """
+    longest = math.pi + (_ROUNDING if in_own_frames else 0.0)
     for name in POSE[3:]:
         if name in columns:
-            _check_column(name, columns[name], rows, math.pi, errors)
+            _check_column(name, columns[name], rows, longest, errors)
     if not all(name in columns for name in POSE[3:]):
         return
     theta = np.column_stack([columns[name][rows] for name in POSE[3:]])
     angles = np.sqrt(sum(values**2 for values in theta.T))
-    for i in np.flatnonzero((angles >= math.pi) & (np.abs(theta) <= math.pi).all(axis=1)):
+    for i in np.flatnonzero((angles >= longest) & (np.abs(theta) <= longest).all(axis=1)):
         turn = f"a rotation vector of {angles[i]:.4g} rad"
         errors.add(int(rows[i]), "", turn, "less than pi (the shorter way round)")
 

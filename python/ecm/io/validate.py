@@ -62,10 +62,12 @@ def validated_columns(
         _check_whole(name, values, errors)
         columns[name] = values
     numeric = {name: column for name, column in columns.items() if name not in TEXT}
-    check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
+    rows = np.flatnonzero(_good(columns, numbers, errors))
+    check_rotations(numeric, rows, errors, in_own_frames=meta.frames.moves_pose)
     if not meta.frames.empty:
         columns |= to_base(columns, meta.frames, meta.instrument.top_from_sensor, source)
         numeric = {name: column for name, column in columns.items() if name not in TEXT}
+        check_rotations(numeric, np.flatnonzero(_good(columns, numbers, errors)), errors)
     rows = np.flatnonzero(_good(columns, numbers, errors))
     check_positions(numeric, rows, meta.length_m, errors)
     warnings += _check_time(columns, numbers, errors)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -27,13 +29,14 @@ def read_parquet_log(path: Path) -> Log:
 def read_numpy(path: Path) -> Log:
     """Read NPZ, or NPY with names (a structured array) or with columns."""
     try:
-        loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            arrays = {n: loaded[n] for n in loaded.dtype.names} if loaded.dtype.names else None
-            return log_of_arrays(arrays or {"column": loaded}, str(path))
-        with loaded:
-            return log_of_arrays({name: loaded[name] for name in loaded.files}, str(path))
-    except (OSError, ValueError, EOFError) as error:
+        with path.open("rb") as file:  # np.load leaves a damaged archive open
+            loaded = np.load(file, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                arrays = {n: loaded[n] for n in loaded.dtype.names} if loaded.dtype.names else None
+                return log_of_arrays(arrays or {"column": loaded}, str(path))
+            with loaded:
+                return log_of_arrays({name: loaded[name] for name in loaded.files}, str(path))
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(f"{path}: no readable NumPy file of plain arrays: {error}") from None
 
 
@@ -45,7 +48,7 @@ def read_matlab(path: Path) -> Log:
 
     try:
         content = loadmat(path, simplify_cells=True)
-    except (OSError, ValueError, NotImplementedError, TypeError) as error:
+    except (OSError, ValueError, NotImplementedError, TypeError, zlib.error) as error:
         raise InputError(f"{path}: no readable MAT file: {error}") from None
     return log_of_arrays(dict(_leaves(content, "", 0)), str(path))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -99,6 +99,8 @@ class ImportedLog:
     def write(self, path: str | Path) -> None:
         """Write NAME.csv and NAME.toml beside it, each complete or not at all."""
         target = Path(path)
+        if target.resolve() == Path(self.source).resolve():
+            raise InputError(f"{target} is the log itself; give the table another name")
         if target.suffix != ".csv":
             raise InputError(f"{target}: tables are written as CSV; give a name that ends in .csv")
         with uninterrupted():
@@ -169,20 +171,27 @@ def import_log(
     table, words, notes, usable = _converted(raw, mapped, source)
     _finish_angles(table, notes)
     time_notes = _finish_time(table)
+    notes += _without_gaps(table, words, {*POSE, *mapped.columns})
     gone = np.flatnonzero(~(usable & _finite(table))) + 1
     left: dict[str, str] = dict(given.leave_out)
     if len(gone):
+        empty = ", ".join(
+            name for name, values in table.items() if not _finite({name: values}).all()
+        )
         if len(gone) == len(usable):
-            raise InputError(f"{source}: no row holds a number in every column; see --map")
+            raise InputError(
+                f"{source}: no row holds numbers and a rotation in every column: there are none in "
+                f"{empty}. Say which columns hold the readings: --map NAME=COLUMN, --rotation "
+                "WORD:COLUMN,..."
+            )
         if not leave_out:
             raise InputError(
-                f"{source}: {len(gone)} of {len(usable)} rows hold no number or no rotation: rows "
-                f"{shown_ranges(gone.tolist())}. Leave them out with --leave-out, which records it."
+                f"{source}: {len(gone)} of {len(usable)} rows hold no number or no rotation in "
+                f"{empty}: rows {shown_ranges(gone.tolist())}. Leave them out with --leave-out, "
+                "which records it."
             )
         left["unreadable"] = row_ranges(gone.tolist())
         notes.append(f"left out {len(gone)} rows without numbers: {shown_ranges(gone.tolist())}")
-        table = {name: np.where(np.isnan(v), 0.0, v) if name not in MAY_BE_EMPTY else v
-                 for name, v in table.items()}  # fmt: skip
     every = (*raw.notes, *notes, *time_notes)
     origin = {"source": source, "sha256": digest} | words | {"notes": list(every)}
     described = replace(given, file=_file(table, given.file), leave_out=left, origin=origin)
@@ -252,6 +261,10 @@ def _converted(
             "Name what is one: --map NAME=COLUMN:UNIT, for example --map theta_z_rad=COLUMN:deg "
             f"(names: {', '.join((*POSE, *WRENCH))}, time_s)"
         )
+    for what, group in (("pose", POSE), ("wrench", WRENCH)):
+        if not any(name in found for name in group):
+            notes.append(f"no {what} was found by name: say --map NAME=COLUMN:UNIT, for example "
+                         f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
     order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
     names = sorted(found, key=lambda name: order.get(name, len(order)))
     return {name: found[name] for name in names}, words, notes, usable
@@ -265,18 +278,24 @@ def _ranges(log: Log) -> str:
 
 def _words(entry: Source) -> str:
     unit = entry.unit
+    if unit.word == "" and unit.dimension in ("time", "temperature"):
+        assumed = "s" if unit.dimension == "time" else "degC"
+        return f"{entry.column}, no unit stated, taken as {assumed}"
     factor = "" if unit.factor == 1.0 else f" * {unit.factor:.6g}"
     offset = "" if unit.offset == 0.0 else f" {'+-'[unit.offset < 0]} {abs(unit.offset):.6g}"
     return f"{entry.column}{factor}{offset}"
 
 
 def _finish_angles(table: dict[str, NDArray[Any]], notes: list[str]) -> None:
-    """Unwrap a single angle that jumps by a whole turn, as encoders and arctangents do."""
+    """Unwrap a single angle that jumps by a whole turn, as encoders from 0 to 360 degrees do.
+
+    Readings within half a turn stay: poses at rest may follow each other with larger steps.
+    """
     angles = [name for name in POSE[3:] if name in table]
     if len(angles) != 1:
         return
     values = table[angles[0]]
-    if not np.isfinite(values).all():
+    if not np.isfinite(values).all() or np.abs(values).max() <= math.pi:
         return
     unwrapped = np.unwrap(values)
     turns = 2.0 * math.pi * np.round(np.median(unwrapped) / (2.0 * math.pi))
@@ -291,10 +310,11 @@ def _finish_time(table: dict[str, NDArray[Any]]) -> list[str]:
     if "time_s" not in table:
         return []
     time, notes = table["time_s"], []
-    if np.nanmin(np.abs(time)) > _EPOCH_S:
-        scale = 10.0 ** (3 * max(0, round((math.log10(np.nanmedian(time)) - 9.2) / 3)))
-        time = (time - np.nanmin(time)) / scale
-        notes.append(f"time counts from an epoch in {'s' if scale == 1 else f's/{scale:g}'}")
+    known = time[np.isfinite(time)]
+    if len(known) and known.min() > _EPOCH_S:
+        power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
+        time = (time - known.min()) / 10.0 ** (3 * power)
+        notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
     back = np.flatnonzero(np.diff(time) < 0.0) + 1
     again = back[time[back] <= time[0] + 0.1 * np.nanmax(time)] if len(back) else back
     if len(back) and len(again) == len(back) and "run" not in table:
@@ -304,6 +324,26 @@ def _finish_time(table: dict[str, NDArray[Any]]) -> list[str]:
         rows = shown_ranges((back + 1).tolist())
         notes.append(f"time begins again at row {rows}: {len(back) + 1} runs")
     table["time_s"] = time
+    return notes
+
+
+def _without_gaps(
+    table: dict[str, NDArray[Any]], words: dict[str, str], wanted: Collection[str]
+) -> list[str]:
+    """Take out the user's own columns that are empty in rows which hold everything else.
+
+    A column that nobody asked for must not cost rows.
+    """
+    full = _finite({name: values for name, values in table.items() if name in wanted})
+    notes = []
+    for name in [name for name in table if name not in wanted and name not in MAY_BE_EMPTY]:
+        gaps = int((full & ~_finite({name: table[name]})).sum())
+        if gaps:
+            del table[name], words[name]
+            notes.append(
+                f"column '{name}' has no number in {gaps} rows and was left aside; "
+                f"--map {name}=COLUMN keeps it"
+            )
     return notes
 
 

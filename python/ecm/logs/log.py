@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -53,28 +55,25 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     The number of rows is the length that most numbers share. Arrays of another length, and scalars,
     are left aside and noted. InputError where nothing has rows.
     """
-    parts = {name: np.asarray(value) for name, value in arrays.items()}
-    parts = {name: _as_rows(value) for name, value in parts.items()}
-    sizes: dict[int, int] = {}
-    for value in parts.values():
-        if value.ndim and len(value) > 1:
-            sizes[len(value)] = sizes.get(len(value), 0) + int(np.prod(value.shape[1:]))
-    if not sizes:
+    parts = {name: _as_rows(_array(name, value, source)) for name, value in arrays.items()}
+    rows = _row_count(list(parts.values()))
+    if rows is None:
         raise InputError(
             f"{source}: no array with rows was found (names: {', '.join(list(parts)[:10]) or '-'})"
         )
-    rows = max(sizes, key=lambda size: (sizes[size], size))
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
+    units: dict[str, str] = {}
     aside: list[str] = []
     for name, value in parts.items():
         own = np.moveaxis(value, -1, 0) if value.ndim > 1 and len(value) != rows else value
         if own.ndim == 0 or len(own) != rows or np.prod(own.shape[1:]) > MOST_COMPONENTS:
             aside.append(f"{name} {value.shape}" if value.ndim else name)
         elif own.dtype.kind in "OUS" and own.ndim == 1:
-            _add_cells(name, own, columns, text)
-        elif own.dtype.kind == "M":
-            columns[name] = (own - own[0]) / np.timedelta64(1, "ns") * 1e-9
+            _add_cells(name, own, columns, text, units)
+        elif own.dtype.kind in "Mm":
+            begin = np.fmin.reduce(own) if own.dtype.kind == "M" else np.timedelta64(0, "ns")
+            columns[name], units[name] = (own - begin) / np.timedelta64(1, "ns") * 1e-9, "s"
         elif own.dtype.kind in "fiub":
             values = own.astype(np.float64).reshape(rows, -1).T
             for index, part in zip(np.ndindex(own.shape[1:]), values, strict=True):
@@ -85,7 +84,63 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     if aside:
         shown = ", ".join(aside[:8]) + (", ..." if len(aside) > 8 else "")
         notes = (f"left aside, because they have not {rows} rows of numbers: {shown}",)
-    return Log(columns, text, {}, notes)
+    return Log(columns, text, units, notes)
+
+
+def _row_count(arrays: Sequence[NDArray[Any]]) -> int | None:
+    """The number of rows: the length that most arrays have, along their first or last axis."""
+    count: dict[int, int] = {}
+    along_first: dict[int, int] = {}
+    for value in arrays:
+        for size in {value.shape[0], value.shape[-1]} if value.ndim else ():
+            count[size] = count.get(size, 0) + 1
+        if value.ndim:
+            size = len(value)
+            along_first[size] = along_first.get(size, 0) + int(np.prod(value.shape[1:]))
+    # (6, N) arrays alone: more components than a pose can have are rows.
+    return max(
+        (size for size in count if size > 1),
+        key=lambda size: (count[size], size > MOST_COMPONENTS, along_first.get(size, 0), size),
+        default=None,
+    )
+
+
+def seconds_of_dates(cells: Sequence[Any]) -> F | None:
+    """Seconds since the first of dates, or of ISO text of dates; None where a cell is none.
+
+    Examples
+    --------
+    >>> seconds_of_dates(["2026-03-05 10:00:00", "2026-03-05 10:00:01.5"])
+    array([0. , 1.5])
+    """
+    try:
+        times = [
+            cell if isinstance(cell, datetime) else
+            datetime.fromisoformat(cell.strip().strip('"').replace("/", "-"))
+            for cell in cells
+        ]  # fmt: skip
+        return np.array([(time - times[0]).total_seconds() for time in times])
+    except (ValueError, TypeError, AttributeError):  # no dates, or only some with a time zone
+        return None
+
+
+def unique_name(name: str, taken: Collection[str]) -> str:
+    """Return the name, or the first of NAME_2, NAME_3, ... that is not taken.
+
+    Examples
+    --------
+    >>> unique_name("a", ["a", "a_2"])
+    'a_3'
+    """
+    numbered = (f"{name}_{i}" for i in itertools.count(2))
+    return name if name not in taken else next(n for n in numbered if n not in taken)
+
+
+def _array(name: str, value: Any, source: str) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise InputError(f"{source}: '{name}' has rows of different lengths") from None
 
 
 def _as_rows(value: NDArray[Any]) -> NDArray[Any]:
@@ -98,8 +153,13 @@ def _add_cells(
     cells: NDArray[Any],
     columns: dict[str, F],
     text: dict[str, NDArray[np.object_]],
+    units: dict[str, str],
 ) -> None:
     try:
         columns[name] = np.array([np.nan if c is None or c == "" else float(c) for c in cells])
     except (TypeError, ValueError):
-        text[name] = np.array([str(cell) for cell in cells], dtype=object)
+        times = seconds_of_dates(cells.tolist())
+        if times is None:
+            text[name] = np.array([str(cell) for cell in cells], dtype=object)
+        else:
+            columns[name], units[name] = times, "s"

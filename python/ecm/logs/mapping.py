@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
 from ecm.io.toml import did_you_mean
-from ecm.logs.log import Log
+from ecm.logs.log import Log, unique_name
 from ecm.logs.names import Named, Reading, read_name
 from ecm.logs.rotations import COUNT, check_rotation_word
 from ecm.logs.units import Unit, find_unit
@@ -114,18 +114,20 @@ def propose(log: Log, wishes: Wishes, source: str) -> ColumnMap:
             )
         if readings and not standards and readings[0].quantity in _WITHOUT_AXIS:
             _ask_axis(name, readings[0], source)
-        for standard in standards:
+        for standard in standards - wishes.columns.keys():
             if standard in found:
                 raise InputError(
                     f"{source}: columns '{found[standard].column}' and '{name}' may both be "
                     f'{standard}. Say which: --map "{standard}={name}" or '
-                    f'--map "{standard}={found[standard].column}" (and the other with another '
-                    "name, e.g. --map reference=COLUMN)"
+                    f'--map "{standard}={found[standard].column}"'
                 )
             found[standard] = Source(name, _unit(name, standard, own, wishes))
             used.add(name)
     _ask_units(found, log, source)
-    own_names = {name: _own_name(name) for name in named if name not in used}
+    own_names: dict[str, str] = {}
+    for name in named:
+        if name not in used:
+            own_names[name] = unique_name(_own_name(name), {*own_names.values(), *found})
     return ColumnMap(found, rotation, own_names)
 
 
@@ -212,8 +214,7 @@ def _unit(column: str, standard: str, named: Named, wishes: Wishes) -> Unit:
         return named.unit
     if dimension in wishes.units:
         return wishes.units[dimension]
-    known = find_unit(_SI[dimension])
-    return known if dimension in ("time", "temperature") and known is not None else _UNSTATED
+    return Unit("", dimension) if dimension in ("time", "temperature") else _UNSTATED
 
 
 def _ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
@@ -385,7 +386,11 @@ def _columns_of(word: str, named: Mapping[str, Named], used: set[str]) -> list[s
             parts = [_part(named[name], kind) for name in columns]
             if kind == "quaternion" and "w" in parts and word == "xyzw":
                 return [*columns[1:], columns[0]]
+            if word == "columns":  # one after the other as in the log, whatever their indices
+                return [name for name in named if name in columns]
             if kind in ("euler", "rotation", "rotvec") and word not in COUNT:
+                if len(set(word.lower())) < 3:  # ZYZ: no name says which turn about z is meant
+                    return []
                 by_axis = dict(zip("xyz", columns, strict=True))
                 return [by_axis[axis] for axis in word.lower() if axis in by_axis]
             return columns

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 from ecm.io.columns import is_standard
-from ecm.logs.units import Unit, find_unit
+from ecm.logs.units import Unit, find_unit, is_other_unit
 
 DIMENSION = {
     "position": "length",
@@ -81,6 +81,12 @@ _IGNORED = frozenset(
     | {"joint", "the", "of", "in", "about", "component"}
 )
 """Words that say where or how something was measured, not what."""
+_NOT_MEASURED = frozenset(
+    {"error", "err", "limit", "commanded", "command", "cmd", "target", "desired", "setpoint"}
+    | {"reference", "ref", "std", "sd", "sigma", "variance", "max", "min", "bias", "tare", "arm"}
+    | {"velocity", "speed", "rate", "acceleration"}
+)
+"""Words of numbers that belong to a pose or wrench but are no reading of it."""
 
 
 def read_name(name: str, unit_word: str = "") -> Named:
@@ -100,17 +106,23 @@ def read_name(name: str, unit_word: str = "") -> Named:
     (Reading(quantity='force', part='x'), 4.4482216152605)
     >>> [reading.quantity for reading in read_name("tx").readings]
     ['position', 'torque']
+    >>> read_name("Force X (V)").readings, read_name("Force X limit").readings
+    ((), ())
     """
     if is_standard(name):
         return Named((Reading("standard", name),))
     unit = find_unit(unit_word) if unit_word else None
     bracket = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*", name)
     if bracket is not None and bracket[1]:
+        unit_word = unit_word or bracket[2]
         name, unit = bracket[1], unit or find_unit(bracket[2])
     comma = re.fullmatch(r"(.*\w)\s*,\s*([^,]+)", name)
     if comma is not None and find_unit(comma[2]) is not None:
         name, unit = comma[1], unit or find_unit(comma[2])
     tokens = _tokens(name)
+    last = tokens[-1] if len(tokens) > 1 else ""
+    if _NOT_MEASURED.intersection(tokens) or is_other_unit(unit_word) or is_other_unit(last):
+        return Named(())
     for size in (2, 1):
         found = find_unit("".join(tokens[-size:])) if len(tokens) > size else None
         readings = _readings(tokens[:-size]) if found is not None else ()
@@ -133,6 +145,7 @@ def _tokens(name: str) -> list[str]:
 
 
 def _readings(tokens: list[str]) -> tuple[Reading, ...]:
+    labview = tokens == ["x", "value"]  # LabVIEW's first column, which mostly is time
     tokens = [token for token in tokens if token not in _IGNORED] or tokens[-1:]
     joined = "".join(tokens)
     if joined in _CLINICAL:
@@ -144,7 +157,8 @@ def _readings(tokens: list[str]) -> tuple[Reading, ...]:
             return (Reading("clinical", _CLINICAL[token]),)
     stem, part = _split_axis(tokens)
     if stem in ("", "own") and part in ("x", "y", "z"):
-        return (Reading("position", part),)
+        position = (Reading("position", part),)
+        return (Reading("time"), *position) if labview else position
     found = [Reading(q, part) for q in _quantities(stem) if _fits(q, part)]
     if stem == "t" and part:
         return (Reading("position", part), Reading("torque", part))

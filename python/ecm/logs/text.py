@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,14 @@ from numpy.typing import NDArray
 
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.logs.log import Log
-from ecm.logs.units import find_unit
+from ecm.logs.log import Log, seconds_of_dates, unique_name
+from ecm.logs.units import find_unit, is_other_unit
 
 _SAMPLE = 400
 """Lines from which separator and first row of numbers are found."""
 _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
+_REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
+"""Names of a last column that has no cells in most rows, as LabVIEW writes it."""
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
@@ -28,10 +29,11 @@ def read_text_log(path: Path) -> Log:
     kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
-    comma = word != "commas" and _has_decimal_comma(kept[begin : begin + _SAMPLE], split)
-    above = [_of_width(split(line), width) for line in kept[:begin]]
+    comma = word != "commas" and _has_decimal_comma(kept[begin:], split)
+    remarks = begin > 0 and _ends_with_remark(split(kept[begin - 1]), width)
+    above = [_of_width(split(line), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
-    columns, text, bad = _columns(kept[begin:], split, width, comma, names)
+    columns, text, bad = _columns(kept[begin:], split, width, comma, names, remarks, units)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
     if len(kept[:begin]) > bool(above) + bool(units):
         notes.append(f"{begin} line(s) above the numbers")
@@ -63,13 +65,19 @@ def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str
         if not counts:
             continue
         width = max(set(counts), key=lambda n: (counts.count(n), n))
-        shares = [
-            sum(_is_number(c, word != "commas") for c in row) / width if len(row) == width else 0.0
-            for row in cells
-        ]
+        shares = [_share(row, word) if len(row) == width else 0.0 for row in cells]
         late = shares[len(shares) // 2 :]
         typical = float(np.median(late))
-        begin = next((i for i, s in enumerate(shares) if s >= 0.5 and s >= 0.8 * typical), None)
+        least = max(0.5, 0.8 * typical)
+        begin = next(
+            (
+                i
+                for i, (row, share) in enumerate(zip(cells, shares, strict=True))
+                if share >= least
+                or (len(row) == width + 1 and _share(row[:-1], word) >= least)  # with a remark
+            ),
+            None,
+        )
         if begin is None or typical <= 0.0:
             continue
         score = sum(late) / len(late) + 1e-3 * width
@@ -83,6 +91,11 @@ def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str
     return best[1], _SEPARATORS[best[1]], best[2], best[3]
 
 
+def _share(cells: list[str], word: str) -> float:
+    """Share of the cells that are numbers."""
+    return sum(_is_number(cell, word != "commas") for cell in cells) / len(cells)
+
+
 def _header(
     above: list[list[str]],
     comments: list[str],
@@ -91,6 +104,8 @@ def _header(
 ) -> tuple[list[str], dict[str, str]]:
     """Names and units from the lines above the numbers, else from the last comment."""
     rows = [row for row in above if len(row) == width]
+    without_numbers = [row for row in rows if not any(_is_number(cell, True) for cell in row)]
+    rows = without_numbers or rows
     unit_row: list[str] = []
     if len(rows) > 1 and _is_unit_row(rows[-1]):
         unit_row = rows.pop()
@@ -106,9 +121,8 @@ def _header(
     ]
     names = names or [f"column_{i + 1}" for i in range(width)]
     for i, name in enumerate(names):
-        if name in names[:i]:
-            names[i] = f"{name}_{i + 1}"
-    units = {n: u for n, u in zip(names, unit_row, strict=False) if find_unit(u) is not None}
+        names[i] = unique_name(name, names[:i])
+    units = {n: u for n, u in zip(names, unit_row, strict=False) if _is_unit(u)}
     return names, units
 
 
@@ -132,10 +146,14 @@ def _grouped(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
 
 
 def _is_unit_row(cells: Sequence[str]) -> bool:
-    """Whether a line holds units: each cell a unit, empty or `-`, and one of them a unit."""
+    """Whether a line holds units: each cell a unit, empty or `-`, and one of them known here."""
     words = [cell.strip().strip('[]()"') for cell in cells]
-    known = [find_unit(word) is not None for word in words if word not in ("", "-", "1")]
-    return bool(known) and all(known)
+    stated = [word for word in words if word not in ("", "-", "1")]
+    return all(map(_is_unit, stated)) and any(find_unit(word) is not None for word in stated)
+
+
+def _is_unit(word: str) -> bool:
+    return find_unit(word) is not None or is_other_unit(word)
 
 
 def _columns(
@@ -144,12 +162,17 @@ def _columns(
     width: int,
     comma: bool,
     names: list[str],
+    remarks: bool,
+    units: dict[str, str],
 ) -> tuple[dict[str, F], dict[str, NDArray[np.object_]], int]:
-    """Numbers and text by name, and the count of lines with another number of cells."""
+    """Numbers and text by name, and the count of lines with another number of cells.
+
+    Dates become seconds, which is added to `units`.
+    """
     fast = _all_numbers(lines, split, width, comma)
     if fast is not None:
         return dict(zip(names, fast.T, strict=True)), {}, 0
-    rows = [_of_width(split(line), width) for line in lines]
+    rows = [_of_width(split(line), width, remarks) for line in lines]
     good = [row for row in rows if len(row) == width]
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
@@ -158,11 +181,11 @@ def _columns(
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         else:
-            times = _clock(cells)
+            times = seconds_of_dates(cells)
             if times is None:
                 text[name] = np.array([cell.strip().strip('"') for cell in cells], dtype=object)
             else:
-                columns[name] = times
+                columns[name], units[name] = times, "s"
     return columns, text, len(rows) - len(good)
 
 
@@ -184,19 +207,10 @@ def _all_numbers(
     return values if values.shape[1] == width else None
 
 
-def _clock(cells: Sequence[str]) -> F | None:
-    """Seconds since the first cell, of dates and times in ISO form; None where a cell is none."""
-    try:
-        times = [
-            datetime.fromisoformat(cell.strip().strip('"').replace("/", "-")) for cell in cells
-        ]
-    except ValueError:
-        return None
-    return np.array([(time - times[0]).total_seconds() for time in times])
-
-
 def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]]) -> bool:
-    return any(_DECIMAL_COMMA.match(cell.strip()) for line in lines for cell in split(line))
+    return any(
+        _DECIMAL_COMMA.match(cell.strip()) for line in lines if "," in line for cell in split(line)
+    )
 
 
 def _is_number(cell: str, comma: bool) -> bool:
@@ -219,9 +233,16 @@ def _quoted_split(line: str) -> list[str]:
     return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
 
 
-def _of_width(cells: list[str], width: int) -> list[str]:
-    """The cells, without an empty one at the end where they are one too many."""
-    return cells if len(cells) == width else _trimmed(cells)
+def _ends_with_remark(cells: list[str], width: int) -> bool:
+    """Whether a line of names has one more, for a remark that most rows do not have."""
+    return len(cells) == width + 1 and cells[-1].strip().lower() in _REMARKS
+
+
+def _of_width(cells: list[str], width: int, remarks: bool) -> list[str]:
+    """The cells, without one at the end that is empty or a remark where they are one too many."""
+    if len(cells) == width:
+        return cells
+    return cells[:width] if remarks and len(cells) == width + 1 else _trimmed(cells)
 
 
 def _trimmed(cells: list[str]) -> list[str]:

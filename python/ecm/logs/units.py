@@ -75,6 +75,14 @@ _LOWER = {word.lower(): unit for word, unit in reversed(_UNITS.items())}
 _SI = ("m", "rad", "N", "Nm", "s", "degC")
 
 
+_OTHER = frozenset(
+    {"v", "mv", "uv", "kg", "g", "mg", "pa", "kpa", "mpa", "gpa", "bar", "psi", "hz", "khz", "rpm"}
+    | {"counts", "count", "cts", "pulses", "digits", "steps", "pixel", "pixels", "db", "lsb"}
+    | {"pct", "percent"}
+)
+"""Units of what is neither pose, wrench, time nor temperature."""
+
+
 def find_unit(word: str) -> Unit | None:
     """Return the unit of a word such as `N mm`, `N*mm`, `Nmm` or `[deg]`; None for no unit.
 
@@ -82,6 +90,18 @@ def find_unit(word: str) -> Unit | None:
     """
     squeezed = re.sub(r"[\s.*·_^()\[\]-]", "", word)
     return _UNITS.get(squeezed) or _LOWER.get(squeezed.lower())
+
+
+def is_other_unit(word: str) -> bool:
+    """Whether a word is a unit of something else, such as V, kg or mm/s.
+
+    Examples
+    --------
+    >>> is_other_unit("mm/s"), is_other_unit("kg"), is_other_unit("N mm"), is_other_unit("raw")
+    (True, True, False, False)
+    """
+    text = word.strip(" []()").lower()
+    return find_unit(text) is None and (text in _OTHER or any(sign in text for sign in "/%²³"))
 
 
 def given_units(words: Sequence[str]) -> dict[str, Unit]:

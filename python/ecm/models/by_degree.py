@@ -20,6 +20,11 @@ def symmetric_energy(table: Table) -> StiffnessMap:
     return _by_degree(table, [EnergyModel(degree) for degree in (4, 5, 6)])
 
 
+def energy_of_unlike_ends(table: Table) -> StiffnessMap:
+    """The energy of revolution, whose ends may differ, of the degree that the rows can carry."""
+    return _by_degree(table, [EnergyModel(degree, "revolution") for degree in (4, 5, 6)])
+
+
 def polynomial(table: Table) -> StiffnessMap:
     """The free polynomial of the degree that the rows can carry."""
     return _by_degree(table, [PolynomialModel(degree) for degree in (1, 2, 3)])

@@ -147,7 +147,8 @@ def export_files(
     try:
         designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
     except InputError as error:
-        return Exported(files, (*notes, f"No control loop: {error}."), left_out)
+        without = (*notes, f"No control loop: {error}.")
+        return Exported(files, without, left_out, folding=folding)
     if designed.holds.any():
         files |= loop_file(designed, target, name, precision)
     return Exported(files, (*notes, *designed.sentences()), left_out, designed, folding)

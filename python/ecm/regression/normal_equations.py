@@ -16,8 +16,8 @@ import numpy as np
 from ecm.io.arrays import F, I
 
 RIDGE = 1e-10
-_ROUNDING = 1e-12
-"""Share of a column's square below which what other rows leave of it is rounding."""
+_LEAST_SEEN = 1e-9
+"""Share of a column's squares that the other rows must hold; below it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def difference(whole: tuple[F, F], part: tuple[F, F]) -> tuple[F, F]:
     other: it is set to zero.
     """
     matrix, vector = whole[0] - part[0], whole[1] - part[1]
-    lost = np.diag(matrix) <= _ROUNDING * np.diag(whole[0])
+    lost = np.diag(matrix) <= _LEAST_SEEN * np.diag(whole[0])
     matrix[lost] = 0.0
     matrix[:, lost] = 0.0
     vector[lost] = 0.0

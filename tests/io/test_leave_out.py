@@ -1,0 +1,34 @@
+"""`[leave_out]` in a description that a user wrote by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from ecm import InputError, as_table
+from ecm.io.leave_out import with_leave_out
+from ecm.io.toml import parse_toml
+
+
+def test_reasons_of_the_users_own_words_and_comments_stay_readable() -> None:
+    text = (
+        '[file]\nkind = "continuous"\n[ leave_out ]  # mine\n"spilled coffee" = "1-3"\n'
+        "# the bench of room 3\n[scene]\npayload_mass_kg = 0.5\n"
+    )
+    found = with_leave_out(text, {"clipped": "7", "spilled coffee": "1-3"})
+    assert parse_toml(found, "here", "text") == {
+        "file": {"kind": "continuous"},
+        "scene": {"payload_mass_kg": 0.5},
+        "leave_out": {"clipped": "7", "spilled coffee": "1-3"},
+    }
+    assert "# the bench of room 3\n[scene]" in found
+
+
+@pytest.mark.parametrize("text", ['leave_out.coffee = "1-3"\n', 'leave_out = {coffee = "1"}\n'])
+def test_another_form_is_refused_before_anything_is_written(text: str) -> None:
+    with pytest.raises(InputError, match=r"write it as \[leave_out\]"):
+        with_leave_out(text, {"clipped": "7"})
+
+
+def test_a_description_that_leaves_out_every_row_is_told_so() -> None:
+    with pytest.raises(InputError, match="names every one of the 2 rows"):
+        as_table({"x_m": [0.0, 1e-3]}, meta={"leave_out": {"all": "1-2"}})

@@ -1,0 +1,192 @@
+"""Logs as strangers have them: nothing is read as what it is not, and nothing is lost unsaid."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+import ecm
+from ecm import import_log
+from ecm.io.columns import POSE
+
+ANGLE = np.linspace(-1.0, 1.0, 12)
+JOINT = {"theta_z_rad": ANGLE, "tau_z_Nm": 2.0 * ANGLE}
+
+
+def test_labview_with_two_header_blocks_and_a_comment(tmp_path: Path) -> None:
+    head = [
+        "LabVIEW Measurement\t", "Decimal_Separator\t,", "***End_of_Header***\t", "\t",
+        "Channels\t2\t\t", "Samples\t3\t3\t", "Y_Unit_Label\tMillimeters\tNewtons\t",
+        "X_Dimension\tTime\tTime\t", "X0\t0,0E+0\t0,0E+0\t", "***End_of_Header***\t\t\t",
+        "X_Value\tDisplacement\tForce\tComment",
+    ]  # fmt: skip
+    rows = [f"0,{i:02d}\t{i},5\t1{i},0" for i in range(30)]
+    rows[0] += "\tstart"
+    path = tmp_path / "bench.lvm"
+    path.write_text("\r\n".join(head + rows), encoding="latin-1")
+    imported = import_log(path, units=["mm", "N"], axis="y")
+    assert imported.table["time_s"].tolist() == [i / 100 for i in range(30)]
+    assert np.allclose(imported.table["y_m"], 1e-3 * (np.arange(30) + 0.5))
+    assert imported.table["fy_N"][:3].tolist() == [10.0, 11.0, 12.0]
+    with pytest.raises(ecm.InputError, match="'X_Value' may be time_s or x_m"):
+        import_log({"X_Value": ANGLE, "Force_X": ANGLE}, units=["SI"])
+
+
+@pytest.mark.parametrize(
+    "name", ["Fx (V)", "Load x [kg]", "Force X limit", "Force X error", "x (mm/s)"]
+)
+def test_other_units_and_set_points_are_no_reading(name: str) -> None:
+    imported = import_log({**JOINT, name: ANGLE}, units=["SI"])
+    assert not imported.table.has("fx_N")
+    assert not imported.table.has("x_m")
+    assert imported.table.covariates
+
+
+def test_a_row_of_units_with_units_of_other_quantities(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    rows = "".join(f"{i}\t{i}\t{i}\t{i}\n" for i in range(9))
+    path.write_text("Time\tAngle\tTorque\tLoad x\ns\tdeg\tN mm\tV\n" + rows)
+    table = import_log(path, axis="z").table
+    assert np.allclose(table["theta_z_rad"], np.radians(np.arange(9.0)))
+    assert np.allclose(table["tau_z_Nm"], 1e-3 * np.arange(9.0))
+    assert not table.has("fx_N")
+
+
+def test_decimal_commas_that_begin_late(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    rest = "".join(f"{i};0;0\n" for i in range(450))
+    path.write_text("time_s;theta_z_rad;tau_z_Nm\n" + rest + "450;0,25;0,5\n")
+    assert import_log(path).table["theta_z_rad"][-1] == 0.25
+
+
+def test_no_column_is_lost_to_another_of_nearly_the_same_name() -> None:
+    table = import_log(
+        {**JOINT, "A b": ANGLE, "a_b": ANGLE**2, "温度": ANGLE, "压力": -ANGLE}
+    ).table
+    assert len(table.covariates) == 4
+
+
+def test_map_decides_between_two_columns() -> None:
+    log = {"Fx (N)": [1.0, 2.0], "force x [N]": [3.0, 4.0], "x_m": [0.0, 1e-3]}
+    table = import_log(log, columns={"fx_N": "force x [N]"}).table
+    assert table["fx_N"].tolist() == [3.0, 4.0]
+    assert [table[name].tolist() for name in table.covariates] == [[1.0, 2.0]]
+
+
+def test_an_own_column_with_gaps_costs_no_rows_and_bad_cells_are_named() -> None:
+    gaps = np.where(np.arange(12) % 3 == 0, np.nan, ANGLE)
+    imported = import_log({**JOINT, "junk": gaps})
+    assert len(imported.table) == 12
+    assert "column 'junk' has no number in 4 rows" in str(imported)
+    with pytest.raises(ecm.InputError, match="in junk: rows 1, 4, 7, 10"):
+        import_log({**JOINT, "junk": gaps}, columns={"junk": "junk"})
+
+
+def test_rows_left_out_hold_no_zeros_that_somebody_may_take_back(tmp_path: Path) -> None:
+    log = {**JOINT, "theta_z_rad": np.r_[np.nan, ANGLE[1:]]}
+    import_log(log, leave_out=True).write(tmp_path / "t.csv")
+    assert len(ecm.read_table(tmp_path / "t.csv")) == 11
+    (tmp_path / "t.toml").unlink()
+    with pytest.raises(ecm.InputError, match="theta_z_rad"):
+        ecm.read_table(tmp_path / "t.csv")
+
+
+def test_a_hinge_that_moves_by_more_than_half_a_turn_is_not_unwrapped() -> None:
+    swing = np.tile([2.0, -2.0], 6)
+    assert import_log({**JOINT, "theta_z_rad": swing}).table["theta_z_rad"].tolist() == [*swing]
+
+
+def test_a_time_without_unit_is_said_to_be_in_seconds() -> None:
+    assert "time, no unit stated, taken as s" in str(import_log({**JOINT, "time": ANGLE + 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("bad.npz", b"PK\3\4garbage"),
+        ("bad.mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0f\0\0\0\xff\0\0\0" + b"z" * 90),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ecm.InputError, match="no readable"):
+        import_log(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        {**JOINT, "time": -2e9 + np.arange(12.0)},
+        {**JOINT, "time": np.full(12, np.nan)},
+        {"theta_z_rad": [[1.0], [1.0, 2.0]], "tau_z_Nm": [1.0, 2.0]},
+    ],
+)
+def test_odd_arrays_end_in_a_table_or_in_words(log: dict[str, Any]) -> None:
+    with contextlib.suppress(ecm.InputError):
+        assert len(import_log(log).table) == 12
+
+
+def test_dates_of_which_some_have_a_time_zone_are_left_aside(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "time,theta_z_rad,tau_z_Nm\n2026-03-05T10:00:00+00:00,0,0\n"
+        "2026-03-05T10:00:01,1,1\n2026-03-05T10:00:02,1,2\n"
+    )
+    assert "'time' is text" in str(import_log(path))
+
+
+def test_what_names_do_not_decide_about_a_rotation() -> None:
+    turn = Rotation.from_rotvec(np.random.default_rng(0).normal(size=(9, 3)) * 0.4)
+    matrix, angles = turn.as_matrix(), turn.as_euler("ZYZ")
+    by_columns = {f"R{i}{j}": matrix[:, i, j] for j in range(3) for i in range(3)}
+    force = {"fx_N": np.arange(9.0)}
+    table = import_log({**by_columns, **force}, rotation="columns").table
+    assert np.allclose(table.matrix(POSE[3:]), turn.as_rotvec())
+    euler = {f"r{axis}_rad": angles[:, i] for i, axis in enumerate("xyz")}
+    with pytest.raises(ecm.InputError, match="--rotation ZYZ:COLUMN"):
+        import_log({**euler, **force}, rotation="ZYZ")
+    listed = import_log({**euler, **force}, rotation="ZYZ:rx_rad,ry_rad,rz_rad").table
+    assert np.allclose(listed.matrix(POSE[3:]), turn.as_rotvec())
+
+
+def test_a_log_without_pose_or_wrench_is_told_so() -> None:
+    assert "no pose was found by name" in str(import_log({"yaw_deg": ANGLE, "fx_N": ANGLE}))
+    assert "no wrench was found by name" in str(import_log({"x_m": ANGLE, "Fx (V)": ANGLE}))
+
+
+def test_a_log_is_not_overwritten_by_its_own_table(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("x (mm),Fx (N)\n1,2\n2,3\n")
+    with pytest.raises(ecm.InputError, match="is the log itself"):
+        import_log(path).write(path)
+    assert path.read_text().startswith("x (mm)")
+    assert not path.with_suffix(".toml").exists()
+
+
+def test_components_along_the_first_axis() -> None:
+    force = np.arange(60.0).reshape(3, 20)
+    log = {"F": force, "x_m": np.linspace(0.0, 0.01, 20)}
+    assert np.array_equal(import_log(log, units=["SI"]).table["fy_N"], force[1])
+
+
+def test_dates_of_frames_and_parquet_are_times(tmp_path: Path) -> None:
+    frame = pd.DataFrame(JOINT)
+    stamps = pd.Series(pd.date_range("2026-03-05 10:00", periods=12, freq="500ms"))
+    frame.assign(t=stamps).to_parquet(tmp_path / "log.parquet")
+    frame.assign(t=stamps).to_csv(tmp_path / "log.csv", index=False)
+    for log in (
+        frame.assign(t=stamps),
+        frame.assign(t=stamps.dt.tz_localize("Europe/Berlin")),
+        frame.assign(t=stamps - stamps[0]),
+        tmp_path / "log.parquet",
+        tmp_path / "log.csv",
+    ):
+        imported = import_log(log)
+        assert np.allclose(imported.table["time_s"], 0.5 * np.arange(12))
+        assert "no unit" not in str(imported)
