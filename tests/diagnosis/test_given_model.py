@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose
 from ecm.io.arrays import F
@@ -139,6 +140,10 @@ def test_a_model_of_the_form_of_the_base_lacks_what_the_base_lacks() -> None:
     assert found.verdict == "unknown"
     assert found.model.answer == "effect"
     assert "fits these data" not in found.sentence()
+    text = "\n".join(paragraphs(found.to_dict()))
+    assert "period 7.3 s: p = " in text
+    assert "own error" not in text
+    assert "draft of an effect" not in text
     reversed_ = one_angle(-plain, time, angle)
     said = diagnose(fit_model(one_angle(plain, time, angle), "cubic"), reversed_).sentence()
     assert "A sign is likely reversed" in said

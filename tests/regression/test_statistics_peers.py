@@ -234,3 +234,17 @@ def test_lack_of_fit_of_a_robust_row_is_left_out() -> None:
     found = lack_of_fit(left[:, None], cells, 2, keep * 1.0)
     assert found is not None
     assert pytest.approx(means.compare_f_test(line)[0], rel=1e-9) == found.F
+
+
+def test_a_column_of_one_fold_alone_stays_at_zero_when_it_is_held_out() -> None:
+    """Of its squares only rounding is left outside; divided by it the error was beyond 1e300."""
+    random, n = np.random.default_rng(0), 600
+    response, groups = random.standard_normal((n, 3)), np.arange(n) // 7
+    fold = (np.arange(groups[-1] + 1) * 5) // (groups[-1] + 1)
+    design = random.standard_normal((n, 3, 2))
+    design[:, :, 1] *= (fold[groups] == 0)[:, None]
+    equations = NormalEquations.of(design, response, groups)
+    every = np.ones(len(fold))
+    both = equations.held_out([0, 1], fold, every)
+    alone = equations.held_out([0], fold, every)
+    assert both[fold == 0] == pytest.approx(alone[fold == 0])

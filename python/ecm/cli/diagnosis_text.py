@@ -50,10 +50,15 @@ def paragraphs(document: Mapping[str, Any]) -> Iterator[str]:
 
 def _basis(document: Mapping[str, Any]) -> str:
     base, gate = document["base"], document["gate"]
+    own = f", its own error {base['error_over_noise']:.2f} times the noise"
+    if document["noise"].get("is_residual"):
+        own = ""
+    pattern = (document["unknown"] or {}).get("pattern")
     return (
-        f"base: {base['kind']}, its own error {base['error_over_noise']:.2f} times the noise; "
+        f"base: {base['kind']}{own}; "
         f"noise: {noise_words(document['noise'])}; "
         f"lack of fit: F = {gate['F']:.3g}, p = {gate['p']:.2g}"
+        + ("" if pattern is None else f"; {pattern['words']}: p = {pattern['p']:.2g}")
     )
 
 

@@ -74,13 +74,20 @@ def verdict(
     wrong = _wrong_statement(problem, accepted) if gate.rejected else None
     if wrong is not None:
         unknown = describe(problem, problem.response, (), gate.structure)
-        said = replace(unknown, words=wrong.sentence(), nearest=None, statement=wrong, misread=True)
+        said = replace(
+            unknown,
+            words=wrong.sentence(),
+            nearest=None,
+            statement=wrong,
+            misread=True,
+            template="",
+        )
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
     strange = modulus_warning(problem) or sign_warning(problem)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
-        said = replace(unknown, words=strange, nearest=None, misread=True)
+        said = replace(unknown, words=strange, nearest=None, misread=True, template="")
         return Verdict("unknown", nothing, said)
     noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
     if accepted.effects and not left.remains and not noisy and not mountain:
@@ -92,7 +99,9 @@ def verdict(
             return Verdict("none", accepted, None)
         unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
         seen = replace(unknown, words=pattern.words, variables=(pattern.variable,), nearest=None)
-        return Verdict("unknown", accepted, replace(seen, relevance={}, pattern=pattern))
+        return Verdict(
+            "unknown", accepted, replace(seen, relevance={}, template="", pattern=pattern)
+        )
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     if noisy:

@@ -44,7 +44,11 @@ def _rests_on(document: Mapping[str, Any]) -> TableBlock:
     base, gate = document["base"], document["gate"]
     rows = [
         ["base", base["kind"]],
-        ["the base's own error over the noise", f"{base['error_over_noise']:.2f}"],
+        *(
+            []
+            if document["noise"].get("is_residual")
+            else [["the base's own error over the noise", f"{base['error_over_noise']:.2f}"]]
+        ),
         ["source of the noise", noise_words(document["noise"])],
         ["lack of fit", f"F = {number(gate['F'])}, p = {number(gate['p'], 2)}"],
     ]

@@ -36,7 +36,7 @@ class Unknown:
     words: str
     nearest: Nearest | None
     template: str = field(metadata={"json": "skeleton"})
-    """Python text of an effect that a user may complete."""
+    """Python text of an effect that a user may complete; empty where no effect would help."""
     statement: WrongStatement | None = field(default=None, metadata={"optional": True})
     """A reading of the table that fits far better than the one that was stated."""
     misread: bool = False

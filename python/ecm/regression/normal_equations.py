@@ -16,6 +16,8 @@ import numpy as np
 from ecm.io.arrays import F, I
 
 RIDGE = 1e-10
+_LEAST_SEEN = 1e-9
+"""Share of a column's squares that the rows outside a fold must hold to fit it."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,11 @@ class NormalEquations:
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
             rows, response = own.rows[inside], self.response[inside]
-            theta = solve(matrix - rows.T @ rows, vector - response @ rows)
+            outside = matrix - rows.T @ rows
+            # Of a column that only this fold has, rounding is left: it stays at zero.
+            seen = np.diag(outside) > _LEAST_SEEN * np.diag(matrix)
+            theta = np.zeros(len(vector))
+            theta[seen] = solve(outside[np.ix_(seen, seen)], (vector - response @ rows)[seen])
             left = (response - rows @ theta) ** 2
             result += np.bincount(group[inside], left, len(result))
         return np.where(scored > 0.0, result, 0.0)
