@@ -190,3 +190,14 @@ def test_dates_of_frames_and_parquet_are_times(tmp_path: Path) -> None:
         imported = import_log(log)
         assert np.allclose(imported.table["time_s"], 0.5 * np.arange(12))
         assert "no unit" not in str(imported)
+
+
+@pytest.mark.parametrize("force", ["1,20{}", "1,20{}.5"])
+def test_commas_that_may_be_thousands_are_asked_about(tmp_path: Path, force: str) -> None:
+    path = tmp_path / "log.txt"
+    rows = "".join(f"{i}.5\t{i}\t{force.format(i)}\n" for i in range(9))
+    path.write_text("time_s\tx (mm)\tFx (N)\n" + rows)
+    with pytest.raises(ecm.InputError, match="may be thousands or a decimal comma"):
+        import_log(path)
+    path.write_text(path.read_text().replace(".5\t", "\t").replace("1,", "0,").replace(".5", ""))
+    assert import_log(path).table["fx_N"][1] == 0.201

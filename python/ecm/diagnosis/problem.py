@@ -19,7 +19,12 @@ from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
 from ecm.regression.f_test import omnibus_test
 from ecm.regression.folds import is_pose_row, row_groups
 from ecm.regression.noise import Noise, whiteners
-from ecm.regression.normal_equations import NormalEquations, explained_by_blocks, projected_out
+from ecm.regression.normal_equations import (
+    NormalEquations,
+    difference,
+    explained_by_blocks,
+    projected_out,
+)
 
 if TYPE_CHECKING:
     from ecm.io.table import Table
@@ -111,12 +116,9 @@ class Problem:
         """Return the problem with the normal equations of all rows but these."""
         root = np.sqrt(self.weights[rows])[:, None]
         flat = (self.design[rows] * root[:, :, None]).reshape(-1, self.design.shape[2])
-        matrix, vector = self.equations
         response = (self.response[rows] * root).ravel()
-        return replace(
-            self,
-            reduced=(matrix - flat.T @ flat / self.scale, vector - flat.T @ response / self.scale),
-        )
+        part = (flat.T @ flat / self.scale, flat.T @ response / self.scale)
+        return replace(self, reduced=difference(self.equations, part))
 
     @cached_property
     def leading(self) -> I:

@@ -58,6 +58,13 @@ class DiagnosisSettings(Checked):
     )
     # Gate and search
     level: float = setting(0.01, low=0.0, high=1.0, doc="Chance of a wrong rejection.")
+    white_level: float = setting(
+        0.001,
+        low=0.0,
+        high=1.0,
+        doc="Chance that white noise is said to follow something. It adds to that of the gate, and "
+        "what is not white shows far below it.",
+    )
     least_bic: float = setting(6.0, low=0.0, doc="Fall of BIC that a name needs.")
     material_share: float = setting(
         0.10,

@@ -60,7 +60,7 @@ def find_pattern(problem: Problem) -> Pattern | None:
     best = min(found, key=lambda item: item.p)
     p = min(1.0, best.p * len(found))
     least = max(settings.least_strength, 1.5 * problem.base_error)
-    if p >= settings.level or best.strength < least:
+    if p >= settings.white_level or best.strength < least:
         return None
     return Pattern(best.variable, best.words, p, best.strength, best.period)
 

@@ -20,6 +20,8 @@ _SAMPLE = 400
 _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
 _REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
 """Names of a last column that has no cells in most rows, as LabVIEW writes it."""
+_THOUSANDS = re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?$")
+_DECIMAL_POINT = re.compile(r"^[+-]?[\d,]*\.\d+([eE][+-]?\d+)?$")
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
@@ -29,7 +31,7 @@ def read_text_log(path: Path) -> Log:
     kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
-    comma = word != "commas" and _has_decimal_comma(kept[begin:], split)
+    comma = word != "commas" and _has_decimal_comma(kept[begin:], split, path)
     remarks = begin > 0 and _ends_with_remark(split(kept[begin - 1]), width)
     above = [_of_width(split(line), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
@@ -207,10 +209,21 @@ def _all_numbers(
     return values if values.shape[1] == width else None
 
 
-def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]]) -> bool:
-    return any(
-        _DECIMAL_COMMA.match(cell.strip()) for line in lines if "," in line for cell in split(line)
-    )
+def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]], path: Path) -> bool:
+    """Whether commas are decimal; InputError where they may separate thousands."""
+    found = ""
+    for line in lines:
+        for cell in map(str.strip, split(line) if "," in line else ()):
+            if _THOUSANDS.match(cell):
+                found = found or cell
+            elif _DECIMAL_COMMA.match(cell):
+                return True
+    if found and any(_DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line)):
+        raise InputError(
+            f"{path}: '{found}' may be thousands or a decimal comma: other cells have a decimal "
+            "point. Save the log without separators of thousands."
+        )
+    return bool(found)
 
 
 def _is_number(cell: str, comma: bool) -> bool:

@@ -17,7 +17,7 @@ from ecm.io.arrays import F, I
 
 RIDGE = 1e-10
 _LEAST_SEEN = 1e-9
-"""Share of a column's squares that the rows outside a fold must hold to fit it."""
+"""Share of a column's squares that the other rows must hold; below it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +96,24 @@ class NormalEquations:
         for fold in np.unique(fold_of_group):
             inside = np.flatnonzero((fold_of_group == fold)[group])
             rows, response = own.rows[inside], self.response[inside]
-            outside = matrix - rows.T @ rows
-            # Of a column that only this fold has, rounding is left: it stays at zero.
-            seen = np.diag(outside) > _LEAST_SEEN * np.diag(matrix)
-            theta = np.zeros(len(vector))
-            theta[seen] = solve(outside[np.ix_(seen, seen)], (vector - response @ rows)[seen])
+            theta = solve(*difference((matrix, vector), (rows.T @ rows, response @ rows)))
             left = (response - rows @ theta) ** 2
             result += np.bincount(group[inside], left, len(result))
         return np.where(scored > 0.0, result, 0.0)
+
+
+def difference(whole: tuple[F, F], part: tuple[F, F]) -> tuple[F, F]:
+    """Return matrix and vector of all rows less those of some of them.
+
+    A column that is zero in all other rows leaves rounding errors, which a fit would divide by each
+    other: it is set to zero.
+    """
+    matrix, vector = whole[0] - part[0], whole[1] - part[1]
+    lost = np.diag(matrix) <= _LEAST_SEEN * np.diag(whole[0])
+    matrix[lost] = 0.0
+    matrix[:, lost] = 0.0
+    vector[lost] = 0.0
+    return matrix, vector
 
 
 def solve(matrix: F, vector: F) -> F:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ecm.effects.few.pairs import PairEffect, needs_motion, pairs, per_pair, short, spans, split
-from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter
+from ecm.effects.protocol import Effect, LinearEffect, LookAlike, Missing, Parameter
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
@@ -47,6 +47,10 @@ class Kink(PairEffect):
 
     id = "kink"
     physics = "From some pose on the stiffness is another: a stop, a bumper, a slack part."
+    outside = LookAlike(
+        "anything that begins at one pose: a second body, a cable that becomes tight, a fold",
+        "what touches there, seen by eye; the same poses with that part taken off",
+    )
     signature = "a straight piece on either side of one pose"
     requires = (_needs_rows,)
     most_absorbed = _MOST_ABSORBED
@@ -91,6 +95,10 @@ class DeadZone(PairEffect):
 
     id = "dead_zone"
     physics = "Around one pose the mechanism is slack."
+    outside = LookAlike(
+        "anything that hides small changes: play of a joint, a dead band of the sensor",
+        "small steps both ways inside the zone, with a second sensor or by hand",
+    )
     signature = "a flat piece between two straight ones"
     requires = (_needs_rows,)
     most_absorbed = _MOST_ABSORBED
@@ -141,6 +149,10 @@ class HigherDegree(PairEffect):
 
     id = "higher_degree"
     physics = "A polynomial of a higher degree than three."
+    outside = LookAlike(
+        "any smooth law: a material that stiffens, large rotations, a sensor that is not linear",
+        "the sensor alone with known weights; a model of the mechanics in place of a polynomial",
+    )
     signature = "smooth in the pose, the same on every visit"
     requires = (_needs_rows,)
     most_absorbed = _MOST_ABSORBED
@@ -206,6 +218,10 @@ class UnusedColumn(LinearEffect):
 
     id = "unused_column"
     physics = "A column of the table that the model does not use."
+    outside = LookAlike(
+        "anything that changed together with this column: time, temperature, another operator",
+        "the same poses at two values of the column, in an order drawn by chance",
+    )
     signature = "follows that column"
     needs = "a column of one's own that varies"
     kind = "time"

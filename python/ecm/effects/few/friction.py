@@ -17,8 +17,11 @@ from ecm.effects.few.pairs import (
     short,
     spans,
 )
+from ecm.effects.friction import Hysteresis as FullHysteresis
 from ecm.effects.memory import play, slipping
+from ecm.effects.motion import ViscousDamping as FullDamping
 from ecm.effects.protocol import Effect, LinearEffect, Missing, Parameter, beside, needs_time
+from ecm.effects.robot import Backlash as FullBacklash
 from ecm.io.arrays import F
 from ecm.io.columns import unit_of
 from ecm.io.table import Table
@@ -73,6 +76,7 @@ class Hysteresis(PairEffect):
 
     id = "hysteresis"
     physics = "Internal friction: the wrench depends on the direction of motion, at any speed."
+    outside = FullHysteresis.outside
     signature = "a loop between loading and unloading that does not depend on the speed"
     needs = "time (time_s), and motion both ways"
     requires = (needs_both_ways,)
@@ -117,6 +121,7 @@ class Backlash(LinearEffect):
 
     id = "backlash"
     physics = "Play between the measured pose and the mechanism: it stays behind by the play."
+    outside = FullBacklash.outside
     signature = "the pose lags on both ways by the same path; turns around as flat steps"
     needs = "time (time_s), and motion both ways"
     requires = (needs_both_ways,)
@@ -169,6 +174,7 @@ class ViscousDamping(PairEffect):
 
     id = "viscous_damping"
     physics = "A wrench that grows with the velocity."
+    outside = FullDamping.outside
     signature = "a loop that grows with the speed"
     needs = "velocity (v_ columns), or time (time_s)"
     kind = "time"

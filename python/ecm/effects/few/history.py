@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ecm.effects.few.pairs import short
+from ecm.effects.modulus import MullinsSoftening as FullSoftening
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -18,6 +19,9 @@ from ecm.effects.protocol import (
 )
 from ecm.effects.relaxation import StressRelaxation as FullRelaxation
 from ecm.effects.relaxation import time_constants
+from ecm.effects.sensor import FtsDrift as FullDrift
+from ecm.effects.sensor import FtsOffset as FullOffset
+from ecm.effects.sensor import FtsThermalDrift as FullThermalDrift
 from ecm.io.arrays import F
 from ecm.io.columns import WRENCH, unit_of
 from ecm.io.table import Table
@@ -106,6 +110,7 @@ class MullinsSoftening(LinearEffect):
     id = "mullins_softening"
     physics = "The material is softer below the largest load that it has had."
     parameters = (Parameter("eta", "1", 0.03, -0.2, 0.9),)
+    outside = FullSoftening.outside
     signature = "first loading above later ones, only below the past maximum"
     needs = "time (time_s), and loads after larger ones"
     requires = (_needs_unloading,)
@@ -177,6 +182,7 @@ class FtsOffset(_ZeroEffect):
 
     id = "fts_offset"
     physics = "The sensor was zeroed wrongly: a constant wrench, in all rows or from one run on."
+    outside = FullOffset.outside
     signature = "constant within a run"
     needs = "unloaded readings (kind), or several runs (run)"
     requires = (_needs_two_zeros,)
@@ -210,6 +216,7 @@ class FtsDrift(_ZeroEffect):
 
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at any pose."
+    outside = FullDrift.outside
     signature = "linear in time"
     needs = "time (time_s)"
     requires = (needs_varying("time_s", 1.0),)
@@ -235,6 +242,7 @@ class FtsThermalDrift(_ZeroEffect):
 
     id = "fts_thermal_drift"
     physics = "The sensor's zero follows its temperature."
+    outside = FullThermalDrift.outside
     signature = "follows the temperature of the sensor, not the load"
     needs = "sensor_temperature_degC that varies"
     requires = (needs_varying("sensor_temperature_degC", 0.25),)

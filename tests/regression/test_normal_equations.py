@@ -1,0 +1,43 @@
+"""Normal equations without some of the rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ecm.regression.normal_equations import (
+    NormalEquations,
+    difference,
+    explained_by_blocks,
+    projected_out,
+)
+
+
+def _rows_of_one_group() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """600 rows of four columns; the last is zero but for the 50 rows of group 0."""
+    rng = np.random.default_rng(3)
+    groups = np.arange(600) % 12
+    columns = rng.normal(size=(600, 4)) * [1.0, 1e3, 1.0, 1.0 / 3.0]
+    columns[groups > 0, 3] = 0.0
+    return columns, columns[:, 0] + 0.1 * rng.normal(size=600), groups
+
+
+def test_a_column_that_only_the_removed_rows_have_explains_nothing() -> None:
+    columns, response, groups = _rows_of_one_group()
+    whole = (columns.T @ columns, columns.T @ response)
+    gone = columns[groups == 0]
+    fewer = difference(whole, (gone.T @ gone, gone.T @ response[groups == 0]))
+    left = projected_out(*fewer, [0, 1])
+    gains = explained_by_blocks(fewer, left, [(2,), (3,)])
+    assert gains[1] == 0.0
+    stay = columns[groups > 0]
+    exact = projected_out(stay.T @ stay, stay.T @ response[groups > 0], [0, 1])
+    np.testing.assert_allclose(gains[0], exact[1][2] ** 2 / exact[0][2, 2], rtol=1e-6)
+
+
+def test_a_held_out_group_with_a_column_of_its_own_is_predicted_without_it() -> None:
+    columns, response, groups = _rows_of_one_group()
+    normal = NormalEquations.of(columns[:, None, :], response[:, None], groups)
+    every = np.ones(12)
+    with_own = normal.held_out([0, 1, 2, 3], np.arange(12), every)
+    without = normal.held_out([0, 1, 2], np.arange(12), every)
+    np.testing.assert_allclose(with_own[0], without[0], rtol=1e-6)
