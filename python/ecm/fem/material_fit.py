@@ -248,7 +248,7 @@ def _fit(
                 (solid.nominal_stress(t.mode, t.stretch) - t.stress_Pa) / scale
                 for t, scale in zip(tests, scales, strict=True)
             ]
-        except _native.FemError:  # a parameter below or above every number
+        except InputError:  # a parameter below or above every number
             return np.full(rows, np.inf)
         return np.concatenate(parts)
 

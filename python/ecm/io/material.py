@@ -38,7 +38,8 @@ class Material:
     Raises
     ------
     InputError
-        For an unknown model, and for a parameter that is unknown, missing or no number.
+        For an unknown model, and for a parameter that is unknown, missing, no number or out of its
+        bounds.
 
     Examples
     --------
@@ -67,6 +68,10 @@ class Material:
                         f"material '{self.model}': {name} = {value!r}: expected a number or a "
                         "list of numbers"
                     )
+        try:
+            _native.material_moduli(self.model, self.parameters)
+        except _native.FemError as error:
+            raise InputError(f"material '{self.model}': {error}") from None
 
     @staticmethod
     def from_dict(table: Mapping[str, Any]) -> Material:
