@@ -74,9 +74,9 @@ def _of_name(name: str) -> ModelSpecification:
 
 
 def map_from_document(document: dict[str, Any]) -> StiffnessMap:
-    """Return the map of an opened model file."""
+    """Return the map of an opened model file; ValueError for a kind that is not known."""
     for family in MODELS:
         if family.kind == document["kind"]:
             return family.map_from_document(document)
     known = ", ".join(family.kind for family in MODELS)
-    raise InputError(f"model kind {document['kind']!r}: expected one of {known}")
+    raise ValueError(f"kind = {document['kind']!r} (expected one of {known})")
