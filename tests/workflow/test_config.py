@@ -39,7 +39,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
     assert read_config(tmp_path / "config.toml").mechanism == Mechanism()
     read_rig(tmp_path / "rig.toml")
     table = read_table(tmp_path / "data.csv", need="fit")
-    assert len(table) == 2
+    assert len(table) == 20
     assert table.meta.instrument.force_sd_N == 0.3
 
 
