@@ -68,9 +68,17 @@ def base_of_unlike_ends(problem: Problem, named: Sequence[Candidate]) -> Stiffne
         # Fewer rows than coefficients.
         return None
     freedom = problem.size - fit.design.shape[2]
-    squares = (fit.whitened**2).sum(axis=1) @ problem.weights
-    alone = held_out_rms(problem, ())
-    return base if freedom > 0 and np.sqrt(squares / freedom) < _BETTER * alone else None
+    if freedom <= 0:
+        return None
+    # Both on the rows of the fit: held-out rows of a ramp are extrapolation for any degree.
+    left, before = (
+        np.sqrt((whitened**2).sum(axis=1) @ problem.weights / free)
+        for whitened, free in (
+            (fit.whitened, freedom),
+            (problem.response, max(1, problem.size - len(problem.base_index))),
+        )
+    )
+    return base if left < _BETTER * before else None
 
 
 def leaves_far_less(other: Decision, first: Decision) -> bool:
