@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use ecm_doe::certificate::{CertificateSettings, continuous};
@@ -97,7 +99,7 @@ fn sound(found: Result<Design, DesignError>, n: usize) -> Result<(), TestCaseErr
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
+    #![proptest_config(common::config(150))]
 
     #[test]
     fn every_criterion_ends(

@@ -101,7 +101,7 @@ fn more_swaps_never_lower_the_determinant() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(common::config(24))]
 
     /// Exchanges only raise the determinant, the bound holds, and the value is the design's.
     #[test]

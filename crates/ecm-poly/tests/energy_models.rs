@@ -1,13 +1,14 @@
 //! Energies: recovered coefficients, symmetric Hessian, stiffness by finite differences, invariances.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_poly::arithmetic::Plain;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::energy::{EnergyTerms, Group};
 use ecm_poly::{EnergyFit, EnergyModel, Pose, Symmetry};
 use ecm_se3::stiffness::StiffnessKind;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 const LENGTH: f64 = 0.1034;
 const SCALE: [f64; 2] = [0.03, 0.8];
@@ -40,7 +41,7 @@ fn largest(m: &[[f64; 6]; 6]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(60))]
 
     #[test]
     fn stiffness_is_the_derivative_of_the_wrench(p in pose(), seed in 0.0..9.0_f64) {

@@ -1,6 +1,8 @@
 //! Fast evaluation gives what the term-by-term one gives, in double and single precision.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_poly::arithmetic::Plain;
 use ecm_poly::cubic::Cubic;
 use ecm_poly::energy::plan::{EnergyPlan, ROWS};
@@ -10,7 +12,6 @@ use ecm_se3::mid_frame::MidFrame;
 use ecm_se3::stiffness::{StiffnessKind, convert};
 use ecm_se3::{Mat6, Pose};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 fn point() -> impl Strategy<Value = [f64; 6]> {
     (
@@ -88,7 +89,7 @@ fn term_by_term(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 100, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(100))]
 
     #[test]
     fn one_pass_cubic(p in point(), seed in 0.0..9.0_f64) {

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use ecm_poly::dense::{ThinSvd, condition_number, singular_values};
 use ecm_poly::energy::groups::Group;
 use ecm_poly::metrics::{rmse, symmetric_share};
@@ -51,7 +53,7 @@ fn sound(found: Result<Vec<f64>, ModelError>) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(common::config(400))]
 
     #[test]
     fn polynomials_are_finite_or_refused(

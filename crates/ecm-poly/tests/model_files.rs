@@ -1,12 +1,13 @@
 //! Model files open as they were sealed, and not at all when anything was changed.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_poly::basis::exponents;
 use ecm_poly::energy::terms::terms;
 use ecm_poly::model_file::canonical::canonical;
 use ecm_poly::{Symmetry, open_model, seal_model};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use serde_json::{Value, json};
 
 fn polynomial() -> Value {
@@ -217,7 +218,7 @@ fn text_that_is_not_json_names_the_last_key() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(400))]
 
     #[test]
     fn a_changed_byte_is_seen(place in 0.0..1.0_f64, byte in 0u8..=255, energetic in any::<bool>()) {

@@ -1,6 +1,8 @@
 //! Every public evaluation under any numbers, finite or not: it answers or refuses, it never panics.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_poly::arithmetic::Plain;
 use ecm_poly::basis::{advance, exponents, number_of_terms};
 use ecm_poly::cubic::Cubic;
@@ -16,7 +18,6 @@ use ecm_poly::{
 use ecm_se3::stiffness::StiffnessKind;
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 
 const SYMMETRIES: [Symmetry; 3] = [Symmetry::Alike, Symmetry::Revolution, Symmetry::General];
 const KINDS: [StiffnessKind; 3] = [
@@ -64,16 +65,8 @@ fn terms() -> impl Strategy<Value = (usize, Symmetry, Vec<Group>)> {
     (degree, select(SYMMETRIES.to_vec()), groups)
 }
 
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: 150,
-        rng_seed: RngSeed::Fixed(1),
-        ..ProptestConfig::default()
-    }
-}
-
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(common::config(150))]
 
     #[test]
     fn energies(

@@ -1,12 +1,13 @@
 //! The paper's polynomials: recovery, naive agreement, Jacobian, condition numbers, methods.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_poly::basis::{exponents, number_of_terms};
 use ecm_poly::dense::singular_values;
 use ecm_poly::polynomial_model::polynomial_regressor;
 use ecm_poly::{Method, PolynomialModel};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 /// A fixed stream of numbers in [−1, 1].
 fn stream(seed: u64) -> impl FnMut() -> f64 {
@@ -199,7 +200,7 @@ fn an_input_that_never_moves_tells_nothing() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(40))]
 
     #[test]
     fn polynomials_are_found_and_differentiated(

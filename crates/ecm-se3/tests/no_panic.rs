@@ -1,13 +1,14 @@
 //! Every public function under any numbers, finite or not: it answers or refuses, it never panics.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_se3::jacobian::torque_derivative;
 use ecm_se3::mid_frame::MidFrame;
 use ecm_se3::stiffness::{StiffnessKind, convert, geometric_skew};
 use ecm_se3::*;
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 
 const KINDS: [StiffnessKind; 3] = [
     StiffnessKind::Partial,
@@ -73,7 +74,7 @@ fn all<R: Real>(p: &[R; 6], h: &[R; 6], matrix: &[[R; 6]; 6], length_m: R) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 500, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(500))]
 
     #[test]
     fn any_numbers(p in prop::array::uniform6(number()), h in prop::array::uniform6(number()),

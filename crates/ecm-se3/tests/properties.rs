@@ -1,12 +1,13 @@
 //! Group laws, finite differences and the symmetry of the three stiffnesses.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod common;
+
 use ecm_se3::linear::{apply, cross, dot, product, skew, sub, transposed};
 use ecm_se3::mid_frame::MidFrame;
 use ecm_se3::stiffness::{StiffnessKind, convert, geometric_skew};
 use ecm_se3::*;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 const LENGTH: f64 = 0.1034;
 
@@ -73,7 +74,7 @@ fn energy_wrench(pose: &Pose<f64>) -> Wrench<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(common::config(300))]
 
     #[test]
     fn rotations_are_orthogonal_and_inverted_by_minus(theta in rotation()) {

@@ -4,6 +4,8 @@
 
 use ecm_doe::InformationMatrix;
 use ecm_doe::regressor::Model;
+use proptest::prelude::ProptestConfig;
+use proptest::test_runner::RngSeed;
 
 const MULTIPLIER: u128 = 0x2360_ED05_1FC6_5DA4_4385_DF64_9FCC_F645;
 
@@ -117,4 +119,21 @@ pub fn poses(seed: u32, count: usize) -> Vec<[f64; 6]> {
         .chunks_exact(6)
         .map(|p| std::array::from_fn(|c| if c == 0 { 0.1 } else { 0.0 } + scale[c] * p[c]))
         .collect()
+}
+
+/// `cases` with the same seed in every run; with PROPTEST_CASES that many, and another seed.
+pub fn config(cases: u32) -> ProptestConfig {
+    let wanted = std::env::var("PROPTEST_CASES").ok();
+    let rng_seed = if wanted.is_some() {
+        RngSeed::Random
+    } else {
+        RngSeed::Fixed(1)
+    };
+    let cases = wanted.and_then(|n| n.parse().ok()).unwrap_or(cases);
+    ProptestConfig {
+        cases,
+        rng_seed,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }

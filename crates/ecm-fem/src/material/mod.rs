@@ -62,8 +62,9 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     fn bulk_modulus_Pa(&self) -> f64;
 }
 
+// Subnormal numbers are out: half of the smallest of them is zero.
 fn positive(name: &'static str, value: f64) -> Result<(), FemError> {
-    if value.is_finite() && value > 0.0 {
+    if value.is_normal() && value > 0.0 {
         return Ok(());
     }
     Err(FemError::Parameter {

@@ -1,6 +1,6 @@
 //! Neo-Hookean: W_d = μ/2 (J^(−2/3) I₁ − 3), μ = E / (2 (1 + ν)), κ = E / (3 (1 − 2ν)).
 
-use super::{Material, Model, Response, Volume, positive_parameters};
+use super::{Material, Model, Response, Volume, positive, positive_parameters};
 use crate::FemError;
 use crate::tensor::{Mat3, cofactor};
 
@@ -34,13 +34,7 @@ impl NeoHookean {
     /// # Errors
     /// E not positive; ν outside (0, 0.5]. At 0.5 the volume is kept exactly (κ infinite).
     pub fn new(young_modulus_Pa: f64, poisson_ratio: f64) -> Result<Self, FemError> {
-        if !(young_modulus_Pa.is_finite() && young_modulus_Pa > 0.0) {
-            return Err(FemError::Parameter {
-                name: "young_modulus_Pa",
-                value: young_modulus_Pa,
-                expected: "a positive number of Pa",
-            });
-        }
+        positive("young_modulus_Pa", young_modulus_Pa)?;
         if !(poisson_ratio > 0.0 && poisson_ratio <= 0.5) {
             return Err(FemError::Parameter {
                 name: "poisson_ratio",

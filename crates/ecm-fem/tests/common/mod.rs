@@ -3,6 +3,7 @@
 
 use ecm_fem::{Fem, Material, Mesh, NeoHookean, Quality};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 pub const COARSE: Quality = Quality::Custom {
     rings: 1,
@@ -62,11 +63,18 @@ pub fn six() -> impl Strategy<Value = [f64; 6]> {
     ]
 }
 
+/// `cases` with the same seed in every run; with PROPTEST_CASES that many, and another seed.
 pub fn config(cases: u32) -> ProptestConfig {
-    // An explicit number in the environment goes before that of the test.
-    let cases = std::env::var("PROPTEST_CASES").map_or(cases, |n| n.parse().unwrap_or(cases));
+    let wanted = std::env::var("PROPTEST_CASES").ok();
+    let rng_seed = if wanted.is_some() {
+        RngSeed::Random
+    } else {
+        RngSeed::Fixed(1)
+    };
+    let cases = wanted.and_then(|n| n.parse().ok()).unwrap_or(cases);
     ProptestConfig {
         cases,
+        rng_seed,
         failure_persistence: None,
         ..ProptestConfig::default()
     }
