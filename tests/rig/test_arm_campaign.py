@@ -21,7 +21,7 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.kept_sorties import KeptSorties
+from ecm.rig.arm.sortie_store import SortieStore
 from ecm.rig.arm.sorties import SortieResult
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
@@ -326,11 +326,11 @@ def ends_before_the_first(
     yield sorties()
 
 
-def records(campaign: RobotCampaign, kept: KeptSorties | None = None) -> list[VisitRecord]:
+def records(campaign: RobotCampaign, store: SortieStore | None = None) -> list[VisitRecord]:
     """Visits until the campaign is stopped."""
     found = []
     with suppress(Stopped):
-        for visit in campaign.lines((), 1, kept):
+        for visit in campaign.lines((), 1, store):
             found.append(visit)
     return found
 
@@ -350,7 +350,7 @@ def test_sorties_that_end_before_an_earlier_one_are_kept(cache: Path, tmp_path: 
     arguments = plan(some_poses(4, seed=3)), settings(), StandIn()
     whole = records(RobotCampaign(*arguments, folder=cache))
     campaign = RobotCampaign(*arguments, folder=cache, run=ends_before_the_first)
-    store = KeptSorties(tmp_path / "parts", campaign.identity)
+    store = SortieStore(tmp_path / "parts", campaign.identity)
     before = records(campaign, store)
     driven: list[int] = []
 
