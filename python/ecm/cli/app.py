@@ -33,7 +33,7 @@ COMMANDS = {
 }
 """Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
 
-_FILES = {"import": "import_log", "app": "browser_app"}
+_FILES = {"import": "import_log", "app": "serve"}
 """The file, and the function in it, of a command whose name is taken."""
 
 

@@ -17,8 +17,8 @@ _HOST = "127.0.0.1"
 
 
 def serve(
-    folder: Path,
-    tables: Sequence[Path] = (),
+    folder: str | Path,
+    tables: Sequence[str | Path] = (),
     *,
     model: str | None = None,
     port: int = 0,
@@ -48,12 +48,23 @@ def serve(
         Where the port is taken, or the folder has other tables.
     MissingExtra
         Where the extra `app` is not installed.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> ecm.serve("session", ["missing.csv"])
+    Traceback (most recent call last):
+    ecm.errors.InputError: missing.csv: no such file
     """
+    given = [Path(table) for table in tables]
+    for table in given:
+        if not table.is_file():
+            raise InputError(f"{table}: no such file")
     uvicorn = require("uvicorn", "app", "The server of `ecm app`")
     listening = _listen(port)
     port = listening.getsockname()[1]
-    app = App.of(folder)
-    begin(app, tables, model=model, demo=demo)
+    app = App.of(Path(folder))
+    begin(app, given, model=model, demo=demo)
     token = secrets.token_urlsafe(24)
     server = uvicorn.Server(
         uvicorn.Config(
@@ -85,8 +96,6 @@ def begin(
         app.jobs.start("campaign", {})
         return
     for i, table in enumerate(tables):
-        if not table.is_file():
-            raise InputError(f"{table}: no such file")
         app.session.add_table(table, table.name, more=i > 0)
     if tables:
         app.jobs.start("check", {})

@@ -87,7 +87,7 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
     from ecm.comparison.comparison import compare  # noqa: PLC0415
     from ecm.effects import load_installed  # noqa: PLC0415
-    from ecm.io.columns import POSE, WRENCH, unit_of  # noqa: PLC0415
+    from ecm.io.columns import unit_of  # noqa: PLC0415
     from ecm.io.table import read_table  # noqa: PLC0415
     from ecm.models import load_model  # noqa: PLC0415
 
@@ -114,18 +114,9 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
             "floor": [component.floor for component in result.components],
         },
     }
-    if maps.outputs == WRENCH and table.has(*POSE):
-        stiffness = fitted.stiffness(np.ascontiguousarray(_poses(table, maps.row[at])))
-        shift = np.linalg.solve(stiffness, maps.physical["base"][at][:, :, None])[:, :, 0]
-        in_mm_and_deg = np.asarray(shift * np.repeat([1e3, 180.0 / np.pi], 3))
-        kinds["pose"] = {
-            "label": "as pose, K⁻¹ times the wrench",
-            "unit": "",
-            "columns": ["x", "y", "z", "θx", "θy", "θz"],
-            "units": ["mm"] * 3 + ["deg"] * 3,
-            "values": _columns(in_mm_and_deg),
-            "floor": None,
-        }
+    pose = _pose_error(result.pose_error, maps.row[at])
+    if pose is not None:
+        kinds["pose"] = pose
     return {
         "row": maps.row[at].tolist(),
         "size": _short(maps.size[at]),
@@ -199,10 +190,29 @@ def _frames(table: Any) -> list[dict[str, Any]]:
     return frames
 
 
-def _poses(table: Any, row: I) -> F:
-    from ecm.io.columns import POSE  # noqa: PLC0415
-
-    return np.column_stack([table.column(name)[row - 1] for name in POSE])
+def _pose_error(found: Any, row: I) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+    sizes = [
+        ("position", "mm", found.position_mm, found.noise_mm),
+        ("rotation", "deg", found.rotation_deg, found.noise_deg),
+    ]
+    known = [item for item in sizes if item[2] is not None]
+    if not known:
+        return None
+    place = {number: i for i, number in enumerate(found.row.tolist())}
+    at = [place.get(number) for number in row.tolist()]
+    return {
+        "label": "as pose error",
+        "unit": "",
+        "columns": [name for name, _, _, _ in known],
+        "units": [unit for _, unit, _, _ in known],
+        "values": [
+            [None if i is None else float(f"{values[i]:.6g}") for i in at]
+            for _, _, values, _ in known
+        ],
+        "floor": [floor for _, _, _, floor in known],
+        "said": found.sentence(),
+    }
 
 
 def _thinned(rows: int) -> I:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import webbrowser
 
-from ecm.cli.options.browser_app import Options
+from ecm.cli.options.serve import Options
 from ecm.cli.outputs import check_output_directory
 from ecm.cli.session import Session
-from ecm.workflow.app.serve import serve
+from ecm.workflow.app.serve import serve as serve_session
 
 
-def browser_app(options: Options, session: Session) -> None:
+def serve(options: Options, session: Session) -> None:
     """Run `ecm app`."""
     check_output_directory(options.folder)
     session.on_interrupt(f"the session is kept in {options.folder}. The same command goes on.")
@@ -20,7 +20,7 @@ def browser_app(options: Options, session: Session) -> None:
         if options.browser:
             webbrowser.open(address)
 
-    serve(
+    serve_session(
         options.folder,
         options.data or (),
         model=options.model,

@@ -35,4 +35,4 @@ class Options:
     ] = True
 
 
-browser_app = command("browser_app", Options)
+serve = command("serve", Options)
