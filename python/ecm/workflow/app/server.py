@@ -14,6 +14,7 @@ from typing import Any
 
 from ecm.errors import EcmError, InputError
 from ecm.io.extras import require
+from ecm.workflow.app.demo import write_demo
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.session import Session
@@ -61,6 +62,20 @@ class App:
         return {**self.session.state(), "running": running}
 
 
+def begin_example(app: App) -> None:
+    """Put the example into an empty session: the rig measures its plan.
+
+    Raises
+    ------
+    InputError
+        Where the session has steps.
+    """
+    if app.session.journal.read().steps:
+        raise InputError("the session has data: begin the example in a new folder")
+    write_demo(app.session.folder)
+    app.jobs.start("campaign", {})
+
+
 def application(app: App, *, port: int, token: str) -> Any:
     """Return the server of an opened session as an ASGI application.
 
@@ -71,12 +86,10 @@ def application(app: App, *, port: int, token: str) -> Any:
     """
     starlette = require("starlette.applications", "app", _PURPOSE)
     routing = require("starlette.routing", "app", _PURPOSE)
-    require("plotly", "app", _PURPOSE)
     routes = _Routes(app)
     paths = [
         routing.Route("/", routes.page, methods=["GET"]),
         routing.Route("/page/{name}", routes.page, methods=["GET"]),
-        routing.Route("/plotly.js", routes.plotly, methods=["GET"]),
         routing.Route("/api/state", routes.state, methods=["GET"]),
         routing.Route("/api/view/{name}", routes.view, methods=["GET"]),
         routing.Route("/api/log/{number:int}", routes.log, methods=["GET"]),
@@ -111,11 +124,6 @@ class _Routes:
         if path is None:
             return _json({"error": "no such file"}, 404)
         return _file(path, {"cache-control": "no-cache"})
-
-    async def plotly(self, _request: Any) -> Any:
-        package = Path(str(require("plotly", "app", _PURPOSE).__file__)).parent
-        path = package / "package_data" / "plotly.min.js"
-        return _file(path, {"cache-control": "private, max-age=86400"})
 
     async def state(self, _request: Any) -> Any:
         return _json(await asyncio.to_thread(self.app.state))
@@ -171,6 +179,8 @@ class _Routes:
             getattr(app.session, action)()
         elif action == "accept":
             app.session.accept(str(body.get("warning", "")))
+        elif action == "example":
+            await asyncio.to_thread(begin_example, app)
         else:
             return _json({"error": "no such action"}, 404)
         return _json(await asyncio.to_thread(app.state))
