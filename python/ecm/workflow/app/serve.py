@@ -10,7 +10,7 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.extras import require
-from ecm.workflow.app.server import App, application, begin_example
+from ecm.workflow.app.server import App, application
 
 _HOST = "127.0.0.1"
 
@@ -91,7 +91,7 @@ def begin(
             )
         return
     if demo:
-        begin_example(app)
+        app.jobs.start("example", {"name": "neck"})
         return
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)

@@ -14,9 +14,9 @@ from typing import Any
 
 from ecm.errors import EcmError, InputError
 from ecm.io.extras import require
-from ecm.workflow.app.demo import write_demo
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
+from ecm.workflow.app.lock import FolderLock
 from ecm.workflow.app.session import Session
 from ecm.workflow.app.views import NEED_MODEL, VIEWS, Views
 
@@ -42,38 +42,33 @@ class App:
     session: Session
     jobs: Jobs
     views: Views
+    lock: FolderLock
     most_bytes: int = MOST_BYTES
 
     @staticmethod
     def of(folder: Path) -> App:
-        """Open a session folder; steps that a killed server left are marked as interrupted."""
+        """Open a session folder; steps that a killed server left are marked as interrupted.
+
+        Raises
+        ------
+        InputError
+            Where another server has the folder open.
+        """
         session = Session(folder)
+        lock = FolderLock(folder)
         session.recover()
-        return App(session, Jobs(session), Views(folder))
+        return App(session, Jobs(session), Views(folder), lock)
 
     def close(self) -> None:
         """End the processes."""
         self.jobs.close()
         self.views.close()
+        self.lock.release()
 
     def state(self) -> dict[str, Any]:
         """Return the state of the folder, and how far the running step is."""
         running = self.jobs.progress()
         return {**self.session.state(), "running": running}
-
-
-def begin_example(app: App) -> None:
-    """Put the example into an empty session: the rig measures its plan.
-
-    Raises
-    ------
-    InputError
-        Where the session has steps.
-    """
-    if app.session.journal.read().steps:
-        raise InputError("the session has data: begin the example in a new folder")
-    write_demo(app.session.folder)
-    app.jobs.start("campaign", {})
 
 
 def application(app: App, *, port: int, token: str) -> Any:
@@ -179,8 +174,6 @@ class _Routes:
             getattr(app.session, action)()
         elif action == "accept":
             app.session.accept(str(body.get("warning", "")))
-        elif action == "example":
-            await asyncio.to_thread(begin_example, app)
         else:
             return _json({"error": "no such action"}, 404)
         return _json(await asyncio.to_thread(app.state))

@@ -16,10 +16,15 @@ export async function draw(root, state, app) {
 }
 
 function empty(state, app) {
+  const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
+    {class: style, id: `example-${name}`, disabled: Boolean(state.running)});
   return el("div", {}, dropZone(state, app), state.dropped ? null : el("div", {class: "cards"},
     el("div", {class: "card"}, el("h3", {}, "No data yet?"),
       el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
-      button("Open the example", () => app.act(() => post("/api/example")), {id: "example", disabled: Boolean(state.running)})),
+      el("div", {class: "row"}, example("neck", "Open the neck", "first"))),
+    el("div", {class: "card"}, el("h3", {}, "Simpler examples"),
+      el("p", {}, "Tables as a rig of one, three or six degrees of freedom would write them."),
+      el("div", {class: "row"}, example("1", "1 axis"), example("3", "3 axes"), example("6", "6 axes"))),
     el("div", {class: "card"}, el("h3", {}, "What a table needs"),
       el("p", {}, "One row per reading: at least one column of the ", term("pose"), " and one of the ", term("wrench"),
         ". Names and units are guessed: mm or m, degrees or radians, rotation vectors, quaternions or Euler angles."))));

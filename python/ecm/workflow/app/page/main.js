@@ -6,7 +6,7 @@ import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
 
 const main = document.getElementById("main");
-const WORK = {campaign: "Measuring on the simulated rig", import: "Importing", check: "Checking the table",
+const WORK = {example: "Preparing the example", campaign: "Measuring on the simulated rig", import: "Importing", check: "Checking the table",
   fit: "Fitting the model", refit: "Fitting with the change", compare: "Comparing model and data",
   diagnose: "Testing every effect", export: "Writing the controller", reveal: "Opening the sealed truth"};
 let state = null, shown = "", lost = false, marksOf = "", wasRunning = null;
@@ -108,6 +108,8 @@ function trouble() {
 
 function draw() {
   const stage = current();
+  // The page stays where it is: the next stage is opened by a click only.
+  if (!location.hash) history.replaceState(null, "", `#${stage.id}`);
   drawRunning();
   const running = state.running ? state.running.step : "";
   document.documentElement.dataset.running = running;
@@ -129,6 +131,11 @@ function draw() {
   const body = el("div");
   main.replaceChildren(el("h2", {}, stage.title), el("p", {class: "purpose"}, stage.purpose),
     ...[trouble()].filter(Boolean), body);
+  if (stage.compares && !state.compare) {
+    body.append(state.running ? waiting("The errors are being computed …")
+      : button("Compute the errors", () => app.step("compare"), {class: "first", id: "compare"}));
+    return;
+  }
   Promise.resolve(stage.draw(body, state, app)).catch(error => {
     for (const node of body.querySelectorAll(".waiting")) node.remove();
     body.append(el("div", {class: "error", role: "alert"}, error.message, " ",
@@ -140,7 +147,9 @@ function draw() {
 
 async function refresh() {
   try {
-    state = await get("/api/state");
+    const found = await get("/api/state");
+    if (state && found.version < state.version) return;  // an older answer that came later
+    state = found;
   } catch (error) {
     lost = true;
     say("The server does not answer. The session is kept in its folder: start it again with ecm app "
