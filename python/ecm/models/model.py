@@ -28,6 +28,7 @@ from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
 from ecm.models.leverage import leverages
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
+from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import map_from_document
 from ecm.models.time_effects import time_effects
 from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
@@ -49,8 +50,8 @@ class Model:
     >>> from ecm.models import fit_model
     >>> x = np.linspace(-0.01, 0.01, 9)
     >>> model = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear")
-    >>> model
-    model poly:1: 2 coefficients in the base
+    >>> model.fit_report().splitlines()[0]
+    'model poly:1: 2 coefficients in the base'
     >>> model.predict(np.array([[0.005]])).round(6)
     array([[10.]])
     >>> model.extrapolates(np.array([[0.005], [0.02]]))
@@ -319,8 +320,8 @@ class Model:
     def fit_report(self) -> str:
         """Values with errors and correlations, and the history of fits with its tests."""
         text = fit_report(self.name, self.base, self.effects, self.correlations, self.history)
-        used = self.training.get("rows_used")
-        return text if used is None else f"{text}\n  {used['sentence']}"
+        parts = (self.training.get(name) for name in ("pose_error", "rows_used"))
+        return "\n  ".join([text, *(part["sentence"] for part in parts if part is not None)])
 
     def plot(self) -> Any:
         """Return a plotly figure of the errors in the history of fits.
@@ -446,6 +447,9 @@ class Model:
             previous=self.previous if self.changed else self,
             changed=False,
         )
+        shown = report_rows(table)
+        errors = table.matrix(self.outputs)[shown] - fitted.predict(table)[shown]
+        training["pose_error"] = pose_error(fitted, table.select(shown), errors).to_dict()
         fit = RecordedFit(fitted.name, joint, table, used, training["hash"])
         # From the same base, whose stiffness weighs the rows: else the sums cannot be compared.
         records = fit_records(fit, self.base, self.history, frozen=freeze_base)

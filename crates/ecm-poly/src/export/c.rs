@@ -12,7 +12,7 @@ use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, identifier, reach_squared};
+use crate::export::model::{Model, identifier};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -220,7 +220,7 @@ fn history_tables(history: &History, name: &str) -> String {
 /// The source, and how many floating-point numbers a call keeps.
 fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), ModelError> {
     let tables = model.tables::<f64>()?;
-    let reach = reach_squared(model);
+    let reach = model.reach_squared();
     let count = match precision {
         Precision::Single => 7,
         Precision::Double => 13,

@@ -17,7 +17,7 @@ use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, identifier, reach_squared};
+use crate::export::model::{Model, identifier};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
@@ -105,7 +105,7 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         Symmetry::Revolution => "Revolution",
         Symmetry::General => "General",
     };
-    let reach = reach_squared(model);
+    let reach = model.reach_squared();
     let memory = tables.monomials().next_power_of_two();
     let products = tables.products().iter();
     let text = filled(
