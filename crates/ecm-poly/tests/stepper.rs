@@ -199,7 +199,7 @@ proptest! {
         let stepper = Stepper { model: &model, effects };
         let inputs = effects.default_inputs();
         let turn = rotation_matrix(&[angle, 0.0, 0.0]);
-        let seen: [&dyn Fn(&Pose<f64>) -> Pose<f64>; 3] = [&|p| *p, &|p| turned(&turn, p), &exchanged];
+        let seen: [View<'_>; 3] = [&|p| *p, &|p| turned(&turn, p), &exchanged];
         let mut states: Vec<State<f64>> =
             seen.iter().map(|see| stepper.init(&see(&pose(&way[0].0))).unwrap()).collect();
         for (q, _) in &way[1..] {
@@ -216,6 +216,9 @@ proptest! {
         }
     }
 }
+
+/// A pose as it is seen by a frame or from the other end.
+type View<'a> = &'a dyn Fn(&Pose<f64>) -> Pose<f64>;
 
 fn turned(turn: &Mat3<f64>, p: &Pose<f64>) -> Pose<f64> {
     let (r, t) = (apply(turn, p.position()), apply(turn, p.rotation_vector()));

@@ -258,7 +258,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             return None;
         }
         let mut away = p;
-        away[0] = away[0] - self.effects.length_m;
+        away[0] -= self.effects.length_m;
         let product = (0..6).fold(R::ZERO, |sum, j| sum + away[j] * h[j]);
         let half = if product < R::ZERO { -R::HALF } else { R::HALF };
         let work_slope = core::array::from_fn(|j| {

@@ -18,13 +18,13 @@ static const real inverse_factorial[10] = {@FACTORIALS@};
 
 const inputs_t @NAME@_default_inputs = {R(@REFERENCE@), R(0)};
 
-/* The static map at a pose, and the work |(p - p0) . h| / 2 with its derivative. */
+/* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
     frame_t frame;
-    real h[6], k[36], force[6], work, slope[6];
+    real force[6], u[36], h[6], away[6], work, sign;
 } here_t;
 
-static int32_t finite(real x) { return x - x == R(0); }
+static int32_t is_finite(real x) { return x - x == R(0); }
 
 /* 1 - exp(-x) by its series at x / 1024, then s <- s (2 - s) ten times, and (1 - exp(-x)) / x */
 static void decay(real x, real *lost, real *left)
@@ -57,40 +57,46 @@ static void carried(const frame_t *at, const real *force, const real *u, real *h
 
 static int32_t find_here(const real *p, here_t *here)
 {
-    real jacobian[9], lever[3], turned[3], sum = R(0), product = R(0), half, away[6];
-    frame_t *f = &here->frame;
-    prepare(p, f);
-    @NAME@_value_and_stiffness(p, here->h, here->k);
+    real m[MONOMIALS + 1], slope[6], bend[36], sum, product = R(0);
+    prepare(p, &here->frame);
+    monomials_at(here->frame.q, m);
     for (int32_t i = 0; i < 6; i++) {
-        away[i] = p[i];
+        slope[i] = row(1 + i, m);
+    }
+    for (int32_t i = 0, next = 7; i < 6; i++) {
+        for (int32_t j = i; j < 6; j++) {
+            bend[6 * i + j] = row(next++, m);
+            bend[6 * j + i] = bend[6 * i + j];
+        }
+    }
+    gradient(here->frame.q, slope, here->force);
+    curvature(here->frame.q, slope, bend, here->u);
+    wrench_of(&here->frame, here->force, here->h);
+    sum = here->frame.refused;
+    for (int32_t i = 0; i < 6; i++) {
+        here->away[i] = p[i] - (i == 0 ? length_m : R(0));
+        product += here->away[i] * here->h[i];
         sum += here->h[i];
     }
-    if (!finite(sum)) {
-        return 0;
-    }
-    /* Q_c = A' f, Q_theta = J' tau + W' (r x f) */
-    with_parts(f->theta, f->whole[1], f->whole[2], f->whole[3], jacobian);
-    cross(f->r, here->h, lever);
-    apply_transposed(f->a, here->h, here->force);
-    apply_transposed(jacobian, here->h + 3, here->force + 3);
-    apply_transposed(f->w, lever, turned);
-    for (int32_t i = 0; i < 3; i++) {
-        here->force[3 + i] += turned[i];
-    }
-    away[0] -= length_m;
-    for (int32_t i = 0; i < 6; i++) {
-        product += away[i] * here->h[i];
-    }
-    half = product < R(0) ? R(-0.5) : R(0.5);
-    here->work = half * product;
+    here->sign = product < R(0) ? R(-1) : R(1);
+    here->work = R(0.5) * here->sign * product;
+    return is_finite(sum);
+}
+
+/* K of a pose that is below the largest work: k += factor h dW/dp */
+static void soften(const real *p, const here_t *here, real factor, real *k)
+{
+    real h[6], slope[36];
+    @NAME@_value_and_stiffness(p, h, slope);
     for (int32_t j = 0; j < 6; j++) {
-        real slope = here->h[j];
+        real work = h[j];
         for (int32_t i = 0; i < 6; i++) {
-            slope += here->k[6 * i + j] * away[i];
+            work += slope[6 * i + j] * here->away[i];
         }
-        here->slope[j] = half * slope;
+        for (int32_t i = 0; i < 6; i++) {
+            k[6 * i + j] += R(0.5) * here->sign * factor * h[i] * work;
+        }
     }
-    return 1;
 }
 
 static real size_at(const inputs_t *inputs)
@@ -137,11 +143,11 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
                     real k[36])
 {
     here_t here;
-    real lost[2], left[2], total[6], turning[6], steep[36] = {R(0)}, beside[36], more[6];
-    real elastic = R(0), below = R(0), size, loss;
+    real lost[2], left[2], total[6], steep[36] = {R(0)};
+    real elastic = R(0), below = R(0), size;
     inputs = inputs ? inputs : &@NAME@_default_inputs;
     size = size_at(inputs);
-    if (!(dt >= R(0) && finite(dt) && finite(size) && find_here(p, &here))) {
+    if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
         return refuse(h, k);
     }
     for (int32_t b = 0; b < 2; b++) {
@@ -173,7 +179,6 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
             steep[7 * j] += friction_of[j];
         }
         total[j] += friction_of[j] * state->stretch[j];
-        turning[j] = total[j] - elastic * here.force[j];
     }
     if (here.work > state->largest) {
         state->largest = here.work;
@@ -181,18 +186,16 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
     if (state->largest > R(0)) {
         below = R(1) - here.work / state->largest;
     }
-    loss = softening * below;
-    carried(&here.frame, turning, steep, more, beside);
-    wrench_of(&here.frame, total, more);
+    size -= softening * below;
     for (int32_t i = 0; i < 6; i++) {
-        h[i] = (size - loss) * here.h[i] + more[i];
-        for (int32_t j = 0; j < 6; j++) {
-            real slope = (size - loss + elastic) * here.k[6 * i + j] + beside[6 * i + j];
-            if (state->largest > here.work) {
-                slope += softening * here.h[i] * here.slope[j] / state->largest;
-            }
-            k[6 * i + j] = slope;
-        }
+        total[i] += size * here.force[i];
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        steep[i] += (size + elastic) * here.u[i];
+    }
+    carried(&here.frame, total, steep, h, k);
+    if (state->largest > here.work && softening * softening > R(0)) {
+        soften(p, &here, softening / state->largest, k);
     }
     for (int32_t j = 0; j < 6; j++) {
         if (dt > R(0)) {
@@ -209,16 +212,15 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
 
 int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real k[36])
 {
-    here_t here;
     const real size = size_at(inputs ? inputs : &@NAME@_default_inputs);
-    if (!(finite(size) && find_here(p, &here))) {
-        return refuse(h, k);
-    }
+    real sum = size;
+    @NAME@_value_and_stiffness(p, h, k);
     for (int32_t i = 0; i < 6; i++) {
-        h[i] = size * here.h[i];
+        h[i] *= size;
+        sum += h[i];
     }
     for (int32_t i = 0; i < 36; i++) {
-        k[i] = size * here.k[i];
+        k[i] *= size;
     }
-    return 1;
+    return is_finite(sum) ? 1 : refuse(h, k);
 }
