@@ -80,7 +80,7 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
         regressor = _native.polynomial_regressor(poses, 3, poses.min(axis=0), poses.max(axis=0))
         if n < regressor.shape[1]:
             return None
-        found = _native.d_optimal(regressor, n, starts=1, seed=0, iterations=100 * DESIGN_STEPS)
+        design = _native.d_optimal(regressor, n, starts=1, seed=0, iterations=100 * DESIGN_STEPS)
     else:
         base = fit_model(table_of(poses, wrenches), model).base
         columns = base.columns(poses) / wrenches.std(axis=0)[:, None]
@@ -88,7 +88,7 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
         flat = flat / np.linalg.norm(flat, axis=0)
         if 6 * n < flat.shape[1]:
             return None
-        found = _native.d_optimal(
+        design = _native.d_optimal(
             np.ascontiguousarray(flat),
             n,
             rows_per_pose=6,
@@ -96,7 +96,7 @@ def designed(poses: F, wrenches: F, model: str, n: int) -> I | None:
             seed=0,
             iterations=DESIGN_STEPS,
         )
-    return np.asarray(found.indices)
+    return np.asarray(design.indices)
 
 
 class Body:
@@ -151,11 +151,11 @@ class Body:
                 np.sort(np.random.default_rng([d, n]).permutation(pool)[:n])
                 for d in range(draws if n < len(pool) else 1 if noise is None else 3)
             ]
-        found = [self.errors(model, r, noise, d, weights) for d, r in enumerate(rows)]
-        if not found:
-            found = [(np.full(6, np.inf), np.inf)]
-        each = np.array([f[0] for f in found])
-        white = np.array([f[1] for f in found])
+        errors = [self.errors(model, r, noise, d, weights) for d, r in enumerate(rows)]
+        if not errors:
+            errors = [(np.full(6, np.inf), np.inf)]
+        each = np.array([rmse for rmse, _ in errors])
+        white = np.array([whitened for _, whitened in errors])
         quartiles = np.percentile(white, [25, 75]) if np.isfinite(white).all() else [np.inf] * 2
         return {
             "model": model,
@@ -166,8 +166,8 @@ class Body:
         }
 
 
-def bent_mesh(kind: str, folder: Path) -> _native.Mesh:
-    """The neck's mesh with moved nodes, through a Gmsh file."""
+def bent_mesh(kind: str) -> _native.Mesh:
+    """The neck's mesh with moved nodes."""
     mesh = _native.Mesh.cylinder(length_m=L, radius_m=RADIUS)
     x = mesh.nodes_m.copy()
     share = x[:, 0] / L
@@ -175,72 +175,31 @@ def bent_mesh(kind: str, folder: Path) -> _native.Mesh:
         x[:, 1] += 1e-3 * np.sin(np.pi * share) ** 2
     if kind == "face_tilt":  # the top face leans by one degree
         x[:, 0] += np.tan(np.deg2rad(1.0)) * share * x[:, 1]
-    path = folder / f"{kind}.msh"
-    path.write_text(_gmsh_text(x, mesh), encoding="utf-8")
-    return _native.Mesh.read(str(path))
-
-
-def _gmsh_text(nodes: F, mesh: _native.Mesh) -> str:
-    """Gmsh 4.1 with the faces base and top and the body; quadratic elements, Gmsh's node order."""
-    tets = mesh.tetrahedra + 1  # 01 12 02 03 13 23 here; Gmsh: 01 12 02 03 23 13
-    tets = tets[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]
-    faces = {}
-    corners = {
-        (0, 1, 2): (4, 5, 6),
-        (0, 1, 3): (4, 9, 7),
-        (0, 2, 3): (6, 8, 7),
-        (1, 2, 3): (5, 8, 9),
-    }
-    for tag, members in ((1, mesh.base_nodes), (2, mesh.top_nodes)):
-        inside = set((members + 1).tolist())
-        faces[tag] = [
-            [int(t[i]) for i in (*three, *middle)]
-            for t in tets
-            for three, middle in corners.items()
-            if all(int(t[i]) in inside for i in three)
-        ]
-    count = len(nodes)
-    text = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", "3"]
-    text += ['2 1 "base"', '2 2 "top"', '3 3 "body"', "$EndPhysicalNames", "$Entities", "0 0 2 1"]
-    text += ["1 -1 -1 -1 1 1 1 1 1 0", "2 -1 -1 -1 1 1 1 1 2 0", "1 -1 -1 -1 1 1 1 1 3 2 1 2"]
-    text += ["$EndEntities", "$Nodes", f"1 {count} 1 {count}", f"3 1 0 {count}"]
-    text += [str(i + 1) for i in range(count)]
-    text += [" ".join(repr(float(v)) for v in row) for row in nodes]
-    total = len(tets) + sum(map(len, faces.values()))
-    text += ["$EndNodes", "$Elements", f"3 {total} 1 {total}"]
-    number = 1
-    for tag, listed in faces.items():
-        text.append(f"2 {tag} 9 {len(listed)}")
-        for face in listed:
-            text.append(" ".join(map(str, [number, *face])))
-            number += 1
-    text.append(f"3 1 11 {len(tets)}")
-    for row in tets.tolist():
-        text.append(" ".join(map(str, [number, *row])))
-        number += 1
-    return "\n".join([*text, "$EndElements", ""])
+    return _native.Mesh.from_arrays(
+        x, mesh.tetrahedra, base_nodes=mesh.base_nodes, top_nodes=mesh.top_nodes
+    )
 
 
 def broken_body(kind: str, wrenches: F, folder: Path) -> tuple[F, F]:
-    """Pairs of a body that is not quite symmetric; kept in the folder."""
+    """Pairs of a body that is not quite symmetric; stored in the folder."""
     path = folder / f"{kind}.npz"
     if path.exists():
-        kept = np.load(path)
-        return kept["poses"], kept["wrenches"]
+        stored = np.load(path)
+        return stored["poses"], stored["wrenches"]
     scale = None
     if kind == "anisotropy":
         mesh = _native.Mesh.cylinder(length_m=L, radius_m=RADIUS)
         centres = mesh.nodes_m[mesh.tetrahedra[:, :4]].mean(axis=1)
         scale = 1.0 + 0.02 * np.cos(2.0 * np.arctan2(centres[:, 2], centres[:, 1]))
     else:
-        mesh = bent_mesh(kind, folder)
+        mesh = bent_mesh(kind)
     fem = _native.Fem(
         mesh, young_modulus_Pa=MODULUS, poisson_ratio=POISSON, element_modulus_scale=scale
     )
-    found = fem.solve_wrenches(np.ascontiguousarray(wrenches))
-    ok = np.array([s == "solved" for s in found.status])
-    np.savez(path, poses=found.poses[ok], wrenches=found.wrenches[ok])
-    return found.poses[ok], found.wrenches[ok]
+    cases = fem.solve_wrenches(np.ascontiguousarray(wrenches))
+    ok = np.array([s == "solved" for s in cases.status])
+    np.savez(path, poses=cases.poses[ok], wrenches=cases.wrenches[ok])
+    return cases.poses[ok], cases.wrenches[ok]
 
 
 def shown(lines: list[dict[str, object]]) -> list[str]:
@@ -306,7 +265,7 @@ def part_goals(neck: Body, figures: Figures) -> list[str]:
 
     Each weight of the fit, each way to choose the poses; the cubic's are chosen the same way.
     """
-    found, text = [], []
+    goals, text = [], []
     for design in (False, True):
         cubic = neck.line("cubic", 200, None, design=design, draws=GOAL_DRAWS)
         for weights in ("spread", "noise"):
@@ -314,7 +273,7 @@ def part_goals(neck: Body, figures: Figures) -> list[str]:
                 own = neck.line(model, n, None, design=design, weights=weights, draws=GOAL_DRAWS)
                 times = np.array(cubic["rmse"]) / np.array(own["rmse"])
                 where = "D-optimal" if design else "random"
-                found.append(
+                goals.append(
                     {
                         "poses": where,
                         "weights": weights,
@@ -325,7 +284,7 @@ def part_goals(neck: Body, figures: Figures) -> list[str]:
                 )
                 shares = " | ".join(f"{v:.3g}" for v in times)
                 text.append(f"| {model} from {n} | {where} | {weights} | {shares} |")
-    figures["goals"] = found
+    figures["goals"] = goals
     return [
         "### Goals without noise: error of the cubic from 200 poses over that of the energy",
         "",
@@ -343,9 +302,9 @@ def part_reach(neck: Body, figures: Figures) -> list[str]:
     for limit in (0.015, 0.020, 0.025, 0.030, 0.045):
         part = Body(neck.poses[reach < limit], neck.wrenches[reach < limit], test=60)
         for model, n in (("cubic", 200), ("energy4", 10), ("energy4", 50), ("energy6", 50)):
-            found = part.line(model, n, None, design=False)
-            found["model"] = f"{model}, \\|c\\| < {1e3 * limit:.0f} mm"
-            lines.append(found)
+            line = part.line(model, n, None, design=False)
+            line["model"] = f"{model}, \\|c\\| < {1e3 * limit:.0f} mm"
+            lines.append(line)
     figures["reach"] = lines
     title = "### Neck, by the reach of the workspace, random poses, no noise"
     return [title, "", *shown(lines), ""]
@@ -368,15 +327,15 @@ def part_loads(neck: Body, figures: Figures, folder: Path) -> list[str]:
     bodies.append(("half the box", Body(*smaller_box(0.5, 400, folder), test=60)))
     lines = []
     for name, body in bodies:
-        asked = [("cubic", 200), ("cubic", 5000)]
+        fits = [("cubic", 200), ("cubic", 5000)]
         if name == "whole box":
-            asked += [("poly:4", 5000), ("poly:5", 5000)]
+            fits += [("poly:4", 5000), ("poly:5", 5000)]
         if "box" in name:
-            asked += [("energy4", 10), ("energy4", 50), ("energy5", 15), ("energy6", 50)]
-        for model, n in asked:
-            found = body.line(model, n, None, design=False)
-            found["model"] = f"{model}, {name}"
-            lines.append(found)
+            fits += [("energy4", 10), ("energy4", 50), ("energy5", 15), ("energy6", 50)]
+        for model, n in fits:
+            line = body.line(model, n, None, design=False)
+            line["model"] = f"{model}, {name}"
+            lines.append(line)
     figures["loads"] = lines
     return ["### Neck, what decides the error of the cubic, no noise", "", *shown(lines), ""]
 
@@ -387,8 +346,8 @@ def smaller_box(share: float, count: int, folder: Path) -> tuple[F, F]:
         wrench_min=tuple(share * v for v in TABLE_I_MIN),
         wrench_max=tuple(share * v for v in TABLE_I_MAX),
     )
-    found = simulate(Mechanism(), count, box, seed=3, directory=folder / f"box-{share}")
-    return found.poses, found.wrenches
+    pairs = simulate(Mechanism(), count, box, seed=3, directory=folder / f"box-{share}")
+    return pairs.poses, pairs.wrenches
 
 
 def part_full(count: int, figures: Figures, folder: Path) -> list[str]:

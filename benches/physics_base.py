@@ -3,7 +3,7 @@
     python benches/physics_base.py [SHAPE ...] [--cold] [--rows 100] [--bodies 4] [--draws 20]
 
 Shapes: neck, slim, tube, hourglass, stacked_discs, yeoh, cone, ellipse (the last two are meshes of
-their own). `--cold` builds into an empty folder and tells the time, else the cache is used.
+their own). `--cold` builds into an empty folder and prints the time, else the cache is used.
 Errors are whitened: 1 is the noise of one row of the rig (37 um, 0.6 mrad, 0.3 N, 10 mN m).
 """
 
@@ -98,13 +98,13 @@ def triangles(mesh: Mesh, face: NDArray[np.int64]) -> list[list[int]]:
     """Six node numbers, from 1, of every triangle whose nodes are all on the face."""
     mid = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
     on = set(face.tolist())
-    found = []
+    faces = []
     for cell in mesh.tetrahedra:
         for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)):
             nodes = [a, b, c, mid[a, b], mid[b, c], mid[a, c]]
             if all(int(cell[i]) in on for i in nodes):
-                found.append([int(cell[i]) + 1 for i in nodes])
-    return found
+                faces.append([int(cell[i]) + 1 for i in nodes])
+    return faces
 
 
 def whitened(poses: F, stiffness: F, residual: F) -> F:
@@ -155,9 +155,9 @@ def unseen_bodies(base: PhysicsMap, body: Mechanism, bodies: int, rows: int) -> 
         nu = random.uniform(*limits["poisson_ratio"])
         across = float(np.exp(random.uniform(*base.family.x_range)))
         fixed = base.at(poisson_ratio=nu, diameter_m=across * diameter(mesh))
-        found = stretched(body, across, nu)
-        poses = workspace_poses(found.rest_stiffness(), mesh.length_m, rows, seed=5, margin=1.0)
-        solved = found.solve_poses(poses)
+        fem = stretched(body, across, nu)
+        poses = workspace_poses(fem.rest_stiffness(), mesh.length_m, rows, seed=5, margin=1.0)
+        solved = fem.solve_poses(poses)
         ok = np.array([status == "solved" for status in solved.status])
         left = fixed.predict(poses[ok]) - solved.wrenches[ok]
         error = whitened(poses[ok], solved.stiffness[ok], left)
@@ -202,14 +202,14 @@ def refits(base: PhysicsMap, body: Mechanism, draws: int) -> None:
         seen = poses + random.standard_normal(poses.shape) * np.repeat(NOISE[:2], 3)
         read = wrenches + random.standard_normal(poses.shape) * np.repeat(NOISE[2:], 3)
         columns = dict(zip(POSE, seen.T, strict=True)) | dict(zip(WRENCH, read.T, strict=True))
-        found = refit_physics(base, Table(columns, meta, "pairs"), noise)
-        sd = found.sd
-        off.append(found.values - [body.young_modulus_Pa, nu])
+        refitted = refit_physics(base, Table(columns, meta, "pairs"), noise)
+        sd = refitted.sd
+        off.append(refitted.values - [body.young_modulus_Pa, nu])
     bias, spread = np.mean(off, axis=0), np.std(off, axis=0)
     print(
         f"  refit of {draws} x {len(poses)} noisy rows, nu = {nu:.4f}: E {bias[0]:+.2g} Pa off, "
         f"spread {spread[0]:.2g}, own sd {sd[0]:.2g}; nu {bias[1]:+.2g}, {spread[1]:.2g}, "
-        f"{sd[1]:.2g}; correlation {found.correlation[0, 1]:+.2f}"
+        f"{sd[1]:.2g}; correlation {refitted.correlation[0, 1]:+.2f}"
     )
     four = refit_physics(base, Table(columns, meta, "pairs"), noise, free=PARAMETERS)
     print("  L and D free too: " + "; ".join(four.sentences()))
@@ -245,24 +245,25 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=100)
     parser.add_argument("--bodies", type=int, default=4)
     parser.add_argument("--draws", type=int, default=20)
-    asked = parser.parse_args()
-    for name in asked.shapes:
+    arguments = parser.parse_args()
+    for name in arguments.shapes:
         with body_named(name) as body, tempfile.TemporaryDirectory() as empty, one_blas_thread():
             start, cpu = time.perf_counter(), time.process_time()
-            base = physics_map(body, cache=Path(empty) if asked.cold else None)
+            base = physics_map(body, cache=Path(empty) if arguments.cold else None)
             wall, cpu = time.perf_counter() - start, time.process_time() - cpu
             family = base.family
             assert family is not None
+            how = "built" if arguments.cold else "there"
             print(
-                f"{name}: {'built' if asked.cold else 'there'} in {wall:.1f} s ({cpu:.1f} s CPU); "
+                f"{name}: {how} in {wall:.1f} s ({cpu:.1f} s CPU); "
                 f"energy{family.degree} {family.symmetry}, {family.table.shape[2]} terms; own "
                 f"error over noise {np.round(family.error_over_noise, 3).tolist()}"
             )
-            if asked.rows:
-                unseen_loads(base, body, asked.rows)
-            unseen_bodies(base, body, asked.bodies, 30)
-            if asked.draws:
-                refits(base, body, asked.draws)
+            if arguments.rows:
+                unseen_loads(base, body, arguments.rows)
+            unseen_bodies(base, body, arguments.bodies, 30)
+            if arguments.draws:
+                refits(base, body, arguments.draws)
             calls(base)
 
 

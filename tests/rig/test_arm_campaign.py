@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 import time
@@ -20,12 +21,13 @@ from ecm.errors import ComputationError, InputError
 from ecm.io.table import read_table
 from ecm.rig import Hidden, campaign_minutes, reveal
 from ecm.rig.arm.campaign import RobotCampaign
-from ecm.rig.arm.kept_sorties import KeptSorties
+from ecm.rig.arm.sortie_store import SortieStore
+from ecm.rig.arm.sorties import SortieResult
 from ecm.rig.arm.visit_record import VisitRecord
 from ecm.rig.arm.worker import ArmSetup, Finished, run_sorties
 from ecm.rig.hidden.calibrate import Whitener
 from ecm.rig.measurement import row_covariance
-from support.arm_rig import REST, plan, run, settings
+from support.arm_rig import REST, arm_setup, plan, run, settings
 from support.neck import ROOT
 from support.stand_in import StandIn, some_poses
 
@@ -324,11 +326,11 @@ def ends_before_the_first(
     yield sorties()
 
 
-def records(campaign: RobotCampaign, kept: KeptSorties | None = None) -> list[VisitRecord]:
+def records(campaign: RobotCampaign, store: SortieStore | None = None) -> list[VisitRecord]:
     """Visits until the campaign is stopped."""
     found = []
     with suppress(Stopped):
-        for visit in campaign.lines((), 1, kept):
+        for visit in campaign.lines((), 1, store):
             found.append(visit)
     return found
 
@@ -348,7 +350,7 @@ def test_sorties_that_end_before_an_earlier_one_are_kept(cache: Path, tmp_path: 
     arguments = plan(some_poses(4, seed=3)), settings(), StandIn()
     whole = records(RobotCampaign(*arguments, folder=cache))
     campaign = RobotCampaign(*arguments, folder=cache, run=ends_before_the_first)
-    store = KeptSorties(tmp_path / "parts", campaign.identity)
+    store = SortieStore(tmp_path / "parts", campaign.identity)
     before = records(campaign, store)
     driven: list[int] = []
 
@@ -402,6 +404,30 @@ def test_kill_9_loses_at_most_one_pose(cache: Path, tmp_path: Path) -> None:
     run(cache, poses, out, progress=lambda d, n, w: taken.append(d) if w == "measuring" else None)
     assert taken[0] == len(done) + 1
     assert files(tmp_path / "b") == files(tmp_path / "a")
+
+
+SERVED = """
+import os, sys
+sys.addaudithook(lambda name, _: name == "subprocess.Popen" and os.write(2, name.encode()))
+from ecm.rig.arm.worker import serve
+serve()
+"""
+
+
+def test_a_worker_starts_no_process_of_its_own() -> None:
+    # Such a process would outlive a killed campaign, and complain of it: glfw's did.
+    given = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", SERVED], **given) as worker:
+        assert worker.stdin is not None
+        assert worker.stdout is not None
+        assert worker.stderr is not None
+        pickle.dump(arm_setup(), worker.stdin)
+        pickle.dump((), worker.stdin)
+        worker.stdin.flush()
+        assert isinstance(pickle.load(worker.stdout), SortieResult)
+        worker.stdin.close()
+        assert worker.stderr.read() == b""
+    assert worker.returncode == 0
 
 
 def test_what_is_hidden_acts_and_is_sealed(cache: Path, tmp_path: Path) -> None:

@@ -49,14 +49,14 @@ pub enum DesignError {
         /// The allowed sizes.
         expected: &'static str,
     },
-    /// Rows that give no finite information in the units of the candidates.
+    /// Rows that give no information, or too little or too much, in the units of the candidates.
     #[error(
-        "{what}: the information of its rows is {found}, measured by that of the candidates, expected a finite number above 0; give its rows in the units of the candidates"
+        "{what}: the information of its rows is {found:e}, measured by that of the candidates, expected 1e-100 to 1e100; give its rows in the units of the candidates"
     )]
     Information {
         /// Which array.
         what: &'static str,
-        /// 0 or infinite.
+        /// Its size, infinite where it overflows.
         found: f64,
     },
     /// A search that would not fit into memory.

@@ -162,7 +162,7 @@ impl Problem {
     /// Adds raw regressor rows measured before (any number x k) to the fixed information.
     ///
     /// # Errors
-    /// Rows so much larger than those of the candidates that their information overflows.
+    /// Rows so much larger than those of the candidates that variances would vanish beside them.
     pub(crate) fn fix_rows(&mut self, rows: &[f64]) -> Result<(), DesignError> {
         let k = self.terms;
         let count = rows.len() / k;
@@ -302,12 +302,17 @@ pub(crate) fn check_sizes(
     }
 }
 
-/// Refuses information that overflows.
+/// Sizes of information, measured by that of the candidates, whose products and quotients neither
+/// overflow nor vanish: tr(M^-1 B) of a small B beside a large M.
+pub(crate) const INFORMATION: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+
+/// Refuses information that is too large beside that of the candidates.
 fn check_information(what: &'static str, information: &[f64]) -> Result<(), DesignError> {
-    if information.iter().all(|v| v.is_finite()) {
+    let size = |v: &f64| if v.is_nan() { f64::INFINITY } else { v.abs() };
+    let found = information.iter().map(size).fold(0.0, f64::max);
+    if found <= *INFORMATION.end() {
         return Ok(());
     }
-    let found = f64::INFINITY;
     Err(DesignError::Information { what, found })
 }
 

@@ -4,7 +4,7 @@ use ecm_poly::ModelError;
 use ecm_poly::basis;
 use ecm_poly::energy::regressor::regressor;
 use ecm_poly::energy::{EnergyTerms, Symmetry};
-use ecm_poly::error::{check_count, check_sizes};
+use ecm_poly::error::{check_count, check_finite, check_sizes};
 use ecm_poly::normalise::{ranges, to_unit};
 
 /// A model whose coefficients enter linearly.
@@ -133,6 +133,7 @@ impl Model {
                 *v /= COMPONENT_SD[r % 6];
             }
         }
+        check_finite("the regressor", &rows, terms)?;
         Ok(Regressor {
             rows,
             block: 6,
@@ -172,7 +173,11 @@ pub fn prediction_region<E: From<ModelError>>(
     let count = moving.len() as f64;
     // The mean is over all rows here: what is wanted is over the poses of the sample.
     let whole = (1.0 + count).sqrt();
-    let mut region: Vec<f64> = rows_of(&sample)?.rows;
+    let Regressor {
+        rows: mut region,
+        terms,
+        ..
+    } = rows_of(&sample)?;
     region.iter_mut().for_each(|v| *v *= whole);
     for c in moving {
         let step = REGION_STEP * (upper[c] - lower[c]);
@@ -193,6 +198,7 @@ pub fn prediction_region<E: From<ModelError>>(
         let scale = whole / (4.0 * REGION_STEP * count.sqrt());
         region.extend(above.iter().zip(&below).map(|(a, b)| scale * (a - b)));
     }
+    check_finite("the region", &region, terms)?;
     Ok(region)
 }
 

@@ -4,9 +4,11 @@
 
 mod common;
 
+use ecm_doe::regressor::{Model, Regressor, prediction_region};
 use ecm_doe::{
     Control, DSettings, DesignError, MaximinSettings, Method, Status, d_optimal, i_optimal, maximin,
 };
+use ecm_poly::{ModelError, Symmetry};
 
 fn line() -> Vec<f64> {
     let x = (0..21).map(|i| f64::from(i) / 10.0 - 1.0);
@@ -41,6 +43,59 @@ fn a_region_without_information_or_with_too_much_is_refused() {
         "{huge}"
     );
     assert!(run(1.0).is_ok());
+}
+
+#[test]
+fn rows_of_another_size_than_the_candidates_are_refused() {
+    // Beside measured rows of 1e90 the variance of a region of 1e-90 was 0, its efficiency NaN.
+    let rows = [0.0, 1.0, -1.0, 1.0];
+    let run = |measured: f64, region: f64| {
+        let own = DSettings {
+            measured: vec![0.0, measured],
+            ..settings(1)
+        };
+        i_optimal(&rows, 1, 1, Some(&[0.0, region]), &own, &Control::new())
+    };
+    for (measured, region, what) in [
+        (1.2875834758698162e90, -1.8203327687535403e-90, "the region"),
+        (-1e100, 4.962458510730786e-92, "the region"),
+        (-1e100, 1.0, "the measured rows"),
+    ] {
+        let error = run(measured, region).unwrap_err().to_string();
+        assert!(error.starts_with(what), "{error}");
+        assert!(error.contains("expected 1e-100 to 1e100"), "{error}");
+    }
+    for (measured, region) in [(1e40, 1e-40), (1e40, 1e40), (1e-40, 1e-40)] {
+        let design = run(measured, region).unwrap();
+        assert!(design.value > 0.0 && design.efficiency <= 1.0, "{design:?}");
+    }
+}
+
+#[test]
+fn rows_that_overflow_in_units_of_the_noise_are_refused() {
+    for (pose, degree, length_m) in [
+        (
+            [-1e100, -1e100, 0.0, 1.0, 0.0, 1.0],
+            3,
+            0.0019387628761833352,
+        ),
+        ([0.0, 0.0, -1e100, 0.0, 1e-200, 0.0], 4, 0.01523400665369776),
+    ] {
+        let found = Model::energy(&[pose], degree, Symmetry::Alike, length_m);
+        let error = found.unwrap_err().to_string();
+        assert!(error.starts_with("the regressor: row"), "{error}");
+    }
+    // Finite terms whose change over a range of 1 is not.
+    let point = |by: f64| {
+        Ok::<_, ModelError>(Regressor {
+            rows: vec![1.5e305 * by],
+            block: 1,
+            terms: 1,
+        })
+    };
+    let region = prediction_region(&[1e3], &[0.0], &[1e3], |p| point(p[0]));
+    let error = region.unwrap_err().to_string();
+    assert!(error.starts_with("the region: row"), "{error}");
 }
 
 #[test]

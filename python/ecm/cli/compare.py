@@ -15,6 +15,8 @@ from ecm.diagnosis.check import excitation_sentences, never_excited
 from ecm.effects import load_installed
 from ecm.io.columns import unit_of
 
+_WORST_POSES = 3
+
 
 def compare(options: Options, session: Session) -> None:
     """Run `ecm compare`."""
@@ -35,6 +37,9 @@ def compare(options: Options, session: Session) -> None:
     if result.lack_of_fit is not None:
         session.print(_lack_of_fit(result, constant) + "\n")
     session.print(result.sentence())
+    session.print(result.pose_error.sentence())
+    if result.pose_error.row.size:
+        session.print(_worst_poses(result))
     if result.references is not None:
         session.print(f"{result.references.levels_in_words()} {result.references.sentence()}")
     if result.rows_used is not None:
@@ -56,6 +61,16 @@ def _errors(result: Comparison, constant: Sequence[str]) -> str:
                  f"{item.excess:.3g}", interval, unit_of(item.name))
             )  # fmt: skip
     return columns(rows)
+
+
+def _worst_poses(result: Comparison) -> str:
+    """The rows with the largest pose error."""
+    units = {"position_mm": " mm", "rotation_deg": "°"}
+    listed = [
+        f"row {item.pop('row')} ({', '.join(f'{v:.2g}{units[name]}' for name, v in item.items())})"
+        for item in result.pose_error.worst(_WORST_POSES)
+    ]
+    return f"Worst rows by pose error: {', '.join(listed)}."
 
 
 def _lack_of_fit(result: Comparison, constant: Sequence[str]) -> str:

@@ -22,6 +22,7 @@ from ecm.io.table import as_table
 from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
+from ecm.models.pose_error import PoseError, pose_error
 from ecm.models.training import was_trained_on
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
@@ -83,7 +84,8 @@ class Comparison:
     """Errors of a model beside the noise of the measurements: N measured poses, m components.
 
     `print` shows one sentence and the components, `plot` the residuals, `to_pandas` the components,
-    `where` where the model fails, and `to_dict` is the report.
+    `where` where the model fails, `pose_error` the same in mm and degrees, and `to_dict` is the
+    report.
 
     Examples
     --------
@@ -132,6 +134,13 @@ class Comparison:
         return fit_reference_models(made.model, _some(made.table, made.chosen), self.noise)
 
     @cached_property
+    def pose_error(self) -> PoseError:
+        """Errors of the pose that the errors of the wrench stand for, dp = K^-1 dh, of all rows."""
+        made = self.compared
+        errors = made.table.matrix(made.model.outputs) - made.predicted
+        return pose_error(made.model, made.table, errors, noise=self.noise)
+
+    @cached_property
     def _where(self) -> ResidualMaps:
         made = self.compared
         size = np.zeros(len(made.table))
@@ -153,6 +162,7 @@ class Comparison:
             name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
             interval = f"{c.excess_low:.3g} to {c.excess_high:.3g} {unit}"
             lines.append(f"{name:<10}{c.rmse:>10.3g}{c.floor:>10.3g}{c.excess:>10.3g}  {interval}")
+        lines.append(self.pose_error.sentence())
         outside = f", {self.outside_domain} outside the poses of the fit" * (
             self.outside_domain > 0
         )
@@ -242,6 +252,7 @@ class Comparison:
             "whitened_rms": self.whitened_rms,
             "excess": {"value": self.excess, "low": self.excess_low, "high": self.excess_high},
             "lack_of_fit": None if self.lack_of_fit is None else asdict(self.lack_of_fit),
+            "pose_error": self.pose_error.to_dict(),
             "missing": self.missing,
             "structure": asdict(self.structure),
             "outside_domain": self.outside_domain,

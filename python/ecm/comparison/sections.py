@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ecm.comparison.comparison import Comparison
+from ecm.comparison.residual_figures import LINK
 from ecm.regression.f_test import FTest
 from ecm.report import figures as draw
 from ecm.report.page import (
@@ -65,6 +66,30 @@ def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
         *warnings_table(warnings),
     ]
     return Section("Compare", blocks)
+
+
+def pose_error_section(result: Comparison) -> Section:
+    """Return the error as millimetres and degrees of the pose, and the worst rows."""
+    found = result.pose_error
+    blocks: list[Block] = [TextBlock(found.sentence(), strong=True)]
+    if len(found.row):
+        known = {"position_mm": "position [mm]", "rotation_deg": "rotation [°]"}
+        rows = found.worst()
+        names = [name for name in known if name in rows[0]]
+        blocks += [
+            TextBlock(
+                "How far the pose is from the one at which the model has the measured wrench, "
+                "dp = K⁻¹ dh: so far, to first order, the mechanism would settle from a pose that "
+                "is commanded by this model."
+            ),
+            TableBlock(
+                "The rows with the largest pose error.",
+                ["row", *(known[name] for name in names)],
+                [[str(item["row"]), *(number(item[name]) for name in names)] for item in rows],
+                link=LINK,
+            ),
+        ]
+    return Section("As pose error", blocks)
 
 
 def _lack_of_fit(result: Comparison, test: FTest | None) -> list[str]:

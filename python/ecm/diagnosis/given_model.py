@@ -110,26 +110,34 @@ class GivenModel:
         return f"{text}.{self._advice()}"
 
     def _advice(self) -> str:
-        again = "" if self.refitted is None else f" it errs {self.refitted}"
+        """Return what to do, after a space; empty where nothing is to be done to the model."""
         if self.answer in ("fits", "table"):
             return ""
-        if self.answer == "effect":
-            return (
-                f" Even refitted{again}: an effect is missing."
-                if again
-                else (" An effect is missing.")
-            )
-        if self.answer == "form":
-            return f" Refitted on them{again}, and the base fits: its form is too plain."
-        if not again:
-            return " The base fits: its numbers or its form are wrong; fit it again."
-        factor = "" if self.scale is None else f", the wrench is {self.scale:.3g} times its own"
-        cause = "Another specimen, scale or frame: fit it again."
-        if self.scale is not None and self.scale < 0.0:
+        if self.refitted is None:
+            return {
+                "effect": " An effect is missing.",
+                "form": " Refitted on them, and the base fits: its form is too plain.",
+                "numbers": " The base fits: its numbers or its form are wrong; fit it again.",
+            }[self.answer]
+        again = f"it errs {self.refitted}"
+        return {
+            "effect": f" Even refitted {again}: an effect is missing.",
+            "form": f" Refitted on them {again}, and the base fits: its form is too plain.",
+            "numbers": f" Refitted on them {again}: its form is fine, its numbers are not"
+            f"{self._cause()}",
+        }[self.answer]
+
+    def _cause(self) -> str:
+        """Return why the numbers are wrong, by the factor between the wrenches."""
+        if self.scale is None:
+            return ". Another specimen, scale or frame: fit it again."
+        if self.scale < 0.0:
             cause = "A sign is likely reversed: mend it in the data."
-        elif self.scale is not None and not 1.0 / _MOST_SCALE < self.scale < _MOST_SCALE:
+        elif 1.0 / _MOST_SCALE < self.scale < _MOST_SCALE:
+            cause = "Another specimen, scale or frame: fit it again."
+        else:
             cause = "A unit is likely wrong: mend it in the data; else fit the model again."
-        return f" Refitted on them{again}: its form is fine, its numbers are not{factor}. {cause}"
+        return f", the wrench is {self.scale:.3g} times its own. {cause}"
 
 
 def judge_given_model(

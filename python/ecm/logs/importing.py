@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import InputError
-from ecm.io.arrays import B, F
 from ecm.io.cache import write_atomically
-from ecm.io.columns import MAY_BE_EMPTY, POSE, WHOLE, WRENCH
+from ecm.io.columns import POSE
 from ecm.io.csv import write_csv
 from ecm.io.description import FileMeta, Meta, read_meta
 from ecm.io.interrupts import uninterrupted
@@ -23,18 +21,22 @@ from ecm.io.leave_out import row_ranges, shown_ranges
 from ecm.io.raw_table import raw_table
 from ecm.io.table import Table, as_table
 from ecm.logs.containers import is_hdf5, read_hdf5, read_matlab, read_numpy, read_parquet_log
+from ecm.logs.conversion import (
+    begin_time_at_zero,
+    drop_columns_with_gaps,
+    holds_numbers,
+    standard_columns,
+    unwrap_angle,
+)
 from ecm.logs.log import Log, log_of_arrays
-from ecm.logs.mapping import ColumnMap, Source, Wishes, propose
+from ecm.logs.mapping import propose
 from ecm.logs.rosbag import is_bag, read_bag
-from ecm.logs.rotations import to_rotation_vectors
+from ecm.logs.sources import UserChoices
 from ecm.logs.text import read_text_log
 from ecm.logs.units import given_units
 
 _SAMPLED_S = 0.5
 """Rows that follow each other faster are samples of a continuous test."""
-_MOST_SHOWN = 20
-_EPOCH_S = 1e8
-"""Larger times count from an epoch; the table's begin at 0."""
 
 
 @dataclass(frozen=True)
@@ -165,18 +167,18 @@ def import_log(
     raw, source, digest = _read(log, topics)
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
-    wishes = Wishes(dict(columns or {}), rotation, given_units(units), axis)
-    mapped = propose(raw, wishes, source)
+    choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
+    mapped = propose(raw, choices, source)
     given = read_meta(meta) if isinstance(meta, Path) else meta or Meta()
-    table, words, notes, usable = _converted(raw, mapped, source)
-    _finish_angles(table, notes)
-    time_notes = _finish_time(table)
-    notes += _without_gaps(table, words, {*POSE, *mapped.columns})
-    gone = np.flatnonzero(~(usable & _finite(table))) + 1
+    table, words, notes, usable = standard_columns(raw, mapped, source)
+    unwrap_angle(table, notes)
+    time_notes = begin_time_at_zero(table)
+    notes += drop_columns_with_gaps(table, words, {*POSE, *mapped.columns})
+    gone = np.flatnonzero(~(usable & holds_numbers(table))) + 1
     left: dict[str, str] = dict(given.leave_out)
     if len(gone):
         empty = ", ".join(
-            name for name, values in table.items() if not _finite({name: values}).all()
+            name for name, values in table.items() if not holds_numbers({name: values}).all()
         )
         if len(gone) == len(usable):
             raise InputError(
@@ -231,131 +233,6 @@ def _of_object(log: Any) -> Log:
         return log_of_arrays({str(name): values for name, values in log.items()}, source)
     raw = raw_table(log, source)
     return log_of_arrays(dict(zip(raw.names, raw.columns, strict=True)), source)
-
-
-def _converted(
-    log: Log, mapped: ColumnMap, source: str
-) -> tuple[dict[str, NDArray[Any]], dict[str, str], list[str], B]:
-    """Standard columns, what each was read from, notes, and which rows hold a rotation."""
-    found: dict[str, F] = {}
-    words: dict[str, str] = {}
-    for name, entry in mapped.columns.items():
-        found[name] = log.columns[entry.column] * entry.unit.factor + entry.unit.offset
-        words[name] = _words(entry)
-    notes: list[str] = []
-    usable = np.ones(len(log), dtype=bool)
-    if mapped.rotation is not None:
-        parts = mapped.rotation.sources
-        values = np.column_stack([log.columns[part.column] * part.unit.factor for part in parts])
-        vectors, usable, note = to_rotation_vectors(mapped.rotation.word, values)
-        found |= dict(zip(POSE[3:], vectors.T, strict=True))
-        words |= dict.fromkeys(POSE[3:], f"rotation vector: {mapped.rotation}")
-        notes += [note] if note else []
-    for column, name in mapped.own.items():
-        found[name], words[name] = log.columns[column], f"{column}, kept as it is"
-    for name in log.text:
-        notes.append(f"column '{name}' is text and was left aside")
-    if not any(name in found for name in (*POSE, *WRENCH)):
-        raise InputError(
-            f"{source}: no pose and no wrench was found by name. Its columns:\n{_ranges(log)}\n"
-            "Name what is one: --map NAME=COLUMN:UNIT, for example --map theta_z_rad=COLUMN:deg "
-            f"(names: {', '.join((*POSE, *WRENCH))}, time_s)"
-        )
-    for what, group in (("pose", POSE), ("wrench", WRENCH)):
-        if not any(name in found for name in group):
-            notes.append(f"no {what} was found by name: say --map NAME=COLUMN:UNIT, for example "
-                         f"--map {group[0]}=COLUMN:{'mm' if what == 'pose' else 'N'}")  # fmt: skip
-    order = {name: i for i, name in enumerate(("time_s", "run", *POSE, *WRENCH))}
-    names = sorted(found, key=lambda name: order.get(name, len(order)))
-    return {name: found[name] for name in names}, words, notes, usable
-
-
-def _ranges(log: Log) -> str:
-    """The first columns with their smallest and largest number, a line each."""
-    lines = [f"  {n}: {np.nanmin(v):.4g} to {np.nanmax(v):.4g}" for n, v in log.columns.items()]
-    return "\n".join(lines[:_MOST_SHOWN]) + ("\n  ..." if len(lines) > _MOST_SHOWN else "")
-
-
-def _words(entry: Source) -> str:
-    unit = entry.unit
-    if unit.word == "" and unit.dimension in ("time", "temperature"):
-        assumed = "s" if unit.dimension == "time" else "degC"
-        return f"{entry.column}, no unit stated, taken as {assumed}"
-    factor = "" if unit.factor == 1.0 else f" * {unit.factor:.6g}"
-    offset = "" if unit.offset == 0.0 else f" {'+-'[unit.offset < 0]} {abs(unit.offset):.6g}"
-    return f"{entry.column}{factor}{offset}"
-
-
-def _finish_angles(table: dict[str, NDArray[Any]], notes: list[str]) -> None:
-    """Unwrap a single angle that jumps by a whole turn, as encoders from 0 to 360 degrees do.
-
-    Readings within half a turn stay: poses at rest may follow each other with larger steps.
-    """
-    angles = [name for name in POSE[3:] if name in table]
-    if len(angles) != 1:
-        return
-    values = table[angles[0]]
-    if not np.isfinite(values).all() or np.abs(values).max() <= math.pi:
-        return
-    unwrapped = np.unwrap(values)
-    turns = 2.0 * math.pi * np.round(np.median(unwrapped) / (2.0 * math.pi))
-    if not np.allclose(unwrapped - turns, values, rtol=0.0, atol=1e-9):
-        jumps = int(np.count_nonzero(np.abs(np.diff(values)) > math.pi))
-        notes.append(f"{angles[0]}: whole turns taken out, {jumps} jumps unwrapped")
-        table[angles[0]] = unwrapped - turns
-
-
-def _finish_time(table: dict[str, NDArray[Any]]) -> list[str]:
-    """Begin time at 0; a time that begins again starts a new run."""
-    if "time_s" not in table:
-        return []
-    time, notes = table["time_s"], []
-    known = time[np.isfinite(time)]
-    if len(known) and known.min() > _EPOCH_S:
-        power = min(3, max(0, round((math.log10(np.median(known)) - 9.2) / 3)))
-        time = (time - known.min()) / 10.0 ** (3 * power)
-        notes.append(f"time counts from an epoch in {('s', 'ms', 'us', 'ns')[power]}")
-    back = np.flatnonzero(np.diff(time) < 0.0) + 1
-    again = back[time[back] <= time[0] + 0.1 * np.nanmax(time)] if len(back) else back
-    if len(back) and len(again) == len(back) and "run" not in table:
-        run = np.zeros(len(time))
-        run[back] = 1.0
-        table["run"] = np.cumsum(run)
-        rows = shown_ranges((back + 1).tolist())
-        notes.append(f"time begins again at row {rows}: {len(back) + 1} runs")
-    table["time_s"] = time
-    return notes
-
-
-def _without_gaps(
-    table: dict[str, NDArray[Any]], words: dict[str, str], wanted: Collection[str]
-) -> list[str]:
-    """Take out the user's own columns that are empty in rows which hold everything else.
-
-    A column that nobody asked for must not cost rows.
-    """
-    full = _finite({name: values for name, values in table.items() if name in wanted})
-    notes = []
-    for name in [name for name in table if name not in wanted and name not in MAY_BE_EMPTY]:
-        gaps = int((full & ~_finite({name: table[name]})).sum())
-        if gaps:
-            del table[name], words[name]
-            notes.append(
-                f"column '{name}' has no number in {gaps} rows and was left aside; "
-                f"--map {name}=COLUMN keeps it"
-            )
-    return notes
-
-
-def _finite(table: Mapping[str, NDArray[Any]]) -> B:
-    rows = len(next(iter(table.values())))
-    good = np.ones(rows, dtype=bool)
-    for name, values in table.items():
-        if name not in MAY_BE_EMPTY:
-            good &= np.isfinite(values)
-        if name in WHOLE:
-            good &= np.nan_to_num(values) == np.round(np.nan_to_num(values))
-    return good
 
 
 def _file(table: Mapping[str, NDArray[Any]], file: FileMeta) -> FileMeta:

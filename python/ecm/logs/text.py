@@ -13,16 +13,20 @@ from numpy.typing import NDArray
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.logs.log import Log, seconds_of_dates, unique_name
+from ecm.logs.text_cells import (
+    SEPARATORS,
+    ends_with_remark,
+    has_decimal_comma,
+    is_number,
+    number,
+    of_width,
+    trimmed,
+)
 from ecm.logs.units import find_unit, is_other_unit
 
 _SAMPLE = 400
 """Lines from which separator and first row of numbers are found."""
 _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
-_REMARKS = frozenset({"comment", "comments", "kommentar", "note", "notes", "remark", "remarks"})
-"""Names of a last column that has no cells in most rows, as LabVIEW writes it."""
-_THOUSANDS = re.compile(r"^[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?$")
-_DECIMAL_POINT = re.compile(r"^[+-]?[\d,]*\.\d+([eE][+-]?\d+)?$")
-_DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+([eE][+-]?\d+)?$")
 
 
 def read_text_log(path: Path) -> Log:
@@ -31,9 +35,9 @@ def read_text_log(path: Path) -> Log:
     kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
-    comma = word != "commas" and _has_decimal_comma(kept[begin:], split, path)
-    remarks = begin > 0 and _ends_with_remark(split(kept[begin - 1]), width)
-    above = [_of_width(split(line), width, remarks) for line in kept[:begin]]
+    comma = word != "commas" and has_decimal_comma(kept[begin:], split, path)
+    remarks = begin > 0 and ends_with_remark(split(kept[begin - 1]), width)
+    above = [of_width(split(line), width, remarks) for line in kept[:begin]]
     names, units = _header(above, comments, split, width)
     columns, text, bad = _columns(kept[begin:], split, width, comma, names, remarks, units)
     notes = [f"text with {word}{' and decimal commas' if comma else ''}, {len(kept) - begin} rows"]
@@ -61,8 +65,8 @@ def _decoded(path: Path) -> str:
 def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str]], int, int]:
     """Separator (its word and a splitter), first row of numbers, and number of cells."""
     best: tuple[float, str, int, int] | None = None
-    for word, split in _SEPARATORS.items():
-        cells = [_trimmed(split(line)) for line in lines]
+    for word, split in SEPARATORS.items():
+        cells = [trimmed(split(line)) for line in lines]
         counts = [len(row) for row in cells[len(cells) // 2 :]]
         if not counts:
             continue
@@ -90,12 +94,12 @@ def _layout(lines: list[str], path: Path) -> tuple[str, Callable[[str], list[str
             f"{path}: no rows of numbers were found with commas, semicolons, tabs or spaces "
             "between them. Save the log as CSV with one header line."
         )
-    return best[1], _SEPARATORS[best[1]], best[2], best[3]
+    return best[1], SEPARATORS[best[1]], best[2], best[3]
 
 
 def _share(cells: list[str], word: str) -> float:
     """Share of the cells that are numbers."""
-    return sum(_is_number(cell, word != "commas") for cell in cells) / len(cells)
+    return sum(is_number(cell, word != "commas") for cell in cells) / len(cells)
 
 
 def _header(
@@ -106,7 +110,7 @@ def _header(
 ) -> tuple[list[str], dict[str, str]]:
     """Names and units from the lines above the numbers, else from the last comment."""
     rows = [row for row in above if len(row) == width]
-    without_numbers = [row for row in rows if not any(_is_number(cell, True) for cell in row)]
+    without_numbers = [row for row in rows if not any(is_number(cell, True) for cell in row)]
     rows = without_numbers or rows
     unit_row: list[str] = []
     if len(rows) > 1 and _is_unit_row(rows[-1]):
@@ -133,8 +137,8 @@ def _named_by_comment(
 ) -> list[str]:
     """Names in the last comment that has the width of the rows."""
     for line in reversed(comments):
-        cells = _trimmed(split(_COMMENT.sub("", line).strip()))
-        if len(cells) == width and not any(_is_number(cell, True) for cell in cells):
+        cells = trimmed(split(_COMMENT.sub("", line).strip()))
+        if len(cells) == width and not any(is_number(cell, True) for cell in cells):
             return cells
     return []
 
@@ -174,12 +178,12 @@ def _columns(
     fast = _all_numbers(lines, split, width, comma)
     if fast is not None:
         return dict(zip(names, fast.T, strict=True)), {}, 0
-    rows = [_of_width(split(line), width, remarks) for line in lines]
+    rows = [of_width(split(line), width, remarks) for line in lines]
     good = [row for row in rows if len(row) == width]
     columns: dict[str, F] = {}
     text: dict[str, NDArray[np.object_]] = {}
     for name, cells in zip(names, zip(*good, strict=True), strict=True):
-        values = np.array([_number(cell, comma) for cell in cells])
+        values = np.array([number(cell, comma) for cell in cells])
         if np.isfinite(values).mean() > 0.5:
             columns[name] = values
         else:
@@ -207,67 +211,3 @@ def _all_numbers(
     except ValueError:
         return None
     return values if values.shape[1] == width else None
-
-
-def _has_decimal_comma(lines: list[str], split: Callable[[str], list[str]], path: Path) -> bool:
-    """Whether commas are decimal; InputError where they may separate thousands."""
-    found = ""
-    for line in lines:
-        for cell in map(str.strip, split(line) if "," in line else ()):
-            if _THOUSANDS.match(cell):
-                found = found or cell
-            elif _DECIMAL_COMMA.match(cell):
-                return True
-    if found and any(_DECIMAL_POINT.match(cell.strip()) for line in lines for cell in split(line)):
-        raise InputError(
-            f"{path}: '{found}' may be thousands or a decimal comma: other cells have a decimal "
-            "point. Save the log without separators of thousands."
-        )
-    return bool(found)
-
-
-def _is_number(cell: str, comma: bool) -> bool:
-    return not np.isnan(_number(cell, comma))
-
-
-def _number(cell: str, comma: bool) -> float:
-    text = cell.strip().strip('"')
-    if comma and _DECIMAL_COMMA.match(text):
-        text = text.replace(",", ".")
-    try:
-        return float("nan") if "_" in text else float(text)
-    except ValueError:
-        return float("nan")
-
-
-def _quoted_split(line: str) -> list[str]:
-    if '"' not in line:
-        return line.split(",")
-    return re.findall(r'(?:^|,)("(?:[^"]|"")*"|[^,]*)', line)
-
-
-def _ends_with_remark(cells: list[str], width: int) -> bool:
-    """Whether a line of names has one more, for a remark that most rows do not have."""
-    return len(cells) == width + 1 and cells[-1].strip().lower() in _REMARKS
-
-
-def _of_width(cells: list[str], width: int, remarks: bool) -> list[str]:
-    """The cells, without one at the end that is empty or a remark where they are one too many."""
-    if len(cells) == width:
-        return cells
-    return cells[:width] if remarks and len(cells) == width + 1 else _trimmed(cells)
-
-
-def _trimmed(cells: list[str]) -> list[str]:
-    """The cells without one empty cell that a separator at the end of the line makes."""
-    return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
-
-
-_SEPARATORS: dict[str, Callable[[str], list[str]]] = {
-    "semicolons": lambda line: line.split(";"),
-    "tabs": lambda line: line.split("\t"),
-    "commas": _quoted_split,
-    "bars": lambda line: line.split("|"),
-    "spaces": str.split,
-}
-"""How a line becomes cells, by the word for its separator."""

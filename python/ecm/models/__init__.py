@@ -11,6 +11,7 @@ from ecm.models.model import Model, load_model
 from ecm.models.physics.map import PhysicsMap, physics_map, surrogate_of
 from ecm.models.physics.refit import PhysicsModel
 from ecm.models.polynomial import PolynomialModel
+from ecm.models.pose_error import PoseError
 from ecm.models.registry import parse_model
 from ecm.models.rod import ConstantCurvatureModel, RodModel
 from ecm.models.selection import LearningCurve, ModelChoice, choose_model, learning_curve
@@ -34,6 +35,7 @@ __all__ = [
     "PhysicsModel",
     "PolynomialMap",
     "PolynomialModel",
+    "PoseError",
     "RodModel",
     "StiffnessMap",
     "choose_model",

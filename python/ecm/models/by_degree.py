@@ -9,7 +9,7 @@ import numpy as np
 from ecm.errors import ModelError
 from ecm.io.table import Table
 from ecm.models.energy import EnergyModel
-from ecm.models.fit import fit_model
+from ecm.models.fit import fit_rows
 from ecm.models.maps import StiffnessMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
@@ -33,10 +33,10 @@ def polynomial(table: Table) -> StiffnessMap:
 def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessMap:
     """The map of least generalised cross-validation error among those that the rows carry."""
     measured = table.measured()
-    tried = [fit_model(measured, models[0]).base]
+    tried = [fit_rows(measured, models[0]).base]
     for model in models[1:]:
         try:
-            base = fit_model(measured, model).base
+            base = fit_rows(measured, model).base
         except ModelError:
             # More coefficients than equations: so are they for every degree above.
             break

@@ -12,7 +12,7 @@ from ecm.errors import InputError
 from ecm.io.arrays import I
 from ecm.io.extras import require
 from ecm.io.table import MetaLike, Table, TableLike, as_table
-from ecm.models.fit import fit_model
+from ecm.models.fit import fit_rows
 from ecm.models.maps import StiffnessMap
 from ecm.models.registry import parse_model
 from ecm.models.specification import ModelSpecification
@@ -119,7 +119,7 @@ def cross_validate(
         test = measured.select(np.flatnonzero(fold == part))
         if maps is None:
             train = measured.select(np.flatnonzero(fold != part))
-            predicted = fit_model(train, specification).predict(test)
+            predicted = fit_rows(train, specification).predict(test)
         else:
             predicted = maps[part].predict(test.matrix(maps[part].inputs))
         residual[fold == part] = truth[fold == part] - predicted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.constraints import constrained
 from ecm.models.leverage import leverages
 from ecm.models.model import Model
+from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
 from ecm.models.training import domain_of, training_of
@@ -73,16 +75,33 @@ def fit_model(
             f"model {specification.name}: weights are chosen for polynomials and energies only"
         )
     table = as_table(table, meta=meta)
+    fitted = fit_rows(table, specification, weights)
+    if zero_at_home or stable:
+        fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
+    shown = table.measured()
+    shown = shown.select(report_rows(shown))
+    errors = shown.matrix(fitted.outputs) - fitted.predict(shown.matrix(fitted.inputs))
+    error = pose_error(fitted, shown, errors)
+    return replace(fitted, training={**fitted.training, "pose_error": error.to_dict()})
+
+
+def fit_rows(table: Table, specification: ModelSpecification, weights: Weights = "auto") -> Model:
+    """Fit a model as `fit_model` does, without its pose error: for the many fits of a search.
+
+    Examples
+    --------
+    >>> from ecm.models import parse_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> fit_rows(as_table({"x_m": x, "fx_N": 2000.0 * x}), parse_model("linear")).name
+    'poly:1'
+    """
     measured = table.measured()
     if len(measured) == 0:
         raise InputError(f"{table.source}: no rows of kind pose to fit")
     used = measured
     if specification.most_rows is not None:
         used = measured.select(spread_rows(measured, specification.most_rows))
-    fitted = _model(specification.fit_map(used, weights), measured)
-    if zero_at_home or stable:
-        fitted = constrained(fitted, zero_at_home=zero_at_home, stable=stable)
-    return fitted
+    return _model(specification.fit_map(used, weights), measured)
 
 
 def _model(fitted: FittedMap, table: Table) -> Model:

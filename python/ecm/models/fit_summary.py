@@ -75,6 +75,8 @@ def fit_summary(
                 f"{column}: rmse {rmse:.3g} {unit_of(column)} on the fitted rows, "
                 f"{100.0 * share:.2g} % of its spread"
             )
+    pose_error = fitted.training["pose_error"]
+    sentences.append(pose_error["sentence"])
     correlated = correlation_time(measured)
     if correlated is not None:
         sentences.append(correlated.sentence())
@@ -97,6 +99,7 @@ def fit_summary(
         "inputs": list(fitted.inputs),
         "outputs": list(fitted.outputs),
         "components": components,
+        "pose_error": pose_error,
         "sentences": sentences,
     }
 

@@ -21,7 +21,7 @@ from ecm.io.extras import require
 from ecm.io.table import Table
 from ecm.models.cross_validation import random_folds
 from ecm.models.energy import EnergyModel
-from ecm.models.fit import fit_model
+from ecm.models.fit import fit_model, fit_rows
 from ecm.models.maps import PolynomialMap, StiffnessMap
 from ecm.models.plots import learning_curve_figure
 from ecm.models.polynomial import PolynomialModel
@@ -165,7 +165,7 @@ def choose_model(
         squares, size = [], 0
         try:
             for part in range(int(fold.max()) + 1):
-                fitted = fit_model(measured.select(np.flatnonzero(fold != part)), candidate)
+                fitted = fit_rows(measured.select(np.flatnonzero(fold != part)), candidate)
                 size = free_coefficients(fitted.base)
                 test = np.flatnonzero(fold == part)
                 squares.append(_square(fitted.base, measured, test, whitener))
@@ -328,7 +328,7 @@ def learning_curve(
         for s, n in enumerate(usable):
             rows = np.flatnonzero(np.isin(groups, order[tests : tests + n]))
             try:
-                fitted = fit_model(measured.select(rows), specification)
+                fitted = fit_rows(measured.select(rows), specification)
             except EcmError:
                 continue
             errors[s, d] = np.sqrt(_square(fitted.base, measured, test, whitener))

@@ -63,13 +63,16 @@ def refuse_worse(
 4e+08 times its spread, where the mean errs once; take fewer coefficients (a lower degree), or \
 measure more poses
     """
-    reasons = [] if before is None else _worse_than(before, fitted, table)
+    errors, noise = _errors(fitted, table)
+    reasons = []
+    if before is not None:
+        reasons = _worse_than(before, fitted, table, errors, noise) + _worse_held_out(fitted)
     if reasons:
         raise ComputationError(
             f"the new model is worse than the one before it: {'; '.join(reasons)}; leave out what "
             "was added, or add something else"
         )
-    reasons = _worse_than_mean(fitted, table, held_out or {})
+    reasons = _worse_than_mean(fitted, table, errors, noise, held_out or {})
     if reasons:
         raise ComputationError(
             f"the fit is no model of these data: {'; '.join(reasons)}; take fewer coefficients "
@@ -77,26 +80,29 @@ measure more poses
         )
 
 
-def _worse_than(before: Model, fitted: Model, table: Table) -> list[str]:
-    errors, sd = _errors(fitted, table)
+def _worse_than(before: Model, fitted: Model, table: Table, errors: F, sd: F) -> list[str]:
     old, _ = _errors(before, table)
-    reasons = [
+    return [
         f"{name} errs {error:.3g} {unit_of(name)}, before {other:.3g}"
         for name, error, other, noise in zip(fitted.outputs, errors, old, sd, strict=True)
         if _is_worse(error, other, noise)
     ]
+
+
+def _worse_held_out(fitted: Model) -> list[str]:
+    """Compare the last two records of the fit history, where they are of the same rows."""
     records = fitted.history[-2:]
-    if len(records) == 2 and records[0].rows == records[1].rows:
-        first, second = (record.held_out for record in records)
-        if second > _WORSE * first:
-            reasons.append(
-                f"on held-out rows it errs {second:.3g} times the noise, before {first:.3g}"
-            )
-    return reasons
+    if len(records) < 2 or records[0].rows != records[1].rows:
+        return []
+    first, second = (record.held_out for record in records)
+    if second <= _WORSE * first:
+        return []
+    return [f"on held-out rows it errs {second:.3g} times the noise, before {first:.3g}"]
 
 
-def _worse_than_mean(fitted: Model, table: Table, held_out: Mapping[str, float]) -> list[str]:
-    errors, sd = _errors(fitted, table)
+def _worse_than_mean(
+    fitted: Model, table: Table, errors: F, sd: F, held_out: Mapping[str, float]
+) -> list[str]:
     spread = table.matrix(fitted.outputs)[is_pose_row(table)].std(axis=0)
     reasons = []
     for name, error, own, noise in zip(fitted.outputs, errors, spread, sd, strict=True):

@@ -207,7 +207,7 @@ class Campaign:
         return self.table([self.measure(i) for i in range(len(self))])
 
     def truth_text(self) -> str | None:
-        """The sealed truth, which may hold nothing; None where nothing was asked for."""
+        """The sealed truth, which may hold nothing; None where no effect was requested."""
         if not self._hide:
             return None
         effects = [effect.sealed() for effect in self.injected]

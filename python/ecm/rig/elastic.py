@@ -141,7 +141,7 @@ class Grading:
 def solve_cached(
     source: Source, poses: F, grade: str, folder: Path | None, progress: Progress = None
 ) -> Anchors:
-    """`source.solve`, kept on disk under a hash of the mechanism and the poses."""
+    """`source.solve`, stored on disk under a hash of the mechanism and the poses."""
     path = None
     if folder is not None:
         name = array_key(f"anchors-1|{source.key()}|{grade}|{CONTRAST}", poses)

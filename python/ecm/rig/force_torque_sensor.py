@@ -7,7 +7,6 @@ import numpy as np
 from ecm.io.arrays import F
 from ecm.rig.settings import Instruments
 
-LAWS = ("linear", "before", "none", "temperature")
 _ENOUGH_FOR_TIME = 4
 
 

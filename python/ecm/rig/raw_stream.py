@@ -50,7 +50,7 @@ REST_S = 1.0
 
 
 class StreamedCampaign(CampaignState, Protocol):
-    """A campaign whose camera is asked for an image."""
+    """A campaign whose camera takes an image."""
 
     def image(
         self,

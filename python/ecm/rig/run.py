@@ -24,7 +24,7 @@ from ecm.rig.settings import RigSettings
 from ecm.rig.timeline import timeline_of
 
 _NO_STREAM = (
-    "[rig] stream_Hz: the raw stream is kept beside a table on disk only; give `out`, or ask "
+    "[rig] stream_Hz: the raw stream is stored beside a table on disk only; give `out`, or ask "
     "Campaign.raw_stream for it"
 )
 
@@ -42,7 +42,7 @@ class CampaignOptions:
     source
         Solves the mechanism; default FEM of the plan's `[mechanism]`.
     folder
-        Where solved poses are kept; default the user's cache.
+        Folder of the solved poses; default the user's cache.
     scheduler
         Address of a Dask scheduler for many rigs; default: one after the other, on this machine.
 
@@ -96,7 +96,7 @@ def run_campaign(
     -------
     Table
         One row per reading. Its `warnings` name the poses that were skipped, with the reason, and
-        a raw stream that was asked for without a file.
+        a raw stream without a file.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def run_campaign(
     if rig.rig.mode == "robot":
         # scipy is slow to load, and only the arm needs it
         from ecm.rig.arm.campaign import RobotCampaign  # noqa: PLC0415 - the arm takes 1.5 s to load
-        from ecm.rig.arm.run import kept_sorties, require_arm, run_robot, write_record  # noqa: PLC0415 - the arm takes 1.5 s to load
+        from ecm.rig.arm.run import require_arm, run_robot, sortie_store, write_record  # noqa: PLC0415 - the arm takes 1.5 s to load
 
         require_arm(folder)
         arm = RobotCampaign(
@@ -145,7 +145,7 @@ def run_campaign(
         if out is not None and journal is not None:
             table = _written(arm, table, out)
             write_record(arm, out)
-            kept_sorties(arm, out).remove()
+            sortie_store(arm, out).remove()
             journal.remove()
         return table
     campaign = Campaign(plan, rig, source, hide=hide, seed=seed, folder=folder, progress=progress)

@@ -20,7 +20,7 @@ class Visit:
 
     kind: str
     row: int
-    """Row of the plan; -1 where the rig itself asked for it."""
+    """Row of the plan; -1 for a visit that the rig adds."""
     pose: F
     """Commanded pose (6,)."""
     pose_id: int

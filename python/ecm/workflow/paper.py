@@ -46,9 +46,6 @@ SYMMETRIC_SHARE = 0.95
 FEM_RATIO = 200.0
 """The polynomial is at least so many times faster than the FEM (Fig. 11)."""
 
-EVALUATION_S = 3e-4
-"""Average time of one evaluation of the polynomial model."""
-
 STIFFNESS_AT_REST: NDArray[np.float64] = np.array(
     [
         [24585.0, -778.0, 12.0, 4.0, 49.0, -14.0],

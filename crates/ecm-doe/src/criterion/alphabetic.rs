@@ -5,7 +5,7 @@ use super::search::search;
 use super::settings::{DSettings, Design, apply_settings};
 use crate::budget::on_threads;
 use crate::linalg::{add_transposed_product, cholesky, product_transposed};
-use crate::problem::Objective;
+use crate::problem::{INFORMATION, Objective};
 use crate::{Control, DesignError, Problem};
 
 /// The `settings.n` poses whose regressor rows have the largest log det(X'X).
@@ -148,7 +148,7 @@ fn finish(
 /// H with H H' = the mean of A' A over whitened poses, or their mean with the given weights.
 ///
 /// # Errors
-/// The trace of this mean where it is 0 or not finite.
+/// The trace of this mean where it is outside [`INFORMATION`].
 pub(crate) fn root_of_moment(
     white: &[f64],
     weights: Option<&[f64]>,
@@ -180,8 +180,8 @@ pub(crate) fn root_of_moment(
 /// more where that does not do. The error is the trace.
 fn half(moment: &[f64], k: usize) -> Result<Vec<f64>, f64> {
     let trace: f64 = (0..k).map(|i| moment[i * k + i]).sum();
-    if !(trace > 0.0 && trace.is_finite()) {
-        return Err(if trace == 0.0 { 0.0 } else { f64::INFINITY });
+    if !INFORMATION.contains(&trace) {
+        return Err(if trace.is_nan() { f64::INFINITY } else { trace });
     }
     let shifts = (0..=12).map(|power| 1e-12 * trace * 10f64.powi(power));
     for shift in std::iter::once(0.0).chain(shifts) {

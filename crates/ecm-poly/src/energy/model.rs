@@ -162,8 +162,14 @@ impl EnergyModel {
     /// # Errors
     /// As [`EnergyModel::tables`].
     pub fn to_bytes<R: Real>(&self) -> Result<Vec<u8>, ModelError> {
-        let reach = crate::export::model::reach_squared(self);
-        Ok(self.tables::<R>()?.to_bytes(reach))
+        Ok(self.tables::<R>()?.to_bytes(self.reach_squared()))
+    }
+
+    /// Squares of the largest |c| (m) and |θ| (rad) that count as inside the training data.
+    pub(crate) fn reach_squared(&self) -> [f64; 2] {
+        // Fits average repeated poses; the measured ones lie a little further out.
+        let [length, angle] = self.scale.map(|largest| 1.01 * largest);
+        [length, angle.min(core::f64::consts::PI)].map(|reach| reach * reach)
     }
 
     /// Symmetry, exponents and coefficients (J) of the whole energy.

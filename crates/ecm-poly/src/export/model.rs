@@ -101,13 +101,6 @@ impl Model {
     }
 }
 
-/// Squares of the largest |c| (m) and |θ| (rad) that count as inside the training data of an energy.
-pub fn reach_squared(model: &EnergyModel) -> [f64; 2] {
-    // Fits average repeated poses; the measured ones lie a little further out.
-    let [length, angle] = model.scale().map(|largest| 1.01 * largest);
-    [length, angle.min(core::f64::consts::PI)].map(|reach| reach * reach)
-}
-
 /// All numbers of a nested list, row by row.
 fn numbers(value: Option<&Value>) -> Vec<f64> {
     match value {

@@ -134,16 +134,27 @@ class MullinsSoftening(LinearEffect):
         return np.asarray(-(lost[:, None] * rows.wrench)[:, :, None])
 
 
+@dataclass(eq=False)
 class _ZeroEffect(LinearEffect):
     """A time course of the sensor's zero, on each wrench column by itself."""
 
     outputs: str
+    """Wrench columns with commas between them."""
+
     side = "measurement"
     kind = "time"
+    quantity = "rate"
+    """What the parameter of a column is."""
+    per = "/s"
+    """Its unit behind the unit of the column."""
 
-    def _parameters(self, what: str, per: str) -> tuple[Parameter, ...]:
-        return tuple(
-            Parameter(f"{short(n)}_{what}", unit_of(n) + per, 1.0 if n in WRENCH[:3] else 0.03)
+    def __post_init__(self) -> None:
+        self.parameters = tuple(
+            Parameter(
+                f"{short(n)}_{self.quantity}",
+                unit_of(n) + self.per,
+                1.0 if n in WRENCH[:3] else 0.03,
+            )
             for n in filter(None, self.outputs.split(","))
         )
 
@@ -176,7 +187,6 @@ def _needs_two_zeros(table: Table) -> Missing | None:
 class FtsOffset(_ZeroEffect):
     """b on all rows, told from the model by unloaded readings; or b from one run on."""
 
-    outputs: str
     first_run: float
     """Run from which the zero is another one; negative: all rows."""
 
@@ -186,9 +196,8 @@ class FtsOffset(_ZeroEffect):
     signature = "constant within a run"
     needs = "unloaded readings (kind), or several runs (run)"
     requires = (_needs_two_zeros,)
-
-    def __post_init__(self) -> None:
-        self.parameters = self._parameters("offset", "")
+    quantity = "offset"
+    per = ""
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """On all rows, and from each run on."""
@@ -212,17 +221,12 @@ class FtsOffset(_ZeroEffect):
 class FtsDrift(_ZeroEffect):
     """b t on each wrench column."""
 
-    outputs: str
-
     id = "fts_drift"
     physics = "The sensor's zero creeps with time, the same at any pose."
     outside = FullDrift.outside
     signature = "linear in time"
     needs = "time (time_s)"
     requires = (needs_varying("time_s", 1.0),)
-
-    def __post_init__(self) -> None:
-        self.parameters = self._parameters("rate", "/s")
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """On each wrench column."""
@@ -237,7 +241,6 @@ class FtsDrift(_ZeroEffect):
 class FtsThermalDrift(_ZeroEffect):
     """b (T - T0), T the temperature of the sensor."""
 
-    outputs: str
     reference_degC: float = optional(0.0)
 
     id = "fts_thermal_drift"
@@ -246,9 +249,7 @@ class FtsThermalDrift(_ZeroEffect):
     signature = "follows the temperature of the sensor, not the load"
     needs = "sensor_temperature_degC that varies"
     requires = (needs_varying("sensor_temperature_degC", 0.25),)
-
-    def __post_init__(self) -> None:
-        self.parameters = self._parameters("rate", "/K")
+    per = "/K"
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Referred to the mean temperature."""

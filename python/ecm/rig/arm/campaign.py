@@ -18,9 +18,9 @@ from ecm.io.arrays import F
 from ecm.io.columns import JOINT_SIGNS, JOINTS
 from ecm.rig.arm import faults
 from ecm.rig.arm.controller_model import compile_model, controller_document
-from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.non_elastic import HiddenPhysics
 from ecm.rig.arm.scene import mujoco, scene
+from ecm.rig.arm.sortie_store import SortieStore
 from ecm.rig.arm.sorties import PlannedSortie, RunningSortie, SortieResult, plan_sorties
 from ecm.rig.arm.surrogate import fem_pairs, fit_surrogate
 from ecm.rig.arm.visit_record import VisitRecord
@@ -115,25 +115,25 @@ class RobotCampaign(Campaign):
     # --- running ---------------------------------------------------------------
 
     def lines(
-        self, done: Sequence[VisitRecord], processes: int, kept: KeptSorties | None = None
+        self, done: Sequence[VisitRecord], processes: int, store: SortieStore | None = None
     ) -> Iterator[VisitRecord]:
         """Yield the visits in order, after those that are done.
 
-        Sorties that several processes finish before their turn are stored in `kept`.
-        ComputationError after several unusable readings in a row; all finished poses are kept.
+        Sorties that several processes finish before their turn are saved in `store`.
+        ComputationError after several unusable readings in a row.
         """
         for record in done:
             self._add(record)
         begin = len(done)
         remaining = [n for n, s in enumerate(self.sorties) if s.stops[-1].visit >= begin]
-        loaded = {n: kept.load(n) for n in remaining} if kept is not None else {}
+        loaded = {n: store.load(n) for n in remaining} if store is not None else {}
         driven = [n for n in remaining if loaded.get(n) is None]
         # A sortie that was interrupted is driven again as a whole.
         by_visit = {max(begin, self.sorties[n].stops[0].visit): n for n in remaining}
 
         def finished(number: int, result: SortieResult) -> None:
-            if kept is not None:
-                kept.save(driven[number], result)
+            if store is not None:
+                store.save(driven[number], result)
 
         tasks = [self.sorties[n].stops for n in driven]
         with self._run(self.setup, tasks, processes, finished) as results:

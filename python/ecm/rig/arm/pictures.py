@@ -44,7 +44,7 @@ class PictureSource:
     source: Source | None = None
     """Solves the mechanism; None: FEM of the plan's `[mechanism]`."""
     folder: Path | None = None
-    """Where solved poses and the compiled controller are kept; None: the user's cache."""
+    """Folder of the solved poses and the compiled controller; None: the user's cache."""
 
     def campaign(self, progress: Progress = None) -> RobotCampaign:
         """Return the campaign, not carried out."""
@@ -61,7 +61,7 @@ class PictureSource:
 
 
 def require_robot(rig: RigSettings, *options: tuple[str, Path | None]) -> None:
-    """Raise InputError if a picture is asked for without the arm, or with a wrong suffix."""
+    """Raise InputError if a picture is requested without the arm, or with a wrong suffix."""
     for name, path in options:
         if path is None:
             continue
@@ -79,7 +79,7 @@ def write_pictures(
     phases: Path | None = None,
     progress: Progress = None,
 ) -> list[str]:
-    """Write the pictures that are asked for; return a line about each.
+    """Write the requested pictures; return a line about each.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from ecm.io.cache import write_json
 from ecm.rig.arm.campaign import RobotCampaign
 from ecm.rig.arm.controller_model import require_library
-from ecm.rig.arm.kept_sorties import KeptSorties
 from ecm.rig.arm.scene import mujoco
+from ecm.rig.arm.sortie_store import SortieStore
 from ecm.rig.arm.summary import campaign_record
 from ecm.rig.arm.visit_record import HEADER, VisitRecord
 from ecm.rig.elastic import Progress, Source
@@ -68,15 +68,15 @@ def run_robot(
         done.pop()
     del journal.lines[len(done) :]
     with journal:
-        for record in campaign.lines(done, processes, kept_sorties(campaign, out)):
+        for record in campaign.lines(done, processes, sortie_store(campaign, out)):
             journal.append(record.text())
             report(record)
     return campaign.finished(), journal
 
 
-def kept_sorties(campaign: RobotCampaign, out: Path) -> KeptSorties:
-    """Return what is kept beside the journal, in `NAME.journal.parts`."""
-    return KeptSorties(journal_path(out).with_suffix(".parts"), campaign.identity)
+def sortie_store(campaign: RobotCampaign, out: Path) -> SortieStore:
+    """Return what is stored beside the journal, in `NAME.journal.parts`."""
+    return SortieStore(journal_path(out).with_suffix(".parts"), campaign.identity)
 
 
 def write_record(campaign: RobotCampaign, out: Path) -> None:

@@ -150,6 +150,9 @@ def _received(results: queue.SimpleQueue[Any]) -> Iterator[StopResult | SortieRe
 
 def serve() -> None:
     """Read a setup and sorties from standard input, write results to standard output."""
+    # Nothing is drawn here. Otherwise mujoco's import asks another process for the version of glfw,
+    # and that process writes a traceback when the campaign, and so this worker, ends meanwhile.
+    os.environ["MUJOCO_GL"] = "disable"
     received: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(received,), daemon=True).start()
     arm = cast("ArmSetup", received.get()).build()

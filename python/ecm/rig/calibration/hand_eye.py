@@ -29,9 +29,6 @@ class HandEye:
     """X."""
     robot_from_camera: FrameFit
     """Y."""
-    residual_m: float
-    """Root mean square of what is left, per axis."""
-    residual_rad: float
 
 
 def hand_eye(
@@ -55,20 +52,14 @@ def hand_eye(
         raise InputError(f"hand-eye calibration: {n} poses, expected at least {LEAST_POSES}")
     x, y = _initial(robot_from_flange, camera_from_target)
     weight = np.tile(np.repeat([1.0 / position_sd_m, 1.0 / rotation_sd_rad], 3), n)
-    covariance, dof, left = np.eye(12), 1, np.zeros(6 * n)
+    covariance, dof = np.eye(12), 1
     for _ in range(_ROUNDS):
         residual, design = _linear(robot_from_flange, camera_from_target, x, y)
         step, covariance, dof = solve_scaled(weight[:, None] * design, weight * residual)
-        x, y, left = _moved(x, step[:6]), _moved(y, step[6:]), residual
+        x, y = _moved(x, step[:6]), _moved(y, step[6:])
         if np.abs(step).max() < 1e-12:
             break
-    rows = left.reshape(n, 6)
-    return HandEye(
-        FrameFit(x, covariance[:6, :6], dof),
-        FrameFit(y, covariance[6:, 6:], dof),
-        float(np.sqrt(np.mean(rows[:, :3] ** 2))),
-        float(np.sqrt(np.mean(rows[:, 3:] ** 2))),
-    )
+    return HandEye(FrameFit(x, covariance[:6, :6], dof), FrameFit(y, covariance[6:, 6:], dof))
 
 
 def _moved(frame: F, step: F) -> F:

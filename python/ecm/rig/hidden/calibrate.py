@@ -74,7 +74,7 @@ def calibrate(
     effect
         Change of the residual (N, 6) at a size.
     size
-        First guess; its sign is kept.
+        First guess; only its sign is used.
 
     Raises
     ------

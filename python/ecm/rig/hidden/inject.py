@@ -1,4 +1,4 @@
-"""Injects an effect into a plant: its shape is drawn, its size follows from the wanted strength."""
+"""Injects an effect into a plant: a drawn shape, and the size of the requested strength."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class InjectedEffect:
 
 
 def inject(hide: Hidden, rig: RigState, seed: int) -> InjectedEffect:
-    """The effect that is to be hidden, at the size that gives the wanted strength.
+    """The effect that is to be hidden, at the size that gives the requested strength.
 
     Put into the physics, a hidden warm-up of the sensor takes the place of the rig's own; every
     other effect is added.
@@ -112,17 +112,17 @@ def inject(hide: Hidden, rig: RigState, seed: int) -> InjectedEffect:
         Where the plan does not show the effect, or only at a size that nothing real has.
     """
     kind = TRUE_EFFECTS[hide.effect]
-    wish = f"--hide {hide.effect}={hide.strength:g}"
+    option = f"--hide {hide.effect}={hide.strength:g}"
     arm = rig.settings.rig.mode == "robot"
     if kind.follows_the_way and arm and rig.plant.elastic.smooth is None:
         raise CannotHide(
-            f"{wish}: the arm's own way leads between the solved "
+            f"{option}: the arm's own way leads between the solved "
             "poses, and this plan has too few of them for a smooth map. Plan 20 or more, or set "
             '[rig] mode = "quasi_static"'
         )
     if kind.only_in_motion and rig.raw is None:
         raise CannotHide(
-            f"{wish}: it acts only while the arm moves, and this "
+            f"{option}: it acts only while the arm moves, and this "
             "rig keeps readings at rest alone. Set [rig] stream_Hz (5, say), which writes the raw "
             "stream"
         )
@@ -144,7 +144,7 @@ def inject(hide: Hidden, rig: RigState, seed: int) -> InjectedEffect:
         size = calibrate(effect, whitener, first.size, hide.strength)
     except CannotHide as error:
         more = "" if raw is None else f" More shows it: {kind.limit.remedy}"
-        raise CannotHide(f"{wish}: {error}{more}") from None
+        raise CannotHide(f"{option}: {error}{more}") from None
     truth = first.resized(size)
     if hide.plausible:
         check_size(truth, hide.strength, size, scale)

@@ -1,8 +1,8 @@
 """The largest size of an effect that something real could have.
 
 A strength s is what is left after the base is projected out. Where the plan hardly shows an effect
-beside the modulus (relaxation with a single rest), a wanted strength asks for an absurd size: a
-rubber that loses more than all of its stress. Such a wish is refused, with what would make it
+beside the modulus (relaxation with a single rest), a requested strength needs an absurd size: a
+rubber that loses more than all of its stress. Such a request is refused, with what would make it
 possible. Each effect states its largest size in shares of what the rig is built for (length and
 stiffness of the mechanism, range of the sensor), so that the limits serve a finger as well as a
 neck. They are round figures by judgement, with the reason in the effect's file; none is measured.
@@ -36,7 +36,7 @@ def measure(unit: str, rig: RigScale) -> float:
 
 
 def check_size(truth: TrueEffect, strength: float, size: float, rig: RigScale) -> None:
-    """CannotHide where the wanted strength asks for a size that nothing real has."""
+    """CannotHide where the requested strength needs a size that nothing real has."""
     largest = truth.limit.share * measure(truth.unit, rig)
     if abs(size) <= largest:
         return

@@ -104,7 +104,7 @@ class Hidden:
     ) -> Hidden:
         """`random` becomes an id that is not `taken`, and a strength where none was given.
 
-        With no strength asked for it may become `none`; not any more where an effect was drawn
+        Without a requested strength it may become `none`; not any more where an effect was drawn
         already that was `impossible` with the plan. `streamed`: a raw stream shows what moves.
         """
         if self.effect != "random":
@@ -115,9 +115,9 @@ class Hidden:
         possible -= set(taken)
         left = sorted(possible - set(impossible))
         if not left:
-            wish = f"random={self.strength:g}" if self.strength else "random"
+            option = f"random={self.strength:g}" if self.strength else "random"
             raise InputError(
-                f"--hide {wish}: this plan can show none of {len(possible)} effects at "
+                f"--hide {option}: this plan can show none of {len(possible)} effects at "
                 f"{f's = {self.strength:g}' if self.strength else 'the strengths drawn'}: each "
                 "leaves no trace beside the modulus, or only at a size that nothing real has. "
                 "Hide a weaker one (`random=0.5`), name one (`--hide EFFECT=S` says what hinders "

@@ -191,7 +191,7 @@ class TrueEffect:
 
     @classmethod
     def draw(cls, random: Random, rig: RigScale) -> TrueEffect:
-        """A random shape with a first guess of the size; only its sign is kept."""
+        """A random shape with a first guess of the size; only its sign is used."""
         raise NotImplementedError
 
     def resized(self: T, size: float) -> T:

@@ -1,4 +1,4 @@
-"""Sorties that are finished before an earlier one: kept on disk until their turn in the journal."""
+"""Sorties that are finished before an earlier one: saved until their turn in the journal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ecm.io.cache import Stage
 from ecm.rig.arm.sorties import SortieResult, StopResult
 
 
-class KeptSorties:
+class SortieStore:
     """Results of the sorties of a campaign by their number in its plan."""
 
     def __init__(self, folder: Path, key: str) -> None:

@@ -1,0 +1,169 @@
+"""Sources of standard columns in a log: a column with its unit, or several as one rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ecm.errors import InputError
+from ecm.io.columns import is_standard
+from ecm.io.toml import did_you_mean
+from ecm.logs.log import Log
+from ecm.logs.names import Named
+from ecm.logs.units import Unit, find_unit
+
+_SI = {"length": "m", "angle": "rad", "force": "N", "torque": "Nm", "time": "s",
+       "temperature": "degC"}  # fmt: skip
+_USUAL = {"length": "mm", "angle": "deg", "force": "gf", "torque": "N mm", "temperature": "K"}
+"""The other likely unit, for the question."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A column of the log with its unit."""
+
+    column: str
+    unit: Unit
+
+    def __str__(self) -> str:
+        return self.column if self.unit.factor == 1.0 else f"{self.column} [{self.unit.word}]"
+
+
+@dataclass(frozen=True)
+class RotationSource:
+    """Columns of the log that are one rotation, and the word for how they are."""
+
+    word: str
+    sources: tuple[Source, ...]
+
+    def __str__(self) -> str:
+        return f"{self.word} of {', '.join(map(str, self.sources))}"
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """What every standard column is read from.
+
+    Parameters
+    ----------
+    columns
+        Source by standard name.
+    rotation
+        Where the three rotations are one group: their source.
+    own
+        Columns of the log that are kept under a name of their own.
+    """
+
+    columns: Mapping[str, Source]
+    rotation: RotationSource | None
+    own: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class UserChoices:
+    """What the user said about a log.
+
+    Parameters
+    ----------
+    columns
+        Column of the log, `COLUMN` or `COLUMN:UNIT`, by standard name.
+    rotation
+        `WORD`, or `WORD:COLUMN,COLUMN,...` (rotations.py); empty: by the names.
+    units
+        Unit of each dimension for columns that state none.
+    axis
+        Axis of columns whose name has none: x, y or z.
+    """
+
+    columns: Mapping[str, str]
+    rotation: str
+    units: Mapping[str, Unit]
+    axis: str
+
+
+def chosen_source(
+    standard: str, choice: str, log: Log, named: Mapping[str, Named], choices: UserChoices
+) -> Source:
+    """The source that --map gives: a column, or a column and its unit."""
+    column, colon, word = column_like(choice, log), "", ""
+    if column not in log.columns:
+        column, colon, word = choice.rpartition(":")
+        column = column_like(column if colon else choice, log)
+    if column not in log.columns:
+        raise InputError(
+            f"--map {standard}={choice}: the log has no column '{column}', "
+            f"{did_you_mean(column, log.columns)}"
+        )
+    if not is_standard(standard) and not standard.isidentifier():
+        raise InputError(f"--map {standard}={choice}: '{standard}' is no column name")
+    if colon:
+        unit = find_unit(word)
+        if unit is None:
+            raise InputError(f"--map {standard}={choice}: '{word}' is no unit")
+        dimension = _dimension(standard)
+        if dimension and unit.dimension != dimension:
+            raise InputError(
+                f"--map {standard}={choice}: {unit.word} is a unit of {unit.dimension}, "
+                f"expected one of {dimension}"
+            )
+        return Source(column, unit)
+    return Source(column, stated_unit(column, standard, named[column], choices))
+
+
+def column_like(name: str, log: Log) -> str:
+    """The log's only column of this name without regard to case and separators, else the name."""
+    if name in log.columns:
+        return name
+    alike = [own for own in log.columns if _squeezed(own) == _squeezed(name)]
+    return alike[0] if len(alike) == 1 and _squeezed(name) else name
+
+
+def _squeezed(name: str) -> str:
+    return "".join(sign for sign in name.lower() if sign.isalnum())
+
+
+def _dimension(standard: str) -> str:
+    """Dimension of a standard column; empty for one without unit or of the user's own."""
+    for words, dimension in (
+        (("_Nm",), "torque"), (("_N",), "force"), (("_rad",), "angle"), (("_m",), "length"),
+        (("time_s", "dwell_s"), "time"), (("_degC",), "temperature"),
+    ):  # fmt: skip
+        if is_standard(standard) and not standard.startswith("v_") and standard.endswith(words):
+            return dimension
+    return ""
+
+
+_UNSTATED = Unit("", "unstated")
+
+
+def stated_unit(column: str, standard: str, named: Named, choices: UserChoices) -> Unit:
+    """The unit that name or user states; time without one is in seconds."""
+    dimension = _dimension(standard)
+    if column == standard or not dimension:
+        return Unit("", "number")
+    if named.unit is not None and named.unit.dimension == dimension:
+        return named.unit
+    if dimension in choices.units:
+        return choices.units[dimension]
+    return Unit("", dimension) if dimension in ("time", "temperature") else _UNSTATED
+
+
+def ask_units(found: Mapping[str, Source], log: Log, source: str) -> None:
+    """Raise InputError for columns without a unit, with what each reading would mean."""
+    without = [(name, entry.column) for name, entry in found.items() if entry.unit is _UNSTATED]
+    if not without:
+        return
+    lines, words = [], dict[str, str]()
+    for standard, column in without:
+        dimension = _dimension(standard)
+        first, second = _SI[dimension], _USUAL[dimension]
+        words[dimension] = second
+        low, high = float(log.columns[column].min()), float(log.columns[column].max())
+        lines.append(f"  {column}: {low:.4g} to {high:.4g}, in {first} or in {second}?")
+    other = ",".join(words.values())
+    raise InputError(
+        f"{source}: no unit is stated for {len(without)} column(s):\n"
+        + "\n".join(lines[:12])
+        + f'\nSay it once for all: --units SI (m, rad, N, N m), or e.g. --units "{other}"; '
+        "for one column --map NAME=COLUMN:UNIT."
+    )
