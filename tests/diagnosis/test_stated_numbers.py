@@ -68,6 +68,16 @@ def test_noise_that_is_stated_wrongly(stated: float) -> None:
     assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.1)])
 
 
+@pytest.mark.parametrize("stated", [0.5, 1.0, 2.0])
+def test_repeats_tell_that_the_noise_is_stated_wrongly(stated: float) -> None:
+    again = np.r_[np.arange(70), np.arange(20)]
+    poses = workspace_poses(70, 7)[again]
+    table = measured(poses, wrench(poses), stated=stated).with_columns({"pose_id": again})
+    said = [re.search(r"noise is ([\d.]+) times", words) for words in energy(table).warnings]
+    factors = [float(match[1]) for match in said if match]
+    assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.15)])
+
+
 def test_a_length_that_is_a_tenth_too_large(neck_physics: PhysicsMap) -> None:
     """Only with a stated body: an energy of a few terms fits with either length."""
     poses = workspace_poses(60, 7) + np.r_[0.0103, np.zeros(5)]

@@ -9,7 +9,9 @@ from ecm.diagnosis.problem import Problem
 from ecm.io.mechanism import Mechanism
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.rod import stated_rod
+from ecm.regression.noise import declared_noise
 from ecm.regression.normal_equations import explained_by_blocks, projected_out
+from ecm.regression.repeats import repeat_cells
 
 _LEAST_CHANGE = 0.05
 """Share by which E must differ from the stated value to be said."""
@@ -24,7 +26,7 @@ _FAR = 3.0
 
 def stated_numbers(problem: Problem) -> list[str]:
     """Return what these rows say of E, nu and the noise where it is not what was stated."""
-    return [words for words in (_elasticity(problem), _quiet(problem)) if words]
+    return [words for words in (_elasticity(problem), _quiet(problem), _repeats(problem)) if words]
 
 
 def _elasticity(problem: Problem) -> str:
@@ -62,6 +64,27 @@ def _quiet(problem: Problem) -> str:
         return ""
     return (
         f"the noise is {np.sqrt(problem.scale):.2f} times as large as declared, or less: mend the "
+        "figures in [instrument]"
+    )
+
+
+def _repeats(problem: Problem) -> str:
+    """Return that repeats scatter more or less than the declared noise."""
+    names = (*problem.base.inputs, *problem.base.outputs)
+    declared = declared_noise(problem.table, names)
+    if problem.noise.source != "repeats" or declared.source != "declared":
+        return ""
+    stated, seen = (noise.covariance(problem.rows) for noise in (declared, problem.noise))
+    scored = problem.scored
+    ratio = float(np.einsum("nii->n", np.linalg.solve(stated[scored], seen[scored])).mean())
+    ratio /= stated.shape[1]
+    cells = repeat_cells(problem.table)[scored]
+    dof = (len(cells) - len(np.unique(cells))) * stated.shape[1]
+    chance = min(float(special.chdtr(dof, ratio * dof)), float(special.chdtrc(dof, ratio * dof)))
+    if chance > _CHANCE or _QUIET < ratio < 1.0 / _QUIET:
+        return ""
+    return (
+        f"by the repeats the noise is {np.sqrt(ratio):.2f} times as large as declared: mend the "
         "figures in [instrument]"
     )
 
