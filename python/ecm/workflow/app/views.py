@@ -149,6 +149,7 @@ def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
             item.id: {
                 "share": item.share,
                 "what": get_effect(item.id).physics,
+                "side": get_effect(item.id).side,
                 "values": _columns(item.explained[at]),
             }
             for item in previews.effects
