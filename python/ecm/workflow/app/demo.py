@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from ecm.io.cache import write_atomically
-from ecm.workflow.app.steps import PLAN, RIG
 
+PLAN, RIG = "plan.csv", "rig.toml"
+DEMO_FILES = (PLAN, "plan.toml", RIG)
 _FILES = Path(__file__).parent / "demo"
 
 
 def write_demo(folder: Path) -> None:
-    """Write plan and rig into a session folder; the campaign is its first step.
+    """Write plan and rig into a session folder; the campaign is a step.
 
     Examples
     --------
@@ -21,5 +22,5 @@ def write_demo(folder: Path) -> None:
     ...     sorted(path.name for path in Path(name).iterdir())
     ['plan.csv', 'plan.toml', 'rig.toml']
     """
-    for name in (PLAN, "plan.toml", RIG):
+    for name in DEMO_FILES:
         write_atomically(folder / name, (_FILES / name).read_bytes())

@@ -16,6 +16,7 @@ from ecm.errors import InputError
 from ecm.workflow.app.session import INTERRUPTED, Session
 
 _FOLLOWED_BY = {
+    "example": "check",
     "campaign": "check",
     "import": "check",
     "fit": "compare",

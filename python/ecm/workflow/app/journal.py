@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-CHANGES = ("upload", "campaign", "import", "fit", "refit")
+DATA = ("upload", "example", "import", "campaign")
+"""Steps that change the data."""
+CHANGES = (*DATA, "fit", "refit")
 """Steps that change the data or the model. Undo takes the last of them back, with all after it."""
 
 

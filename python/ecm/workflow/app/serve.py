@@ -10,7 +10,6 @@ from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.extras import require
-from ecm.workflow.app.demo import write_demo
 from ecm.workflow.app.server import App, application
 
 _HOST = "127.0.0.1"
@@ -92,8 +91,7 @@ def begin(
             )
         return
     if demo:
-        write_demo(app.session.folder)
-        app.jobs.start("campaign", {})
+        app.jobs.start("example", {"name": "neck"})
         return
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)

@@ -16,6 +16,7 @@ from ecm.errors import EcmError, InputError
 from ecm.io.extras import require
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
+from ecm.workflow.app.lock import FolderLock
 from ecm.workflow.app.session import Session
 from ecm.workflow.app.views import NEED_MODEL, VIEWS, Views
 
@@ -41,19 +42,28 @@ class App:
     session: Session
     jobs: Jobs
     views: Views
+    lock: FolderLock
     most_bytes: int = MOST_BYTES
 
     @staticmethod
     def of(folder: Path) -> App:
-        """Open a session folder; steps that a killed server left are marked as interrupted."""
+        """Open a session folder; steps that a killed server left are marked as interrupted.
+
+        Raises
+        ------
+        InputError
+            Where another server has the folder open.
+        """
         session = Session(folder)
+        lock = FolderLock(folder)
         session.recover()
-        return App(session, Jobs(session), Views(folder))
+        return App(session, Jobs(session), Views(folder), lock)
 
     def close(self) -> None:
         """End the processes."""
         self.jobs.close()
         self.views.close()
+        self.lock.release()
 
     def state(self) -> dict[str, Any]:
         """Return the state of the folder, and how far the running step is."""

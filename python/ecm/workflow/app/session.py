@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
-from ecm.workflow.app.journal import History, Journal, Step
-from ecm.workflow.app.steps import PLAN, RIG, Files, command_of
+from ecm.workflow.app.demo import DEMO_FILES, RIG, write_demo
+from ecm.workflow.app.journal import DATA, History, Journal, Step
+from ecm.workflow.app.steps import Files, command_of
 
 TABLES = (".csv", ".parquet")
 LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
@@ -74,9 +75,11 @@ class Session:
         if verb in ("fit", "refit", "compare", "diagnose"):
             self._require_checked(history)
         command = command_of(verb, request, files, number)
+        if verb == "example" and request["name"] == "neck":
+            write_demo(self.folder)
         inputs: dict[str, Any] = {"data": files.data, "model": files.model}
-        if verb in ("campaign", "import"):
-            kept = files.data if verb == "campaign" and files.sealed is not None else []
+        if verb in DATA:
+            kept = files.data if verb == "campaign" else []
             inputs["data_after"] = [*kept, command.outputs[0]]
         return self._begin(history, verb, request, command.argv, inputs, command.outputs)
 
@@ -153,7 +156,7 @@ class Session:
     # --- what is there -----------------------------------------------------
     def files(self, history: History) -> Files:
         """Return the files that count now."""
-        changed = history.last("upload", "import", "campaign")
+        changed = history.last(*DATA)
         data = [] if changed is None else list(changed.inputs["data_after"])
         dropped = history.last("upload")
         model = history.last("fit", "refit", data=data)
@@ -170,7 +173,7 @@ class Session:
             next_plan=plan if plan and (self.folder / plan).is_file() else None,
             dropped=None if dropped is None else dropped.outputs[0],
             sealed=sealed,
-            simulated=(self.folder / RIG).is_file(),
+            simulated=sealed is not None and (self.folder / RIG).is_file(),
         )
 
     def state(self) -> dict[str, Any]:
@@ -231,7 +234,7 @@ class Session:
         history = self.journal.read()
         steps = [history.steps[number] for number in history.active]
         given = [name for step in steps if not step.argv for name in step.outputs]
-        given += [n for n in (PLAN, "plan.toml", RIG) if (self.folder / n).is_file()]
+        given += [name for name in DEMO_FILES if (self.folder / name).is_file()]
         lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
         lines.append('cd "$to"')
         lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]

@@ -9,11 +9,10 @@ from typing import Any
 
 from ecm.effects import all_effects, load_installed
 from ecm.errors import InputError
+from ecm.workflow.app.demo import PLAN, RIG
 
 _MODEL = re.compile(r"[A-Za-z][A-Za-z0-9:+_-]{0,60}")
 _WORDS = re.compile(r"[A-Za-z0-9 ,/^*.-]{0,80}")
-RIG = "rig.toml"
-PLAN = "plan.csv"
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,7 @@ class Files:
     sealed: str | None = None
     """Table of a simulated campaign whose truth is sealed."""
     simulated: bool = False
+    """The rig that measured it is described in the session."""
 
 
 @dataclass(frozen=True)
@@ -120,17 +120,28 @@ def _refit(request: Request, files: Files, n: int) -> Command:
     return Command([*argv, "--out", model, "--json", report], [model, report])
 
 
-def _campaign(_request: Request, files: Files, n: int) -> Command:
-    """The rig measures its first plan with an effect hidden, or the next plan of the diagnosis."""
-    if not files.simulated:
-        raise InputError("no simulated rig in this session: measure the plan on your own rig")
+def _example(request: Request, _files: Files, n: int) -> Command:
+    """A table to begin with, or the neck on a simulated rig with an effect hidden."""
+    name = request.get("name")
+    if name == "neck":
+        return _on_the_rig(PLAN, "random", "4", n)
+    if name not in ("1", "3", "6"):
+        raise InputError(f"example {name!r}: expected neck, 1, 3 or 6 (degrees of freedom)")
     table = f"data-{n}.csv"
-    if files.sealed is None:
-        plan, hidden, seed = PLAN, "random", "4"
-    elif files.next_plan is not None:
-        plan, hidden, seed = files.next_plan, files.sealed, str(100 + n)
-    else:
+    return Command(["new", "data", "--dof", name, "--out", table], [table, f"data-{n}.toml"])
+
+
+def _campaign(_request: Request, files: Files, n: int) -> Command:
+    """The next plan of the diagnosis, on the same simulated rig."""
+    if files.sealed is None or not files.simulated:
+        raise InputError("no simulated rig in this session: measure the plan on your own rig")
+    if files.next_plan is None:
         raise InputError("no next plan: diagnose first; not every experiment can be driven")
+    return _on_the_rig(files.next_plan, files.sealed, str(100 + n), n)
+
+
+def _on_the_rig(plan: str, hidden: str, seed: str, n: int) -> Command:
+    table = f"data-{n}.csv"
     argv = ["campaign", plan, "--rig", RIG, "--hide", hidden, "--seed", seed, "--out", table]
     return Command(argv, [table, f"data-{n}.toml", f"data-{n}.truth.json"])
 
@@ -155,6 +166,7 @@ def _reveal(_request: Request, files: Files, n: int) -> Command:
 
 
 _COMMANDS: dict[str, Callable[[Request, Files, int], Command]] = {
+    "example": _example,
     "import": _import,
     "check": _check,
     "fit": _fit,

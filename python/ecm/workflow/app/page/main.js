@@ -70,6 +70,8 @@ function drawTools() {
 
 function draw() {
   const stage = current();
+  // The page stays where it is: the next stage is opened by a click only.
+  if (!location.hash) history.replaceState(null, "", `#${stage.id}`);
   const key = `${stage.id} ${state.version}`;
   drawRunning();
   document.documentElement.dataset.running = state.running ? state.running.step : "";
@@ -87,13 +89,20 @@ function draw() {
   main.replaceChildren(el("h2", {}, stage.title), ...(trouble ? [trouble] : []));
   const body = el("div");
   main.append(body);
+  if (stage.compares && !state.compare) {
+    body.append(state.running ? el("p", {class: "soft"}, "The errors are being computed …")
+      : button("Compute the errors", () => app.step("compare"), {class: "first", id: "compare"}));
+    return;
+  }
   Promise.resolve(stage.draw(body, state, app)).catch(error =>
     body.append(el("p", {class: "error", role: "alert"}, error.message)));
 }
 
 async function refresh() {
   try {
-    state = await get("/api/state");
+    const found = await get("/api/state");
+    if (state && found.version < state.version) return;  // an older answer that came later
+    state = found;
     if (busy) { busy = ""; say(""); }
   } catch (error) {
     busy = "lost";
