@@ -42,6 +42,7 @@ __all__ = [
     "polynomial_exponents",
     "polynomial_regressor",
     "rod_poses",
+    "rod_wrenches",
     "rotation_matrices",
     "rotation_vectors",
     "seal_model",
@@ -240,6 +241,19 @@ def rod_poses(
     torsion_stiffness_Nm2: float,
 ) -> tuple[_F, NDArray[np.bool_]]:
     """Cosserat rod clamped at its base under a dead tip wrench: poses (N, 6), converged (N,)."""
+
+def rod_wrenches(
+    poses: _F,
+    start: _F,
+    *,
+    length_m: float,
+    axial_stiffness_N: float,
+    shear_stiffness_N: float,
+    bending_stiffness_Nm2: float,
+    torsion_stiffness_Nm2: float,
+) -> tuple[_F, _F]:
+    """Dead wrenches (N, 6) that hold the tip at poses, and d pose / d wrench (N, 6, 6); NaN where
+    there is no equilibrium. `start` (N, 6): a first guess of the wrenches."""
 
 # --- poly --------------------------------------------------------------
 def polynomial_exponents(n_inputs: int, degree: int) -> _I:

@@ -222,7 +222,8 @@ def test_compare_sets_four_references_side_by_side(
         asked.append(body)
         return physics()
 
-    monkeypatch.setattr("ecm.comparison.reference_models.physics_map", built)
+    for place in ("ecm.cli.models", "ecm.comparison.reference_models"):
+        monkeypatch.setattr(f"{place}.physics_map", built)
     table = campaign("base_compliance", 2.0, 1)
     body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
     elastic = {"young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}

@@ -59,6 +59,7 @@ mod platform;
 mod pressure_stabilisation;
 mod result;
 mod rod;
+mod rod_inverse;
 mod solve;
 mod stress;
 pub mod tensor;
@@ -71,6 +72,7 @@ pub use ordering_cost::{Ordering, OrderingCost};
 pub use pattern::Constraint;
 pub use result::{CREASE, CaseResult, Reason, Status};
 pub use rod::Rod;
+pub use rod_inverse::WrenchAndCompliance;
 pub use solve::{
     Fem, Finished, Load, Outcome, PrescribedResult, Settings, Timing, WarmStart, Watch,
 };

@@ -152,7 +152,7 @@ impl Rod {
     }
 
     /// Tip position and orientation when the moment is taken about `tip`.
-    fn integrate(&self, tip: [f64; 3], wrench: &[f64; 6]) -> ([f64; 3], Mat3) {
+    pub(crate) fn integrate(&self, tip: [f64; 3], wrench: &[f64; 6]) -> ([f64; 3], Mat3) {
         let force = [wrench[0], wrench[1], wrench[2]];
         let torque = [wrench[3], wrench[4], wrench[5]];
         let rates = |r: [f64; 3], rotation: &Mat3| {

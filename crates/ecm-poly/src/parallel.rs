@@ -17,7 +17,7 @@ where
     F: Fn(&[P], &mut [T]) + Sync,
 {
     let mut results = std::vec![zero; rows.len()];
-    if rows.len() <= PIECE {
+    if rows.len() <= PIECE || rayon::current_num_threads() == 1 {
         of_piece(rows, &mut results);
     } else {
         let pieces = results.par_chunks_mut(PIECE).zip(rows.par_chunks(PIECE));

@@ -20,6 +20,9 @@ use crate::py_task::{TaskState, run_task, run_task_polling};
 /// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
 
+/// Wrenches (N, 6) and d pose / d wrench (N, 6, 6).
+type RodWrenches<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
+
 /// Ten-node tetrahedra with a clamped face `base` and a rigid face `top`.
 #[pyclass(frozen, module = "ecm._native")]
 pub struct Mesh(ecm_fem::Mesh);
@@ -573,4 +576,51 @@ pub fn rod_poses<'py>(
     let (poses, converged): (Vec<[f64; 6]>, Vec<bool>) =
         py.detach(|| wrenches.par_iter().map(|h| rod.pose(h)).unzip());
     Ok((from_rows(py, &poses)?, PyArray1::from_vec(py, converged)))
+}
+
+/// Dead wrenches (N, 6) that hold the tip of a rod at poses, and d pose / d wrench (N, 6, 6); NaN
+/// where there is no equilibrium. `start`: a first guess of the wrenches.
+#[pyfunction]
+#[pyo3(signature = (
+    poses, start, *, length_m, axial_stiffness_N, shear_stiffness_N, bending_stiffness_Nm2,
+    torsion_stiffness_Nm2
+))]
+#[allow(non_snake_case, clippy::too_many_arguments)] // Python's keywords, with their units.
+pub fn rod_wrenches<'py>(
+    py: Python<'py>,
+    poses: PyReadonlyArray2<'py, f64>,
+    start: PyReadonlyArray2<'py, f64>,
+    length_m: f64,
+    axial_stiffness_N: f64,
+    shear_stiffness_N: f64,
+    bending_stiffness_Nm2: f64,
+    torsion_stiffness_Nm2: f64,
+) -> PyResult<RodWrenches<'py>> {
+    let poses = rows::<6>("poses", &poses)?;
+    let start = rows::<6>("start", &start)?;
+    if start.len() != poses.len() {
+        return Err(FemError::new_err(format!(
+            "start has {} rows, expected one for each of {} poses",
+            start.len(),
+            poses.len()
+        )));
+    }
+    let rod = Rod {
+        length_m,
+        axial_stiffness_N,
+        shear_stiffness_N,
+        bending_stiffness_Nm2,
+        torsion_stiffness_Nm2,
+    }
+    .checked()
+    .map_err(fem_error)?;
+    let nowhere = ([f64::NAN; 6], [[f64::NAN; 6]; 6]);
+    let (wrenches, slopes): (Vec<[f64; 6]>, Vec<[[f64; 6]; 6]>) = py.detach(|| {
+        poses
+            .par_iter()
+            .zip(&start)
+            .map(|(pose, first)| rod.wrench(pose, first).unwrap_or(nowhere))
+            .unzip()
+    });
+    Ok((from_rows(py, &wrenches)?, from_matrices(py, &slopes)?))
 }

@@ -24,7 +24,7 @@ mod _native {
     use crate::errors::{DesignError, EcmError, FemError, ModelError};
 
     #[pymodule_export]
-    use crate::fem::{Fem, FemResults, Mesh, WarmStart, rod_poses};
+    use crate::fem::{Fem, FemResults, Mesh, WarmStart, rod_poses, rod_wrenches};
 
     #[pymodule_export]
     use crate::material::{

@@ -4,8 +4,8 @@ Constant curvature: the backbone is an arc that stretches, bends and twists, but
 U = k_e (s - L)^2/2 + k_b |theta_perp|^2/2 + k_t theta_x^2/2 with the arc's length
 s = (L + c_x) (b/2)/sin(b/2), b = |theta_perp|, in mid-frame coordinates.
 
-Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose comes from Newton's
-method on `rod_poses`, which goes the other way.
+Rod: shear-flexible, uniform, straight; EA, GA, EI, GJ. Its wrench at a pose comes from
+`rod_wrenches`, the inverse of `rod_poses`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from ecm._native import EnergyModel, left_jacobians, mid_frame, rod_poses, rotation_matrices
+from ecm._native import (
+    EnergyModel,
+    left_jacobians,
+    mid_frame,
+    rod_poses,
+    rod_wrenches,
+    rotation_matrices,
+)
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
@@ -24,11 +31,7 @@ from ecm.models.maps import SixAxisMap, StiffnessMap, central_differences, parti
 from ecm.models.noise_estimate import declared_or_fitted
 from ecm.models.specification import FittedMap, ModelSpecification, Weights, length_of
 
-_ITERATIONS = 15
-_WALK = 8
-"""Steps from rest to a pose that Newton's method does not reach at once."""
 _FIT_ITERATIONS = 15
-_STEP = np.array([1e-3] * 3 + [1e-5] * 3)
 
 
 @dataclass(frozen=True)
@@ -160,62 +163,19 @@ class RodMap(_Backbone):
         return h, partial_to(kind, stiffness, poses, cast(StiffnessMap, self))
 
     def _solved(self, poses: F) -> tuple[F, F]:
-        """Wrenches and d pose / d wrench; far poses are approached in steps from rest."""
-        h, slope = self._newton(poses, self._start(poses))
-        far = np.flatnonzero(np.isnan(h).any(axis=1))
-        if len(far):
-            rest = np.zeros(6)
-            rest[0] = self.length
-            target = poses[far]
-            before, wrench = rest + 0.0 * target, np.zeros((len(far), 6))
-            for share in np.linspace(0.0, 1.0, _WALK + 1)[1:]:
-                pose = rest + share * (target - rest)
-                predictor = self._slope(wrench)
-                predictor[~np.isfinite(predictor).all(axis=(1, 2))] = np.eye(6)
-                guess = wrench + np.linalg.solve(predictor, (pose - before)[:, :, None])[:, :, 0]
-                wrench, slope[far] = self._newton(pose, guess)
-                before = pose
-            h[far] = wrench
-        return h, slope
-
-    def _newton(self, poses: F, start: F) -> tuple[F, F]:
-        """(N, 6) wrenches and their (N, 6, 6) slope d pose / d wrench; NaN where it fails."""
-        h, slopes = start.copy(), np.full((len(poses), 6, 6), np.nan)
-        scale = np.array([self.length] * 3 + [1.0] * 3)
-        open_rows = np.arange(len(poses))
-        for _ in range(_ITERATIONS):
-            part = h[open_rows]
-            left = poses[open_rows] - self._poses(part)
-            slope = self._slope(part)
-            bad = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(left).all(axis=1)
-            done = ~bad & (np.abs(left / scale).max(axis=1) < 1e-11)
-            slopes[open_rows[done]] = slope[done]
-            h[open_rows[bad]] = np.nan
-            going = ~bad & ~done
-            open_rows = open_rows[going]
-            if len(open_rows) == 0:
-                return h, slopes
-            move = np.linalg.solve(slope[going], left[going][:, :, None])[:, :, 0]
-            limit = np.array([40.0] * 3 + [1.0] * 3)
-            move /= np.maximum(1.0, np.abs(move / limit).max(axis=1))[:, None]
-            h[open_rows] = part[going] + move
-        h[open_rows] = np.nan
-        return h, slopes
-
-    def _slope(self, wrenches: F) -> F:
-        """(N, 6, 6) d pose / d wrench, by central differences."""
-        steps = np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
-        poses = self._poses((wrenches[:, None, :] + steps).reshape(-1, 6)).reshape(-1, 12, 6)
-        return np.swapaxes((poses[:, :6] - poses[:, 6:]) / (2.0 * _STEP[:, None]), 1, 2)
+        """(N, 6) wrenches and (N, 6, 6) d pose / d wrench; NaN where no equilibrium exists."""
+        start = np.ascontiguousarray(self._start(poses))
+        return rod_wrenches(poses, start, length_m=self.length, **self._sections())
 
     def _poses(self, wrenches: F) -> F:
         poses, converged = rod_poses(
-            np.ascontiguousarray(wrenches),
-            length_m=self.length,
-            **dict(zip(ROD_SECTIONS, (float(v) for v in self.parameters), strict=True)),
+            np.ascontiguousarray(wrenches), length_m=self.length, **self._sections()
         )
         poses[~converged] = np.nan
         return poses
+
+    def _sections(self) -> dict[str, float]:
+        return dict(zip(ROD_SECTIONS, map(float, self.parameters), strict=True))
 
     def _start(self, poses: F) -> F:
         """The linear rod in mid-frame coordinates."""
