@@ -111,6 +111,11 @@ class PhysicsMap(SixAxisMap):
         """(N, 6, 6)."""
         return self.factor * self.surrogate.stiffness(poses, kind)
 
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) and (N, 6, 6)."""
+        wrench, stiffness = self.surrogate.wrench_and_stiffness(poses, kind)
+        return self.factor * wrench, self.factor * stiffness
+
     def columns(self, poses: F) -> F:
         """(N, 6, k) derivative to the coefficients."""
         if self.family is None:
