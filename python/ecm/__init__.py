@@ -5,7 +5,7 @@ From a mesh and a handful of measurements to a wrench h(p) and a stiffness K(p) 
 
 Each command of the command line is a function of the same name: `simulate`, `fit`, `predict`,
 `design`, `campaign`, `check`, `compare`, `diagnose`, `refit`, `reveal`, `export`, `identify`;
-`ecm import` is `import_log`.
+`ecm import` is `import_log`, `ecm app` is `serve`.
 
 Poses are (x, y, z, theta_x, theta_y, theta_z) in m and rad, wrenches (fx, fy, fz, taux, tauy,
 tauz) in N and N m, both in base axes at the top frame's origin.
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from ecm.rig.run import run_campaign
     from ecm.rig.run import run_campaign as campaign
     from ecm.rig.settings import RigSettings
+    from ecm.workflow.app.serve import serve
     from ecm.workflow.design import PlannedDesign, design
     from ecm.workflow.identify import identify
 
@@ -85,6 +86,7 @@ _NAMES = {
     "rig.hidden.truth": ("reveal",),
     "rig.run": ("campaign", "run_campaign"),
     "rig.settings": ("RigSettings",),
+    "workflow.app.serve": ("serve",),
     "workflow.design": ("PlannedDesign", "design"),
     "workflow.identify": ("identify",),
 }
@@ -145,6 +147,7 @@ __all__ = [
     "refit",
     "reveal",
     "run_campaign",
+    "serve",
     "simulate",
 ]
 

@@ -222,8 +222,7 @@ def test_compare_sets_four_references_side_by_side(
         asked.append(body)
         return physics()
 
-    for place in ("ecm.cli.models", "ecm.models.physics.map"):
-        monkeypatch.setattr(f"{place}.physics_map", built)
+    monkeypatch.setattr("ecm.comparison.reference_models.physics_map", built)
     table = campaign("base_compliance", 2.0, 1)
     body = {"builtin": "cylinder", "length_m": LENGTH_M, "radius_m": 0.033}
     elastic = {"young_modulus_Pa": 0.65e6, "poisson_ratio": 0.49}
@@ -332,11 +331,13 @@ def test_new_writes_a_file_once(
 
 
 def test_from_candidates_to_a_refit_and_the_truth(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ecm_command: Command
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ecm_command: Command,
+    neck_physics: PhysicsMap,
 ) -> None:
     """design, campaign, fit, compare, refit and reveal pass their files on to each other."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("ECM_CACHE", str(tmp_path / "cache"))
     poses, _ = neck_rows(40)
     candidates = {"pose_id": np.arange(40.0) + 100, **dict(zip(POSE, poses.T, strict=True))}
     Path("c.csv").write_text(csv_text(candidates), encoding="utf-8")
@@ -379,8 +380,6 @@ def test_from_candidates_to_a_refit_and_the_truth(
     assert "fts_offset" not in Path("data.toml").read_text(encoding="utf-8")
 
     done("fit", "data.csv", "--model", "energy4", "--out", "m.json")
-    for place in ("ecm.cli.models", "ecm.models.physics.map"):  # no FEM for the references
-        monkeypatch.setattr(f"{place}.physics_map", lambda *_, **__: physics())
     said = done("compare", "m.json", "data.csv", "--json", "before.json")
     assert "physics base" in said.out
     said = done("refit", "m.json", "data.csv", "--add", "fts_offset", "--out", "n.json", "--json",

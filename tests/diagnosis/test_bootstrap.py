@@ -50,6 +50,15 @@ def test_draws_side_by_side_are_those_one_by_one(problem: Problem) -> None:
     assert len(one_by_one(problem, [], 3)) > 2
 
 
+def test_a_base_that_is_projected_out_leaves_no_fixed_columns(
+    problem: Problem, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bare = replace(problem, n_base=0)
+    ids = {item.candidate.id for item in rank(bare)[:4]}
+    assert 0.0 < sum(selection_shares(bare, [], ids, 3, DRAWS).values()) <= 1.0
+    assert capfd.readouterr().err == ""  # LAPACK complains of empty matrices there
+
+
 def test_a_share_is_the_same_to_a_few_hundredths_whatever_the_seed(problem: Problem) -> None:
     ids = {item.candidate.id for item in rank(problem)[:8]}
     found = [selection_shares(problem, [], ids, seed) for seed in range(3)]

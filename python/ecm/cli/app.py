@@ -28,12 +28,13 @@ COMMANDS = {
     "effects": "The physical effects that can be named.",
     "material": "A material from tests.",
     "export": "A model as C or Rust for a controller.",
+    "app": "The whole loop in a browser.",
     "new": "A config, rig or data file to begin from.",
 }
 """Every command with its line of `ecm --help`: NAME of the file `options/NAME.py`."""
 
-_FILES = {"import": "import_log"}
-"""The file, and the function in it, of a command whose name is a word of Python."""
+_FILES = {"import": "import_log", "app": "serve"}
+"""The file, and the function in it, of a command whose name is taken."""
 
 
 def file_of(name: str) -> str:

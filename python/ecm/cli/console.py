@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -13,8 +14,17 @@ from typing import Any
 
 from ecm.cli import interrupt
 
-_FIRST_LINE_S = 2.0
-_LINE_EVERY_S = 10.0
+
+def _line_every_s() -> float:
+    """Seconds between two lines of progress: ECM_PROGRESS_S of the environment, else 10."""
+    try:
+        return max(0.1, float(os.environ["ECM_PROGRESS_S"]))
+    except (KeyError, ValueError):
+        return 10.0
+
+
+_LINE_EVERY_S = _line_every_s()
+_FIRST_LINE_S = min(2.0, _LINE_EVERY_S)
 
 
 class Console:

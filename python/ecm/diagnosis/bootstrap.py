@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.io.arrays import F
@@ -90,7 +91,7 @@ class _Block:
 
     candidates: Sequence[Candidate]
     cross: F
-    """(g, (f + 1) b k) of fixed columns and response with the candidates' columns."""
+    """(g, b k (f + 1)) of the candidates' columns with fixed columns and response."""
     own: F
     """(g, b k k) of each candidate's columns."""
 
@@ -102,7 +103,7 @@ class _Block:
         parts = [slice(a, b) for a, b in pairwise(normal.bounds.tolist())]
         return _Block(
             candidates,
-            np.stack([(known.columns[s].T @ columns[s]).ravel() for s in parts]),
+            np.stack([(columns[s].T @ known.columns[s]).ravel() for s in parts]),
             np.stack([(np.swapaxes(each[:, s], 1, 2) @ each[:, s]).ravel() for s in parts]),
         )
 
@@ -138,26 +139,33 @@ def _falls(weights: F, known: _Fixed, blocks: Sequence[_Block], problem: Problem
     """Return (d, c) the fall of BIC by each candidate beside the fixed columns, per draw."""
     d, f = len(weights), known.columns.shape[1] - 1
     fixed = (weights @ known.squares).reshape(d, f, f + 1)
-    cross = [(weights @ block.cross).reshape(d, f + 1, -1) for block in blocks]
     size = np.sqrt(np.maximum(np.einsum("dii->di", fixed[:, :, :f]), 1e-300))
     inner = fixed[:, :, :f] / (size[:, :, None] * size[:, None, :]) + RIDGE * np.eye(f)
-    seen = np.concatenate([each[:, :f] for each in cross], axis=2) / size[:, :, None]
-    solved = np.linalg.solve(inner, seen)
-    explained = np.einsum("df,dfc->dc", fixed[:, :, f] / size, solved)
-    falls, first = [], 0
-    for block, each in zip(blocks, cross, strict=True):
+    # Columns and response in coordinates in which the fixed columns are orthonormal: what they
+    # explain is a product, which takes a third of the time of solving for every column.
+    basis = _lower_inverses(np.linalg.cholesky(inner)) / size[:, None, :]
+    response = basis @ fixed[:, :, f:]
+    falls = []
+    for block in blocks:
+        each = (weights @ block.cross).reshape(d, -1, f + 1)
         b = len(block.candidates)
-        k = each.shape[2] // b
-        part = slice(first, first + b * k)
-        first += b * k
+        k = each.shape[1] // b
+        seen = each[:, :, :f] @ basis.transpose(0, 2, 1)
+        slope = (each[:, :, f] - (seen @ response)[:, :, 0]).reshape(d, b, k)
         own = (weights @ block.own).reshape(d, b, k, k)
         ridge = RIDGE * np.maximum(np.einsum("dbii->dbi", own), 1e-200)
-        rows, right = (a[:, :, part].reshape(d, f, b, k) for a in (seen, solved))
-        own = own - np.ascontiguousarray(rows.transpose(0, 2, 3, 1)) @ right.transpose(0, 2, 1, 3)
-        own += ridge[:, :, :, None] * np.eye(k)
-        slope = (each[:, f] - explained[:, part]).reshape(d, b, k)
+        rows = seen.reshape(d, b, k, f)
+        own = own - rows @ rows.transpose(0, 1, 3, 2) + ridge[:, :, :, None] * np.eye(k)
         falls.append(block.falls(own, slope, problem))
     return np.concatenate(falls, axis=1)
+
+
+def _lower_inverses(factors: F) -> F:
+    """Return the inverses of lower triangular matrices (d, f, f)."""
+    if factors.size == 0:
+        return factors
+    # The transpose is the same memory as LAPACK reads it; numpy's inverse does not use the zeros.
+    return np.stack([dtrtri(factor.T)[0].T for factor in factors])
 
 
 def _solved(matrices: F, vectors: F) -> F:

@@ -1,0 +1,169 @@
+"""Commands in a process of their own, one at a time: progress, time left, cancel, the end."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from ecm.errors import InputError
+from ecm.workflow.app.session import INTERRUPTED, Session
+
+_FOLLOWED_BY = {
+    "example": "check",
+    "campaign": "check",
+    "import": "check",
+    "fit": "compare",
+    "refit": "compare",
+}
+"""What is computed next without a click: the page shows it beside the result."""
+_PROGRESS = re.compile(r"^(?P<what>.*): (?P<done>\d+)(?: of (?P<total>\d+))?(?P<left>, .* left)?$")
+_TAIL = 4000
+
+
+@dataclass
+class _Job:
+    number: int
+    process: subprocess.Popen[bytes]
+    begun_s: float
+    ended_by: str = ""
+    """`cancelled` or `interrupted`, where the process is killed."""
+
+
+class Busy(InputError):
+    """Another step is being computed."""
+
+
+class Jobs:
+    """The worker of a session: at most one process."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._lock = threading.Lock()
+        self._job: _Job | None = None
+        self._threads: list[threading.Thread] = []
+        self._closed = False
+
+    def start(self, verb: str, request: dict[str, Any]) -> int:
+        """Begin a step and return its number.
+
+        Raises
+        ------
+        Busy
+            While another step is being computed.
+        InputError
+            Where the step is not possible now.
+        """
+        with self._lock:
+            if self._job is not None:
+                raise Busy("another step is being computed: wait for it, or cancel it")
+            return self._begin(verb, request)
+
+    def cancel(self) -> bool:
+        """Kill the process of the step that is being computed; False where there is none."""
+        return self._kill("cancelled")
+
+    def close(self) -> None:
+        """End with the server."""
+        self._closed = True
+        self._kill("interrupted")
+        for thread in self._threads:
+            thread.join()
+
+    def wait(self) -> None:
+        """Return when nothing is being computed."""
+        while self._job is not None:
+            time.sleep(0.01)
+
+    def progress(self) -> dict[str, Any] | None:
+        """Return the step that is being computed and how far it is, from what it printed."""
+        job = self._job
+        if job is None:
+            return None
+        found = {
+            "step": job.number,
+            "seconds": time.time() - job.begun_s,
+            "what": "",
+            "done": None,
+            "total": None,
+            "left": "",
+        }
+        for line in reversed(_tail(self.session.log(job.number, "err")).splitlines()):
+            match = _PROGRESS.match(line)
+            if match is not None:
+                done, total = match["done"], match["total"]
+                found |= {
+                    "what": match["what"],
+                    "done": int(done),
+                    "total": None if total is None else int(total),
+                    "left": (match["left"] or "").strip(", "),
+                }
+                break
+        return found
+
+    def _begin(self, verb: str, request: dict[str, Any]) -> int:
+        step = self.session.begin(verb, request)
+        logs = self.session.folder / "logs"
+        logs.mkdir(exist_ok=True)
+        with (
+            (logs / f"{step.number}.out").open("wb") as out,
+            (logs / f"{step.number}.err").open("wb") as err,
+        ):
+            process = subprocess.Popen(
+                [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
+                cwd=self.session.folder,
+                stdin=subprocess.PIPE,
+                stdout=out,
+                stderr=err,
+                env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
+            )
+        self._job = job = _Job(step.number, process, time.time())
+        thread = threading.Thread(target=self._wait, args=(job, verb), daemon=True)
+        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
+        thread.start()
+        return step.number
+
+    def _kill(self, reason: str) -> bool:
+        with self._lock:
+            job = self._job
+            if job is None:
+                return False
+            job.ended_by = reason
+            job.process.kill()
+        return True
+
+    def _wait(self, job: _Job, verb: str) -> None:
+        code = job.process.wait()
+        if job.process.stdin is not None:
+            job.process.stdin.close()
+        status = job.ended_by or ("done" if code == 0 else "failed")
+        message = INTERRUPTED if status == "interrupted" else ""
+        if status == "failed":
+            message = _last_error(self.session.log(job.number, "err"))
+        self.session.end(job.number, status, message, time.time() - job.begun_s)
+        after = _FOLLOWED_BY.get(verb)
+        with self._lock:
+            if status == "done" and after is not None and not self._closed:
+                with suppress(InputError):  # a warning of the check is open
+                    self._begin(after, {})
+                    return
+            self._job = None
+
+
+def _tail(text: bytes) -> str:
+    return text[-_TAIL:].decode("utf-8", errors="replace")
+
+
+def _last_error(text: bytes) -> str:
+    """Return what a failed command printed from its last error on."""
+    shown = _tail(text).strip()
+    at = shown.rfind("error: ")
+    return (
+        shown if at < 0 else shown[at:].removeprefix("error: ")
+    ) or "the command ended by itself"

@@ -1,0 +1,132 @@
+"""The journal of a session: what was done, one JSON record a line, only ever appended.
+
+A step has a record when it begins and one when it ends. A step without an end, in a session that
+nobody works on, was interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+DATA = ("upload", "example", "import", "campaign")
+"""Steps that change the data."""
+CHANGES = (*DATA, "fit", "refit")
+"""Steps that change the data or the model. Undo takes the last of them back, with all after it."""
+
+
+@dataclass
+class Step:
+    """One step of the session."""
+
+    number: int
+    verb: str
+    request: dict[str, Any]
+    """What the page asked for, to run it again."""
+    argv: list[str]
+    """Arguments of `ecm`; empty where no command is run."""
+    inputs: dict[str, Any]
+    outputs: list[str]
+    """Files of the session folder that the step writes."""
+    begun_s: float
+    status: str = "running"
+    message: str = ""
+    seconds: float | None = None
+
+
+@dataclass
+class History:
+    """All steps, and which of them count."""
+
+    steps: dict[int, Step] = field(default_factory=dict)
+    active: list[int] = field(default_factory=list)
+    undone: list[list[int]] = field(default_factory=list)
+    """Groups of steps that redo brings back, the last one first."""
+    accepted: set[tuple[int, str]] = field(default_factory=set)
+    """Warnings that the person takes responsibility for, with their check."""
+    records: int = 0
+
+    def last(self, *verbs: str, **inputs: Any) -> Step | None:
+        """Return the last step that counts of these verbs with these inputs."""
+        for number in reversed(self.active):
+            step = self.steps[number]
+            if step.verb in verbs and all(step.inputs.get(k) == v for k, v in inputs.items()):
+                return step
+        return None
+
+    def take(self, record: Mapping[str, Any]) -> None:
+        """Change the history by one record."""
+        self.records += 1
+        event = record["event"]
+        if event == "begin":
+            names = ("number", "verb", "request", "argv", "inputs", "outputs", "begun_s")
+            step = Step(**{name: record[name] for name in names})
+            self.steps[step.number] = step
+        elif event == "end":
+            step = self.steps[record["number"]]
+            step.status, step.message = record["status"], record["message"]
+            step.seconds = record["seconds"]
+            if step.status == "done":
+                self.active.append(step.number)
+                self.undone.clear()
+        elif event == "undo":
+            at = self._last_change()
+            if at is not None:
+                self.undone.append(self.active[at:])
+                del self.active[at:]
+        elif event == "redo" and self.undone:
+            self.active += self.undone.pop()
+        elif event == "accept":
+            self.accepted.add((record["number"], record["warning"]))
+
+    def can_undo(self) -> bool:
+        """Whether a change of data or model is left."""
+        return self._last_change() is not None
+
+    def _last_change(self) -> int | None:
+        places = [i for i, n in enumerate(self.active) if self.steps[n].verb in CHANGES]
+        return places[-1] if places else None
+
+
+class Journal:
+    """The file `steps.jsonl` of a session folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+
+    def append(self, **record: Any) -> None:
+        """Write one record to the disk."""
+        line = json.dumps(record, ensure_ascii=False) + "\n"
+        with self._lock, self.path.open("ab+") as file:
+            # A kill in the middle of a record leaves a line without an end.
+            if file.tell() and not _ends_line(file):
+                line = "\n" + line
+            file.write(line.encode())
+            file.flush()
+            os.fsync(file.fileno())
+
+    def read(self) -> History:
+        """Return the history; a line that a kill has cut is left out."""
+        history = History()
+        try:
+            content = self.path.read_bytes()
+        except FileNotFoundError:
+            return history
+        for line in content.split(b"\n"):
+            try:
+                record = json.loads(line)
+            except ValueError:
+                continue
+            history.take(record)
+        return history
+
+
+def _ends_line(file: Any) -> bool:
+    file.seek(-1, os.SEEK_END)
+    return bool(file.read(1) == b"\n")

@@ -1,0 +1,33 @@
+// Requests to the server of this page. An answer that is an error becomes an Error in its words.
+
+async function answer(response) {
+  const document = await response.json().catch(() => ({error: response.statusText}));
+  if (!response.ok) throw new Error(document.error);
+  return document;
+}
+
+export const get = path => fetch(path, {cache: "no-store"}).then(answer);
+
+export const post = (path, body = {}) => fetch(path, {
+  method: "POST",
+  headers: {"content-type": "application/json"},
+  body: JSON.stringify(body),
+}).then(answer);
+
+export const upload = (file, more) =>
+  fetch(`/api/upload?name=${encodeURIComponent(file.name)}${more ? "&more=1" : ""}`,
+    {method: "POST", body: file}).then(answer);
+
+// A view depends on the tables and the model only: it is fetched once for each of them.
+const views = new Map();
+
+export function view(name, state) {
+  const key = JSON.stringify([name, state.data, name === "poses" ? null : state.model]);
+  if (!views.has(key)) {
+    if (views.size > 12) views.delete(views.keys().next().value);
+    const promise = get(`/api/view/${name}`);
+    promise.catch(() => views.delete(key));
+    views.set(key, promise);
+  }
+  return views.get(key);
+}

@@ -1,0 +1,244 @@
+"""The routes: thin JSON over the session folder, and the files of the page."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ecm.errors import EcmError, InputError
+from ecm.io.extras import require
+from ecm.workflow.app.guard import REPORT_POLICY, Guard
+from ecm.workflow.app.jobs import Busy, Jobs
+from ecm.workflow.app.lock import FolderLock
+from ecm.workflow.app.session import Session
+from ecm.workflow.app.views import NEED_MODEL, VIEWS, Views
+
+MOST_BYTES = 2_000_000_000
+"""Largest file that may be dropped."""
+_MOST_REQUEST = 100_000
+_PAGE = Path(__file__).parent / "page"
+_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".json": "application/json",
+    ".csv": "text/csv; charset=utf-8",
+}
+_PURPOSE = "The page of `ecm app`"
+
+
+@dataclass
+class App:
+    """A session at work: its folder, its worker and its views."""
+
+    session: Session
+    jobs: Jobs
+    views: Views
+    lock: FolderLock
+    most_bytes: int = MOST_BYTES
+
+    @staticmethod
+    def of(folder: Path) -> App:
+        """Open a session folder; steps that a killed server left are marked as interrupted.
+
+        Raises
+        ------
+        InputError
+            Where another server has the folder open.
+        """
+        session = Session(folder)
+        lock = FolderLock(folder)
+        session.recover()
+        return App(session, Jobs(session), Views(folder), lock)
+
+    def close(self) -> None:
+        """End the processes."""
+        self.jobs.close()
+        self.views.close()
+        self.lock.release()
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the folder, and how far the running step is."""
+        running = self.jobs.progress()
+        return {**self.session.state(), "running": running}
+
+
+def application(app: App, *, port: int, token: str) -> Any:
+    """Return the server of an opened session as an ASGI application.
+
+    Raises
+    ------
+    MissingExtra
+        Where the extra `app` is not installed.
+    """
+    starlette = require("starlette.applications", "app", _PURPOSE)
+    routing = require("starlette.routing", "app", _PURPOSE)
+    require("plotly", "app", _PURPOSE)
+    routes = _Routes(app)
+    paths = [
+        routing.Route("/", routes.page, methods=["GET"]),
+        routing.Route("/page/{name}", routes.page, methods=["GET"]),
+        routing.Route("/plotly.js", routes.plotly, methods=["GET"]),
+        routing.Route("/api/state", routes.state, methods=["GET"]),
+        routing.Route("/api/view/{name}", routes.view, methods=["GET"]),
+        routing.Route("/api/log/{number:int}", routes.log, methods=["GET"]),
+        routing.Route("/api/upload", routes.upload, methods=["POST"]),
+        routing.Route("/api/{action}", routes.action, methods=["POST"]),
+        routing.Route("/files/{name:path}", routes.file, methods=["GET"]),
+    ]
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Any) -> AsyncIterator[None]:
+        yield
+        app.close()
+
+    inner = starlette.Starlette(
+        routes=paths, lifespan=lifespan, exception_handlers={EcmError: _refused}
+    )
+    return Guard(inner, port=port, token=token)
+
+
+async def _refused(_request: Any, error: Exception) -> Any:
+    return _json({"error": str(error)}, 409 if isinstance(error, Busy) else 400)
+
+
+class _Routes:
+    def __init__(self, app: App) -> None:
+        self.app = app
+        self.files = {path.name: path for path in _PAGE.iterdir() if path.is_file()}
+        """The files of the page: only these names can be asked for."""
+
+    async def page(self, request: Any) -> Any:
+        path = self.files.get(request.path_params.get("name", "index.html"))
+        if path is None:
+            return _json({"error": "no such file"}, 404)
+        return _file(path, {"cache-control": "no-cache"})
+
+    async def plotly(self, _request: Any) -> Any:
+        package = Path(str(require("plotly", "app", _PURPOSE).__file__)).parent
+        path = package / "package_data" / "plotly.min.js"
+        return _file(path, {"cache-control": "private, max-age=86400"})
+
+    async def state(self, _request: Any) -> Any:
+        return _json(await asyncio.to_thread(self.app.state))
+
+    async def view(self, request: Any) -> Any:
+        name = request.path_params["name"]
+        if name not in VIEWS:
+            return _json({"error": f"no view; there are {', '.join(VIEWS)}"}, 404)
+        history = self.app.session.journal.read()
+        files = self.app.session.files(history)
+        if not files.data or (name in NEED_MODEL and files.model is None):
+            raise InputError("nothing to show yet: it needs a table, and most views a model")
+        model = files.model if name in NEED_MODEL else None
+        path = await asyncio.to_thread(self.app.views.file, name, files.data, model)
+        return _file(path)
+
+    async def log(self, request: Any) -> Any:
+        number = request.path_params["number"]
+        text = [self.app.session.log(number, kind).decode("utf-8", "replace")
+                for kind in ("out", "err")]  # fmt: skip
+        return _json({"out": text[0], "err": text[1]})
+
+    async def file(self, request: Any) -> Any:
+        name = request.path_params["name"]
+        if name not in self.app.session.downloads():
+            return _json({"error": "no such file in this session"}, 404)
+        if name == "script.sh":
+            responses = require("starlette.responses", "app", _PURPOSE)
+            return responses.PlainTextResponse(self.app.session.script())
+        headers = {} if name.endswith(".html") else {"content-disposition": "attachment"}
+        if name.endswith(".html"):
+            headers["content-security-policy"] = REPORT_POLICY
+        return _file(self.app.session.folder / name, headers)
+
+    async def action(self, request: Any) -> Any:
+        action, body = request.path_params["action"], await _body(request)
+        app = self.app
+        if action == "step":
+            verb = body.pop("verb", None)
+            number = await asyncio.to_thread(app.jobs.start, str(verb), body)
+            return _json({"step": number})
+        if action == "again":
+            step = app.session.journal.read().steps.get(body.get("step", 0))
+            if step is None or not step.argv:
+                raise InputError("no such step with a command in this session")
+            number = await asyncio.to_thread(app.jobs.start, step.verb, step.request)
+            return _json({"step": number})
+        if action == "cancel":
+            return _json({"cancelled": await asyncio.to_thread(app.jobs.cancel)})
+        if app.jobs.progress() is not None:
+            raise Busy("a step is being computed: wait for it, or cancel it")
+        if action in ("undo", "redo"):
+            getattr(app.session, action)()
+        elif action == "accept":
+            app.session.accept(str(body.get("warning", "")))
+        else:
+            return _json({"error": "no such action"}, 404)
+        return _json(await asyncio.to_thread(app.state))
+
+    async def upload(self, request: Any) -> Any:
+        """Stream the body into the session folder; its name is a text in the address."""
+        name = request.query_params.get("name", "")
+        if not name or len(name) > 255:
+            raise InputError("the file has no name, or one of more than 255 characters")
+        if self.app.jobs.progress() is not None:
+            raise Busy("a step is being computed: wait for it, or cancel it")
+        session, size = self.app.session, 0
+        handle, temporary = tempfile.mkstemp(prefix="incoming-", dir=session.folder)
+        path = Path(temporary)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                async for chunk in request.stream():
+                    size += len(chunk)
+                    if size > self.app.most_bytes:
+                        most = self.app.most_bytes
+                        raise InputError(f"{name}: more than {most} bytes, the limit of this page")
+                    file.write(chunk)
+            if name.lower().endswith(".toml"):
+                step = session.add_description(path, name)
+            else:
+                more = request.query_params.get("more") == "1"
+                step = session.add_table(path, name, more=more)
+        finally:
+            path.unlink(missing_ok=True)
+        if step.outputs[0] in session.files(session.journal.read()).data:
+            await asyncio.to_thread(self.app.jobs.start, "check", {})
+        return _json({"step": step.number})
+
+
+async def _body(request: Any) -> dict[str, Any]:
+    """Return the JSON object of a request; a page of another origin cannot send this type."""
+    if request.headers.get("content-type", "").split(";")[0] != "application/json":
+        raise InputError("expected a JSON object (content-type application/json)")
+    content = b""
+    async for chunk in request.stream():
+        content += chunk
+        if len(content) > _MOST_REQUEST:
+            raise InputError(f"a request of more than {_MOST_REQUEST} bytes")
+    try:
+        body = json.loads(content)
+    except ValueError:
+        body = None
+    if not isinstance(body, dict):
+        raise InputError("expected a JSON object")
+    return body
+
+
+def _json(document: Any, status: int = 200) -> Any:
+    responses = require("starlette.responses", "app", _PURPOSE)
+    return responses.JSONResponse(document, status_code=status)
+
+
+def _file(path: Path, headers: dict[str, str] | None = None) -> Any:
+    responses = require("starlette.responses", "app", _PURPOSE)
+    kind = _TYPES.get(path.suffix, "application/octet-stream")
+    return responses.FileResponse(path, media_type=kind, headers=headers)

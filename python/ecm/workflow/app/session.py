@@ -1,0 +1,375 @@
+"""The session folder: every table, model and result is an ordinary file in it.
+
+steps.jsonl     the journal
+upload-N.csv    a table that was dropped; its own name is in the journal only
+model-N.json, fit-N.json, compare-N.html …   what step N wrote
+logs/           what the commands printed
+views/          what the page draws, computed from the files above; may be deleted
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ecm.errors import InputError
+from ecm.workflow.app.demo import DEMO_FILES, RIG, write_demo
+from ecm.workflow.app.journal import DATA, History, Journal, Step
+from ecm.workflow.app.steps import Files, command_of
+
+TABLES = (".csv", ".parquet")
+LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
+"""Suffixes of files that `ecm import` makes a table of."""
+BESIDE = (".toml", ".truth.json", ".raw.parquet")
+"""What belongs to a table, by suffix."""
+INTERRUPTED = "the server was stopped in the middle of it"
+_SCRIPT = """#!/bin/sh
+# The steps of this session as commands. They write the same files, byte for byte:
+#   sh script.sh NEW_FOLDER
+set -e
+from=$(cd "$(dirname "$0")" && pwd)
+to=${1:?"give a new folder: sh script.sh NEW_FOLDER"}
+mkdir "$to"
+"""
+
+
+class Session:
+    """A session folder.
+
+    Parameters
+    ----------
+    folder
+        Made where it is not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "views").mkdir(exist_ok=True)
+        self.journal = Journal(folder / "steps.jsonl")
+
+    # --- what happens ------------------------------------------------------
+    def recover(self) -> list[int]:
+        """Mark the steps that a killed server has left as interrupted; return their numbers."""
+        left = [s.number for s in self.journal.read().steps.values() if s.status == "running"]
+        for number in left:
+            self.end(number, "interrupted", INTERRUPTED, 0.0)
+        return left
+
+    def begin(self, verb: str, request: dict[str, Any]) -> Step:
+        """Record that a step begins, with its command.
+
+        Raises
+        ------
+        InputError
+            Where the step is not possible now, or the request is wrong.
+        """
+        history = self.journal.read()
+        files = self.files(history)
+        number = _next_number(history)
+        if verb in ("fit", "refit", "compare", "diagnose"):
+            self._require_checked(history)
+        command = command_of(verb, request, files, number)
+        if verb == "example" and request["name"] == "neck":
+            write_demo(self.folder)
+        inputs: dict[str, Any] = {"data": files.data, "model": files.model}
+        if verb in DATA:
+            kept = files.data if verb == "campaign" else []
+            inputs["data_after"] = [*kept, command.outputs[0]]
+        return self._begin(history, verb, request, command.argv, inputs, command.outputs)
+
+    def end(self, number: int, status: str, message: str, seconds: float) -> None:
+        """Record how a step ended."""
+        self.journal.append(
+            event="end", number=number, status=status, message=message, seconds=round(seconds, 3)
+        )
+
+    def add_table(self, source: Path, name: str, *, more: bool = False) -> Step:
+        """Take a table into the session; it replaces the data, or adds a run to them.
+
+        Parameters
+        ----------
+        source
+            File in the session folder (moved) or outside it (copied, with what belongs to it).
+        name
+            Its own name: a text that is shown, and never a path.
+        """
+        history = self.journal.read()
+        suffix = Path(name).suffix.lower()
+        if suffix not in TABLES + LOGS:
+            raise InputError(f"{name}: expected a table or a log: {' '.join(TABLES + LOGS)}")
+        number = _next_number(history)
+        target = self.folder / f"upload-{number}{suffix}"
+        outputs = [target.name]
+        if source.parent == self.folder:
+            source.replace(target)
+        else:
+            shutil.copyfile(source, target)
+            for extra in BESIDE:
+                if source.with_suffix(extra).is_file():
+                    shutil.copyfile(source.with_suffix(extra), target.with_suffix(extra))
+                    outputs.append(target.with_suffix(extra).name)
+        if suffix in LOGS:
+            return self._add_upload(history, name, outputs, data=self.files(history).data)
+        before = self.files(history).data if more else []
+        return self._add_upload(history, name, outputs, data=[*before, target.name])
+
+    def add_description(self, source: Path, name: str) -> Step:
+        """Put a description (TOML) beside the last table of the session."""
+        history = self.journal.read()
+        data = self.files(history).data
+        if not data:
+            raise InputError(f"{name}: drop the table first, then its description")
+        number = _next_number(history)
+        table = self.folder / data[-1]
+        target = self.folder / f"upload-{number}{table.suffix}"
+        shutil.copyfile(table, target)
+        source.replace(target.with_suffix(".toml"))
+        outputs = [target.name, target.with_suffix(".toml").name]
+        return self._add_upload(history, name, outputs, data=[*data[:-1], target.name])
+
+    def accept(self, warning: str) -> None:
+        """Record that the person takes responsibility for a warning of the check."""
+        history = self.journal.read()
+        step = self._check_step(history)
+        if step is None or warning not in self._pending(history, step):
+            raise InputError("no such warning in the check of these tables")
+        self.journal.append(event="accept", number=step.number, warning=warning)
+
+    def undo(self) -> None:
+        """Take the last change of data or model back, with what followed it."""
+        if not self.journal.read().can_undo():
+            raise InputError("nothing to undo")
+        self.journal.append(event="undo")
+
+    def redo(self) -> None:
+        """Bring back what was undone last."""
+        if not self.journal.read().undone:
+            raise InputError("nothing to redo")
+        self.journal.append(event="redo")
+
+    # --- what is there -----------------------------------------------------
+    def files(self, history: History) -> Files:
+        """Return the files that count now."""
+        changed = history.last(*DATA)
+        data = [] if changed is None else list(changed.inputs["data_after"])
+        dropped = history.last("upload")
+        model = history.last("fit", "refit", data=data)
+        of_model = {"data": data, "model": None if model is None else _model(model)}
+        found = history.last("diagnose", **of_model)
+        answered = history.last("diagnose", data=data)
+        written = [] if found is None else found.outputs
+        plan = next((name for name in written if name.endswith(".csv")), None)
+        sealed = next((d for d in data if self._beside(d, ".truth.json").is_file()), None)
+        return Files(
+            data=data,
+            model=None if model is None else _model(model),
+            answer=None if answered is None else answered.outputs[0],
+            next_plan=plan if plan and (self.folder / plan).is_file() else None,
+            dropped=None if dropped is None else dropped.outputs[0],
+            sealed=sealed,
+            simulated=sealed is not None and (self.folder / RIG).is_file(),
+        )
+
+    def state(self) -> dict[str, Any]:
+        """Return all that the page shows; it depends on the files of the folder only."""
+        history = self.journal.read()
+        files = self.files(history)
+        check = self._check_step(history)
+        model = history.last("fit", "refit", data=files.data)
+        of_model = {"data": files.data, "model": files.model}
+        compared = history.last("compare", **of_model) if files.model else None
+        found = history.last("diagnose", **of_model) if files.model else None
+        exported = history.last("export", **of_model) if files.model else None
+        revealed = history.last("reveal", data=files.data)
+        return {
+            "schema": 1,
+            "version": history.records,
+            "folder": self.folder.name,
+            "simulated": files.simulated,
+            "sealed": files.sealed is not None,
+            "next_plan": files.next_plan,
+            "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
+            "dropped": None if files.dropped is None else _own_name(history, files.dropped),
+            "imported": self._result(history.last("import")),
+            "check": self._result(check),
+            "pending": [] if check is None else self._pending(history, check),
+            "model": files.model,
+            "fit": self._result(model),
+            "compare": self._result(compared),
+            "diagnosis": self._result(found),
+            "export": self._result(exported),
+            "truth": self._result(revealed),
+            "rungs": [self._rung(history, step) for step in self._rungs(history, files)],
+            "undo": history.can_undo(),
+            "redo": bool(history.undone),
+            "steps": [self._step(history, step) for step in history.steps.values()],
+            "files": self.downloads(history),
+        }
+
+    def downloads(self, history: History | None = None) -> list[str]:
+        """Return the names that may be asked for: outputs of finished steps, and the script.
+
+        Sealed truths are not among them; `reveal` opens one.
+        """
+        history = self.journal.read() if history is None else history
+        names = ["script.sh", "steps.jsonl"]
+        for step in history.steps.values():
+            for name in step.outputs if step.status == "done" else []:
+                path = self.folder / name
+                if path.is_dir():
+                    inside = sorted(p for p in path.rglob("*") if p.is_file())
+                    names += [p.relative_to(self.folder).as_posix() for p in inside]
+                elif path.is_file() and not name.endswith(".truth.json"):
+                    names.append(name)
+        return names
+
+    def script(self) -> str:
+        """Return the commands of the steps that count, as a shell script."""
+        history = self.journal.read()
+        steps = [history.steps[number] for number in history.active]
+        given = [name for step in steps if not step.argv for name in step.outputs]
+        given += [name for name in DEMO_FILES if (self.folder / name).is_file()]
+        lines = [f'cp "$from"/{shlex.quote(name)} "$to"/' for name in dict.fromkeys(given)]
+        lines.append('cd "$to"')
+        lines += [shlex.join(["ecm", *step.argv]) for step in steps if step.argv]
+        return _SCRIPT + "\n".join(lines) + "\n"
+
+    def log(self, number: int, kind: str) -> bytes:
+        """Return what the command of a step printed: `out` or `err`."""
+        try:
+            return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
+        except FileNotFoundError:
+            return b""
+
+    # --- parts -------------------------------------------------------------
+    def _begin(
+        self,
+        history: History,
+        verb: str,
+        request: dict[str, Any],
+        argv: Sequence[str],
+        inputs: dict[str, Any],
+        outputs: Sequence[str],
+    ) -> Step:
+        step = Step(
+            number=_next_number(history),
+            verb=verb,
+            request=request,
+            argv=list(argv),
+            inputs=inputs,
+            outputs=list(outputs),
+            begun_s=round(time.time(), 3),
+        )
+        record = {name: getattr(step, name) for name in ("number", "verb", "request", "argv")}
+        record |= {"inputs": inputs, "outputs": step.outputs, "begun_s": step.begun_s}
+        self.journal.append(event="begin", **record)
+        return step
+
+    def _add_upload(
+        self,
+        history: History,
+        name: str,
+        outputs: Sequence[str],
+        *,
+        data: Sequence[str],
+    ) -> Step:
+        inputs = {"data": self.files(history).data, "data_after": list(data)}
+        step = self._begin(history, "upload", {"name": name}, [], inputs, outputs)
+        self.end(step.number, "done", "", 0.0)
+        return step
+
+    def _require_checked(self, history: History) -> None:
+        check = self._check_step(history)
+        if check is None:
+            raise InputError("check the tables first: nothing goes on until the check passes")
+        pending = self._pending(history, check)
+        if pending:
+            raise InputError(f"a warning of the check is open: {pending[0]}")
+
+    def _check_step(self, history: History) -> Step | None:
+        return history.last("check", data=self.files(history).data)
+
+    def _pending(self, history: History, check: Step) -> list[str]:
+        document = self._result(check) or {}
+        taken = {warning for number, warning in history.accepted if number == check.number}
+        return [text for text in document.get("warnings", []) if text not in taken]
+
+    def _result(self, step: Step | None) -> Any:
+        """Return the JSON document of a step, with its number."""
+        if step is None:
+            return None
+        name = next((n for n in step.outputs if _is_report(n)), None)
+        try:
+            document = json.loads((self.folder / str(name)).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return {**document, "step": step.number}
+
+    def _rungs(self, history: History, files: Files) -> list[Step]:
+        """Return the fits of these data that count, from the last base on."""
+        rungs: list[Step] = []
+        for number in history.active:
+            step = history.steps[number]
+            if step.verb == "fit" and step.inputs["data"] == files.data:
+                rungs = [step]
+            elif step.verb == "refit" and step.inputs["data"] == files.data:
+                rungs.append(step)
+        return rungs
+
+    def _rung(self, history: History, step: Step) -> dict[str, Any]:
+        compared = history.last("compare", data=step.inputs["data"], model=_model(step))
+        document = self._result(compared) or {}
+        request = step.request
+        return {
+            "step": step.number,
+            "model": _model(step),
+            "name": request.get("model") or " ".join(
+                f"{sign} {name}"
+                for option, sign in (("add", "+"), ("remove", "−"), ("freeze", "frozen"))
+                for name in request.get(option, [])
+            ),
+            "train": document.get("whitened_rms"),
+            "rmse": document.get("rmse"),
+            "report": self._result(step),
+        }  # fmt: skip
+
+    def _step(self, history: History, step: Step) -> dict[str, Any]:
+        return {
+            "number": step.number,
+            "verb": step.verb,
+            "command": shlex.join(["ecm", *step.argv]) if step.argv else "",
+            "name": step.request.get("name", ""),
+            "status": step.status,
+            "message": step.message,
+            "seconds": step.seconds,
+            "counts": step.number in history.active,
+        }
+
+    def _beside(self, table: str, suffix: str) -> Path:
+        return (self.folder / table).with_suffix(suffix)
+
+
+def _next_number(history: History) -> int:
+    return max(history.steps, default=0) + 1
+
+
+def _model(step: Step) -> str:
+    return step.outputs[0]
+
+
+def _is_report(name: str) -> bool:
+    return name.endswith(".json") and not name.startswith("model-")
+
+
+def _own_name(history: History, table: str) -> str:
+    """Return the name under which a table was dropped, else that of its file."""
+    for step in history.steps.values():
+        if table in step.outputs:
+            return str(step.request.get("name") or table)
+    return table

@@ -1,0 +1,198 @@
+"""Each step of the loop as the command line of `ecm` that does the same, in the session folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ecm.effects import all_effects, load_installed
+from ecm.errors import InputError
+from ecm.workflow.app.demo import PLAN, RIG
+
+_MODEL = re.compile(r"[A-Za-z][A-Za-z0-9:+_-]{0,60}")
+_WORDS = re.compile(r"[A-Za-z0-9 ,/^*.-]{0,80}")
+
+
+@dataclass(frozen=True)
+class Files:
+    """The files that a step works on: those that count now."""
+
+    data: list[str]
+    model: str | None = None
+    answer: str | None = None
+    """The last diagnosis of these data, of whichever model."""
+    next_plan: str | None = None
+    dropped: str | None = None
+    """The file that was dropped last: a table, or a log to import."""
+    sealed: str | None = None
+    """Table of a simulated campaign whose truth is sealed."""
+    simulated: bool = False
+    """The rig that measured it is described in the session."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Arguments of `ecm`, and the files that they write."""
+
+    argv: list[str]
+    outputs: list[str]
+    optional: tuple[str, ...] = ()
+    """Outputs that the command may leave out."""
+
+
+Request = Mapping[str, Any]
+
+
+def command_of(verb: str, request: Request, files: Files, number: int) -> Command:
+    """Return the command of a step.
+
+    Raises
+    ------
+    InputError
+        For an unknown verb, a value out of its choices, or where an earlier step is needed first.
+    """
+    if verb not in _COMMANDS:
+        raise InputError(f"no step {verb!r}; there are {', '.join(_COMMANDS)}")
+    return _COMMANDS[verb](request, files, number)
+
+
+def _check(_request: Request, files: Files, n: int) -> Command:
+    return Command(["check", *_data(files), "--json", f"check-{n}.json"], [f"check-{n}.json"])
+
+
+def _import(request: Request, files: Files, n: int) -> Command:
+    if files.dropped is None:
+        raise InputError("no file yet: drop a log or a table")
+    out, report = f"data-{n}.csv", f"import-{n}.json"
+    argv = ["import", files.dropped, "--out", out, "--json", report]
+    for pair in _names(request, "map"):
+        argv += ["--map", pair]
+    for option in ("rotation", "units", "axis"):
+        value = request.get(option) or ""
+        if not isinstance(value, str) or not _WORDS.fullmatch(value):
+            raise InputError(f"{option} {value!r}: expected letters, digits, commas and spaces")
+        if value:
+            argv += [f"--{option}", value]
+    if request.get("leave_out"):
+        argv.append("--leave-out")
+    return Command(argv, [out, f"data-{n}.toml", report])
+
+
+def _fit(request: Request, files: Files, n: int) -> Command:
+    name = request.get("model", "")
+    if not isinstance(name, str) or not _MODEL.fullmatch(name):
+        raise InputError(f"model {name!r}: expected the name of a model, as energy6 or cubic")
+    model, report = f"model-{n}.json", f"fit-{n}.json"
+    argv = ["fit", *_data(files), "--model", name, "--out", model, "--json", report]
+    if request.get("curve"):
+        argv.append("--curve")
+    return Command(argv, [model, report])
+
+
+def _compare(_request: Request, files: Files, n: int) -> Command:
+    outputs = [f"compare-{n}.json", f"compare-{n}.html"]
+    argv = ["compare", _model(files), *_data(files), "--json", outputs[0], "--report", outputs[1]]
+    return Command(argv, outputs)
+
+
+def _diagnose(_request: Request, files: Files, n: int) -> Command:
+    found, page, plan = f"found-{n}.json", f"found-{n}.html", f"next-{n}.csv"
+    argv = ["diagnose", _model(files), *_data(files)]
+    argv += ["--json", found, "--report", page, "--next", plan]
+    description = f"next-{n}.toml"
+    return Command(argv, [found, page, plan, description], (plan, description))
+
+
+def _refit(request: Request, files: Files, n: int) -> Command:
+    model, report = f"model-{n}.json", f"refit-{n}.json"
+    argv = ["refit", _model(files), *_data(files)]
+    load_installed()
+    known = {effect.id for effect in all_effects()}
+    for option in ("add", "remove", "freeze"):
+        for name in _names(request, option):
+            if name not in known and not (option == "freeze" and name == "base"):
+                raise InputError(f"no effect {name!r}; `ecm effects` lists them")
+            argv += [f"--{option}", name]
+    if request.get("force"):
+        argv.append("--force")
+    return Command([*argv, "--out", model, "--json", report], [model, report])
+
+
+def _example(request: Request, _files: Files, n: int) -> Command:
+    """A table to begin with, or the neck on a simulated rig with an effect hidden."""
+    name = request.get("name")
+    if name == "neck":
+        return _on_the_rig(PLAN, "random", "4", n)
+    if name not in ("1", "3", "6"):
+        raise InputError(f"example {name!r}: expected neck, 1, 3 or 6 (degrees of freedom)")
+    table = f"data-{n}.csv"
+    return Command(["new", "data", "--dof", name, "--out", table], [table, f"data-{n}.toml"])
+
+
+def _campaign(_request: Request, files: Files, n: int) -> Command:
+    """The next plan of the diagnosis, on the same simulated rig."""
+    if files.sealed is None or not files.simulated:
+        raise InputError("no simulated rig in this session: measure the plan on your own rig")
+    if files.next_plan is None:
+        raise InputError("no next plan: diagnose first; not every experiment can be driven")
+    return _on_the_rig(files.next_plan, files.sealed, str(100 + n), n)
+
+
+def _on_the_rig(plan: str, hidden: str, seed: str, n: int) -> Command:
+    table = f"data-{n}.csv"
+    argv = ["campaign", plan, "--rig", RIG, "--hide", hidden, "--seed", seed, "--out", table]
+    return Command(argv, [table, f"data-{n}.toml", f"data-{n}.truth.json"])
+
+
+def _export(request: Request, files: Files, n: int) -> Command:
+    language = request.get("to", "c")
+    if language not in ("c", "rust", "mujoco"):
+        raise InputError(f"language {language!r}: expected c, rust or mujoco")
+    folder, report = f"export-{n}", f"export-{n}.json"
+    argv = ["export", _model(files), "--to", language, "--out", folder, "--json", report]
+    if request.get("force"):
+        argv.append("--force")
+    return Command(argv, [report, folder])
+
+
+def _reveal(_request: Request, files: Files, n: int) -> Command:
+    if files.sealed is None:
+        raise InputError("no sealed truth in this session: only a simulated campaign has one")
+    truth = f"truth-{n}.json"
+    answer = ["--answer", files.answer] if files.answer else []
+    return Command(["reveal", files.sealed, *answer, "--json", truth], [truth])
+
+
+_COMMANDS: dict[str, Callable[[Request, Files, int], Command]] = {
+    "example": _example,
+    "import": _import,
+    "check": _check,
+    "fit": _fit,
+    "compare": _compare,
+    "diagnose": _diagnose,
+    "refit": _refit,
+    "campaign": _campaign,
+    "export": _export,
+    "reveal": _reveal,
+}
+
+
+def _data(files: Files) -> list[str]:
+    if not files.data:
+        raise InputError("no table yet: drop one, or begin with the demo")
+    return files.data
+
+
+def _model(files: Files) -> str:
+    if files.model is None:
+        raise InputError("no model yet: fit one first")
+    return files.model
+
+
+def _names(request: Request, option: str) -> list[str]:
+    names = request.get(option, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{option}: expected a list of names")
+    return names

@@ -1,0 +1,232 @@
+"""What the page draws, computed from files of the session in a process of its own.
+
+A view depends on files that never change once a step has written them, so it is kept in `views/`
+and computed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ecm.io.arrays import F, I
+from ecm.io.cache import hash_of, write_json
+
+MOST_ROWS = 20_000
+"""Rows that a view holds; of more, every k-th, and the view says so."""
+
+
+class Views:
+    """The views of a session folder, and the process that computes them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._pool: ProcessPoolExecutor | None = None
+
+    def file(self, name: str, data: Sequence[str], model: str | None) -> Path:
+        """Return the file of a view; computes it where it is not there yet.
+
+        Raises
+        ------
+        InputError
+            Where the files do not allow it.
+        """
+        path = self.folder / "views" / f"{name}-{hash_of(name, list(data), model)[:16]}.json"
+        if not path.is_file():
+            tables = [self.folder / table for table in data]
+            of_model = None if model is None else self.folder / model
+            for again in (True, False):
+                if self._pool is None:
+                    self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+                try:
+                    self._pool.submit(compute_view, name, path, tables, of_model).result()
+                    break
+                except BrokenProcessPool:  # killed, or out of memory
+                    self._pool = None
+                    if not again:
+                        raise
+        return path
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+
+def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:
+    """Compute a view and write it."""
+    write_json(path, VIEWS[name](tables, model))
+
+
+def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the measured poses and wrenches, the surface of the body, and a line about it."""
+    from ecm.io.columns import POSE, WRENCH  # noqa: PLC0415 - the server does not need them
+    from ecm.io.table import read_table  # noqa: PLC0415
+
+    table = read_table(list(tables))
+    rows = _thinned(len(table))
+    columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
+    length = table.meta.length_m
+    return {
+        "row": (rows + 1).tolist(),
+        "columns": {name: _short(table.column(name)[rows]) for name in columns},
+        "length_m": length,
+        "body": _surface(table),
+        "frames": _frames(table),
+        "said": _said(len(rows), len(table)),
+    }
+
+
+def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+    """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
+    from ecm.comparison.comparison import compare  # noqa: PLC0415
+    from ecm.effects import load_installed  # noqa: PLC0415
+    from ecm.io.columns import unit_of  # noqa: PLC0415
+    from ecm.io.table import read_table  # noqa: PLC0415
+    from ecm.models import load_model  # noqa: PLC0415
+
+    load_installed()
+    table = read_table(list(tables), need="fit")
+    fitted = load_model(Path(str(model)))
+    result = compare(fitted, table)
+    maps = result.where()
+    at = _thinned(len(maps.row))
+    kinds: dict[str, dict[str, Any]] = {
+        "noise": {
+            "label": "over its noise",
+            "unit": "times the noise",
+            "columns": list(maps.outputs),
+            "values": _columns(maps.over_noise["base"][at]),
+            "floor": [1.0] * len(maps.outputs),
+        },
+        "wrench": {
+            "label": "as wrench",
+            "unit": "",
+            "columns": list(maps.outputs),
+            "units": [unit_of(name) for name in maps.outputs],
+            "values": _columns(maps.physical["base"][at]),
+            "floor": [component.floor for component in result.components],
+        },
+    }
+    pose = _pose_error(result.pose_error, maps.row[at])
+    if pose is not None:
+        kinds["pose"] = pose
+    return {
+        "row": maps.row[at].tolist(),
+        "size": _short(maps.size[at]),
+        "variables": {name: _short(values[at]) for name, values in maps.variables.items()},
+        "follows": [list(item) for item in maps.follows[:10]],
+        "strongest": maps.strongest(len(maps.variables)),
+        "kinds": kinds,
+        "sentence": maps.sentence(),
+        "worst": maps.worst(),
+        "said": _said(len(at), maps.total),
+    }
+
+
+def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
+    """Return what each effect would explain of the residual, with its own sentence."""
+    from ecm.diagnosis.preview import preview_effects  # noqa: PLC0415
+    from ecm.effects import get_effect, load_installed  # noqa: PLC0415
+    from ecm.io.table import read_table  # noqa: PLC0415
+    from ecm.models import load_model  # noqa: PLC0415
+
+    load_installed()
+    table = read_table(list(tables), need="fit")
+    previews = preview_effects(load_model(Path(str(model))), table)
+    at = _thinned(len(previews.row))
+    return {
+        "row": previews.row[at].tolist(),
+        "effects": {
+            item.id: {
+                "share": item.share,
+                "what": get_effect(item.id).physics,
+                "values": _columns(item.explained[at]),
+            }
+            for item in previews.effects
+        },
+    }
+
+
+VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
+    "poses": poses,
+    "residuals": residuals,
+    "effects": effects,
+}
+NEED_MODEL = ("residuals", "effects")
+
+
+def _surface(table: Any) -> dict[str, Any] | None:
+    """Return the triangles of the undeformed body, None where the table does not describe one."""
+    body = table.meta.body()
+    if body is None or not body.has_body:
+        return None
+    mesh = body.mesh()
+    tetrahedra = np.asarray(mesh.tetrahedra)[:, :4]
+    faces = np.concatenate([tetrahedra[:, f] for f in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))])
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer = faces[first[count == 1]]
+    used, triangles = np.unique(outer, return_inverse=True)
+    return {
+        "points_m": _columns(np.asarray(mesh.nodes_m)[used]),
+        "triangles": triangles.reshape(outer.shape).T.tolist(),
+    }
+
+
+def _frames(table: Any) -> list[dict[str, Any]]:
+    """Return the frames of the description: name, origin in m, axes as rows."""
+    length = table.meta.length_m
+    frames = [{"name": "base", "origin_m": [0.0, 0.0, 0.0], "axes": np.eye(3).tolist()}]
+    if length is not None:
+        frames.append({"name": "top", "origin_m": [length, 0.0, 0.0], "axes": np.eye(3).tolist()})
+    return frames
+
+
+def _pose_error(found: Any, row: I) -> dict[str, Any] | None:
+    """Return the pose error of these rows (from 1) as a kind of residual; None without one."""
+    sizes = [
+        ("position", "mm", found.position_mm, found.noise_mm),
+        ("rotation", "deg", found.rotation_deg, found.noise_deg),
+    ]
+    known = [item for item in sizes if item[2] is not None]
+    if not known:
+        return None
+    place = {number: i for i, number in enumerate(found.row.tolist())}
+    at = [place.get(number) for number in row.tolist()]
+    return {
+        "label": "as pose error",
+        "unit": "",
+        "columns": [name for name, _, _, _ in known],
+        "units": [unit for _, unit, _, _ in known],
+        "values": [
+            [None if i is None else float(f"{values[i]:.6g}") for i in at]
+            for _, _, values, _ in known
+        ],
+        "floor": [floor for _, _, _, floor in known],
+        "said": found.sentence(),
+    }
+
+
+def _thinned(rows: int) -> I:
+    return np.arange(0, rows, -(-rows // MOST_ROWS) or 1, dtype=np.int64)
+
+
+def _said(shown: int, total: int) -> str:
+    return "" if shown == total else f"{shown} of {total} rows are drawn."
+
+
+def _short(values: F) -> list[float | None]:
+    """Return numbers of six digits: a page draws no more."""
+    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.asarray(values, float)]
+
+
+def _columns(values: F) -> list[list[float | None]]:
+    return [_short(column) for column in np.asarray(values).T]

@@ -1,0 +1,156 @@
+"""A headless Chromium that is driven: clicks, keys, files, screenshots (DevTools over a pipe)."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from support.programs import need_program
+
+_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--disable-extensions",
+    "--no-first-run",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--remote-debugging-pipe",
+    # No name but this machine's is known: a request to any other host fails.
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+
+
+class Page:
+    """One page of the browser."""
+
+    def __init__(self, to_browser: int, from_browser: int) -> None:
+        self._out, self._in = to_browser, from_browser
+        self._buffer = b""
+        self._number = 0
+        self.events: list[dict[str, Any]] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session: str | None = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network", "DOM"):
+            self.call(f"{domain}.enable")
+
+    _session: str | None = None
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Send a command to the browser and return its result."""
+        self._number += 1
+        message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
+        if self._session is not None:
+            message["sessionId"] = self._session
+        os.write(self._out, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._number:
+                assert "error" not in answer, f"{method}: {answer}"
+                return answer["result"]
+            self.events.append(answer)
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            part = os.read(self._in, 1 << 16)
+            assert part, "the browser has ended"
+            self._buffer += part
+        line, _, self._buffer = self._buffer.partition(b"\0")
+        return json.loads(line)
+
+    def open(self, address: str) -> None:
+        """Load an address."""
+        self.call("Page.navigate", url=address)
+
+    def js(self, expression: str) -> Any:
+        """Evaluate an expression; a promise is awaited."""
+        found = self.call(
+            "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
+        )
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def until(self, expression: str, seconds: float = 60.0) -> Any:
+        """Wait until an expression is true."""
+        end = time.monotonic() + seconds
+        # While a page is being loaded, parts of it are not there.
+        tried = f"(() => {{ try {{ return {expression} }} catch {{ return false }} }})()"
+        while not (value := self.js(tried)):
+            assert time.monotonic() < end, f"{expression}\n{self.js('document.body.innerText')}"
+            time.sleep(0.05)
+        return value
+
+    def click(self, selector: str, seconds: float = 60.0) -> None:
+        """Click on an element when it is there and enabled."""
+        at = json.dumps(selector)
+        self.until(f"!document.querySelector({at}).disabled", seconds)
+        self.js(f"document.querySelector({at}).click()")
+
+    def text(self) -> str:
+        """Return what a person reads."""
+        return str(self.js("document.body.innerText"))
+
+    def problems(self) -> list[str]:
+        """Return errors of scripts, blocked resources, and requests to other machines."""
+        found = []
+        for event in self.events:
+            parameters = event.get("params", {})
+            if event.get("method") == "Runtime.exceptionThrown":
+                found.append(json.dumps(parameters["exceptionDetails"])[:500])
+            if event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+                found.append(json.dumps(parameters["entry"])[:500])
+            if event.get("method") == "Network.requestWillBeSent":
+                url = parameters["request"]["url"]
+                if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:")):
+                    found.append(url)
+        return found
+
+    def size(self, width: int, height: int, *, dark: bool = False) -> None:
+        """Set the window and the theme."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=1, mobile=width < 500,
+        )  # fmt: skip
+        theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[theme])
+
+    def screenshot(self, path: Path, *, whole: bool = True) -> None:
+        """Save a picture of the page."""
+        data = self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
+        path.write_bytes(base64.b64decode(data))
+
+
+@contextmanager
+def open_chromium() -> Iterator[Page]:
+    """Start a browser without any profile, and end it."""
+    program = need_program("chromium", "chromium-browser", "google-chrome")
+    to_browser, from_test = os.pipe()
+    to_test, from_browser = os.pipe()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        command = [program, *_OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        # The browser reads commands from 3 and answers on 4.
+        script = f'exec "$@" 3<&{to_browser} 4>&{from_browser}'
+        process = subprocess.Popen(
+            ["bash", "-c", script, "bash", *command],
+            pass_fds=(to_browser, from_browser),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(to_browser)
+        os.close(from_browser)
+        try:
+            yield Page(from_test, to_test)
+        finally:
+            process.kill()
+            process.wait()
+            os.close(from_test)
+            os.close(to_test)

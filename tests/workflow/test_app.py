@@ -1,0 +1,383 @@
+"""The server of `ecm app`: its state is that of the folder, and it answers one person only."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from ecm.errors import InputError
+from ecm.workflow.app.journal import Journal
+from ecm.workflow.app.server import App, application
+from ecm.workflow.app.session import Session
+from support.neck import ROOT
+
+PORT, TOKEN = 8000, "a-secret"
+HOME = f"http://127.0.0.1:{PORT}"
+
+
+def table(path: Path, *, drift: float = 0.0, rows: int = 24) -> Path:
+    """A stage of one axis: force over displacement, and a drift of the sensor."""
+    rng = np.random.default_rng(1)
+    x = np.linspace(-1e-3, 1e-3, rows)[rng.permutation(rows)]
+    time_s = 60.0 * np.arange(rows)
+    force = 1e4 * x + drift * time_s + 0.01 * rng.standard_normal(rows)
+    lines = [f"{a},{b},{c}" for a, b, c in zip(x, force, time_s, strict=True)]
+    path.write_text("\n".join(["x_m,fx_N,time_s", *lines, ""]), encoding="utf-8")
+    return path
+
+
+def client_of(app: App, **options: Any) -> TestClient:
+    """A client with the token, as the page has it."""
+    server = application(app, port=PORT, token=TOKEN)
+    return TestClient(server, base_url=HOME, headers={"x-ecm-token": TOKEN}, **options)
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[App]:
+    opened = App.of(tmp_path / "session")
+    yield opened
+    opened.close()
+
+
+def upload(client: TestClient, path: Path, name: str = "stage.csv") -> Any:
+    return client.post("/api/upload", params={"name": name}, content=path.read_bytes())
+
+
+def step(client: TestClient, app: App, verb: str, **request: Any) -> dict[str, Any]:
+    """Run a step to its end, with what follows it, and return the state."""
+    answer = client.post("/api/step", json={"verb": verb, **request})
+    assert answer.status_code == 200, answer.text
+    return finished(client, app)
+
+
+def finished(client: TestClient, app: App) -> dict[str, Any]:
+    app.jobs.wait()
+    state: dict[str, Any] = client.get("/api/state").json()
+    return state
+
+
+def accept_all(client: TestClient, state: dict[str, Any]) -> None:
+    for warning in state["pending"]:
+        assert client.post("/api/accept", json={"warning": warning}).status_code == 200
+
+
+# --- the loop ----------------------------------------------------------
+def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        assert client.get("/api/state").json()["data"] == []
+        assert client.post("/api/step", json={"verb": "fit", "model": "linear"}).status_code == 400
+        upload(client, table(tmp_path / "stage.csv", drift=2e-4))
+        state = finished(client, app)
+        assert state["data"] == [{"file": "upload-1.csv", "name": "stage.csv"}]
+        assert state["check"]["rows"] == 24
+        accept_all(client, state)
+
+        state = step(client, app, "fit", model="linear")
+        before = state["compare"]["whitened_rms"]
+        residuals = client.get("/api/view/residuals").json()
+        assert len(residuals["row"]) == 24
+        effects = client.get("/api/view/effects").json()["effects"]
+        assert max(effects, key=lambda id: effects[id]["share"]) == "fts_drift"
+
+        state = step(client, app, "refit", add=["fts_drift"])
+        assert state["compare"]["whitened_rms"] < before
+        assert [rung["name"] for rung in state["rungs"]] == ["linear", "+ fts_drift"]
+
+        added = state["model"]
+        assert client.post("/api/undo", json={}).json()["model"] != added
+        assert client.post("/api/redo", json={}).json()["model"] == added
+        script = client.get("/files/script.sh").text
+        state = client.get("/api/state").json()
+    _same_bytes_by(script, app.session, tmp_path)
+    moved = tmp_path / "moved"
+    shutil.copytree(app.session.folder, moved)
+    assert {**Session(moved).state(), "folder": ""} | {"running": None} == {**state, "folder": ""}
+
+
+def _same_bytes_by(script: str, session: Session, tmp_path: Path) -> None:
+    """Run a script beside the session, and compare every file that it writes."""
+    program = tmp_path / "bin" / "ecm"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ecm.cli "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    (session.folder / "script.sh").write_text(script, encoding="utf-8")
+    again = tmp_path / "again"
+    path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
+    subprocess.run(
+        ["sh", str(session.folder / "script.sh"), str(again)],
+        check=True, env={**os.environ, "PATH": path}, capture_output=True,
+    )  # fmt: skip
+    written = [name for name in session.downloads() if name not in ("script.sh", "steps.jsonl")]
+    assert len(written) > 6
+    for name in written:
+        assert (again / name).read_bytes() == (session.folder / name).read_bytes(), name
+
+
+def test_undo_takes_the_data_back_and_a_new_step_ends_redo(app: App, tmp_path: Path) -> None:
+    def names() -> list[str]:
+        return [item["name"] for item in app.session.state()["data"]]
+
+    for name in ("a.csv", "b.csv"):
+        app.session.add_table(table(tmp_path / name), name)
+    with client_of(app) as client:
+        assert client.post("/api/undo", json={}).json()["redo"]
+        assert names() == ["a.csv"]
+        app.session.add_table(table(tmp_path / "c.csv"), "c.csv", more=True)
+        assert names() == ["a.csv", "c.csv"]
+        assert client.post("/api/redo", json={}).status_code == 400
+        client.post("/api/undo", json={})
+        client.post("/api/undo", json={})
+        assert names() == []
+        assert client.post("/api/undo", json={}).status_code == 400
+        client.post("/api/redo", json={})
+        client.post("/api/redo", json={})
+        assert names() == ["a.csv", "c.csv"]
+
+
+# --- long work ---------------------------------------------------------
+def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_path: Path) -> None:
+    with client_of(app) as client:
+        upload(client, table(tmp_path / "stage.csv"))
+        process = app.jobs._job.process  # type: ignore[union-attr]
+        busy = client.post("/api/step", json={"verb": "check"})
+        assert busy.status_code == 409
+        assert client.post("/api/cancel", json={}).json() == {"cancelled": True}
+        state = finished(client, app)
+        assert process.poll() == -signal.SIGKILL
+        assert [item["status"] for item in state["steps"]] == ["done", "cancelled"]
+        assert state["check"] is None
+        again = client.post("/api/again", json={"step": state["steps"][-1]["number"]})
+        assert again.status_code == 200
+        assert finished(client, app)["check"]["rows"] == 24
+
+
+_SERVER = """
+import sys
+from pathlib import Path
+from ecm.workflow.app.server import App
+app = App.of(Path(sys.argv[1]))
+app.session.add_table(Path(sys.argv[2]), "stage.csv")
+app.jobs.start("check", {})
+print(app.jobs._job.process.pid, flush=True)
+app.jobs.wait()
+"""
+
+
+def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
+    data, folder = table(tmp_path / "stage.csv"), tmp_path / "session"
+    server = subprocess.Popen(
+        [sys.executable, "-c", _SERVER, str(folder), str(data)], stdout=subprocess.PIPE, text=True
+    )
+    assert server.stdout is not None
+    worker = int(server.stdout.readline())
+    os.kill(server.pid, signal.SIGKILL)
+    server.wait()
+    server.stdout.close()
+    for _ in range(1000):
+        if not _alive(worker):
+            break
+        time.sleep(0.01)
+    assert not _alive(worker)
+    opened = App.of(folder)
+    with client_of(opened) as client:
+        state = client.get("/api/state").json()
+        assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
+        assert client.post("/api/again", json={"step": 2}).status_code == 200
+        assert finished(client, opened)["check"]["rows"] == 24
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_second_server_in_the_same_folder_is_refused(app: App) -> None:
+    with pytest.raises(InputError, match="another `ecm app` has this session open"):
+        App.of(app.session.folder)
+    app.close()
+    App.of(app.session.folder).close()
+
+
+def test_a_record_that_a_kill_has_cut_is_left_out(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "steps.jsonl")
+    begin = {
+        "verb": "check",
+        "request": {},
+        "argv": [],
+        "inputs": {},
+        "outputs": [],
+        "begun_s": 0.0,
+    }
+    journal.append(event="begin", number=1, **begin)
+    with journal.path.open("a", encoding="utf-8") as file:
+        file.write('{"event": "end", "num')
+    journal.append(event="begin", number=2, **begin)
+    history = journal.read()
+    assert sorted(history.steps) == [1, 2]
+    assert history.steps[1].status == "running"
+
+
+# --- who may ask -------------------------------------------------------
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"origin": HOME}, 200),
+        ({"host": "localhost:8000"}, 200),
+        ({"host": "evil.example:8000"}, 421),
+        ({"host": "127.0.0.1:9"}, 421),
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"sec-fetch-site": "cross-site"}, 403),
+        ({"x-ecm-token": "guessed"}, 403),
+        ({"x-ecm-token": ""}, 403),
+        ({"x-ecm-token": "ü"}, 403),
+    ],
+)
+def test_only_the_page_with_the_token_is_answered(
+    app: App, headers: dict[str, str], status: int
+) -> None:
+    with client_of(app) as client:
+        encoded = {name: value.encode() for name, value in headers.items()}
+        assert client.get("/api/state", headers=encoded).status_code == status
+
+
+def test_the_token_of_the_address_becomes_a_cookie_that_scripts_cannot_read(app: App) -> None:
+    with client_of(app, follow_redirects=False) as client:
+        del client.headers["x-ecm-token"]
+        assert client.get("/?token=wrong").status_code == 403
+        answer = client.get(f"/?token={TOKEN}")
+        assert answer.status_code == 303
+        assert "HttpOnly; SameSite=Strict" in answer.headers["set-cookie"]
+        page = client.get("/")
+        assert page.status_code == 200
+        policy = page.headers["content-security-policy"]
+        assert "script-src 'self';" in policy
+        assert "unsafe-eval" not in policy
+        assert "<script>" not in page.text
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/files/..%2f..%2fetc%2fpasswd",
+        "/files/%2fetc%2fpasswd",
+        "/files/upload-1.truth.json",
+        "/files/logs/2.err",
+        "/page/..%2fserver.py",
+        "/page/server.py",
+        "/api/view/..",
+        "/api/view/__class__",
+    ],
+)
+def test_no_path_of_a_request_reaches_the_file_system(app: App, tmp_path: Path, path: str) -> None:
+    data = table(tmp_path / "stage.csv")
+    data.with_suffix(".truth.json").write_text("{}", encoding="utf-8")
+    app.session.add_table(data, "stage.csv")
+    with client_of(app) as client:
+        assert client.get("/files/upload-1.csv").status_code == 200
+        assert client.get(path).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../x.csv",
+        "<img src=x onerror=alert(1)>.csv",
+        "a\nb.csv",
+        "-rf.csv",
+        "C:\\x.csv",
+        "é\u202e.csv",
+    ],
+)
+def test_a_hostile_file_name_stays_text(app: App, tmp_path: Path, name: str) -> None:
+    with client_of(app) as client:
+        assert upload(client, table(tmp_path / "stage.csv"), name).status_code == 200
+        state = client.get("/api/state").json()
+    assert state["data"] == [{"file": "upload-1.csv", "name": name}]
+    assert state["steps"][1]["command"] == "ecm check upload-1.csv --json check-2.json"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["session", "stage.csv"]
+    assert name not in app.session.script()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"verb": "fit", "model": "--force"},
+        {"verb": "fit", "model": "/etc/passwd.toml"},
+        {"verb": "fit", "model": ["linear"]},
+        {"verb": "refit", "add": ["--out=/tmp/x"]},
+        {"verb": "refit", "add": "payload"},
+        {"verb": "export", "to": "../c"},
+        {"verb": "campaign"},
+        {"verb": "example", "name": "../x"},
+        {"verb": "upload"},
+        {"verb": "reveal"},
+        {"verb": "rm"},
+        {"verb": None},
+    ],
+)
+def test_a_request_that_is_no_step_is_refused(app: App, tmp_path: Path, body: Any) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    with client_of(app) as client:
+        answer = client.post("/api/step", json=body)
+        assert answer.status_code == 400
+        assert answer.json()["error"]
+        assert client.get("/api/state").json()["running"] is None
+
+
+def test_a_form_of_another_page_is_no_request(app: App) -> None:
+    with client_of(app) as client:
+        text = {"content-type": "text/plain"}
+        answer = client.post("/api/undo", content=b"{}", headers=text)
+        assert answer.status_code == 400
+        assert client.post("/api/undo", content=b"[1]").status_code == 400
+
+
+def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
+    app.most_bytes = 1000
+    with client_of(app) as client:
+        answer = client.post("/api/upload", params={"name": "a.csv"}, content=b"1" * 1001)
+        assert answer.status_code == 400
+        assert "1000 bytes" in answer.json()["error"]
+        assert client.get("/api/state").json()["data"] == []
+    assert not list(app.session.folder.glob("incoming-*"))
+
+
+def test_a_warning_is_open_until_a_person_takes_it_on(app: App, tmp_path: Path) -> None:
+    data = table(tmp_path / "stage.csv")
+    lines = data.read_text(encoding="utf-8").splitlines()
+    extended = [f"{line},{'own' if i == 0 else i % 3}" for i, line in enumerate(lines)]
+    data.write_text("\n".join([*extended, ""]), encoding="utf-8")
+    with client_of(app) as client:
+        upload(client, data)
+        state = finished(client, app)
+        assert any("own" in warning for warning in state["pending"])
+        refused = client.post("/api/step", json={"verb": "fit", "model": "linear"})
+        assert refused.status_code == 400
+        assert "warning" in refused.json()["error"]
+        accept_all(client, state)
+        assert app.session.begin("fit", {"model": "linear"}).argv[:2] == ["fit", "upload-1.csv"]
+
+
+def test_every_file_of_the_page_is_served_and_asks_no_other_machine(app: App) -> None:
+    page = ROOT / "python" / "ecm" / "workflow" / "app" / "page"
+    with client_of(app) as client:
+        for path in page.iterdir():
+            answer = client.get(f"/page/{path.name}")
+            assert answer.content == path.read_bytes()
+            assert "http://" not in answer.text.replace("http://www.w3.org/", "")
+            assert "https://" not in answer.text
