@@ -34,8 +34,11 @@ from ecm.regression.rows import BodyChange
 _DEGREE = 6
 _VERSION = 4
 _REACH_STEP = 0.2
-_MOST_REACH = 1.6
+_MOST_REACH = 2.4
+"""The neck reaches 2.4 rad in the whole box of Table I."""
 _POSES_OF_A_MESH = 160
+_POSES_OF_A_WIDE_FAMILY = 160
+"""The energies of degree 8, which rotations beyond 1 rad need, have 157 terms at least."""
 FREE = ("young_modulus_Pa", "poisson_ratio")
 """Parameters that a refit changes by default; L and D stay as the file states them."""
 
@@ -76,6 +79,11 @@ class PhysicsMap(SixAxisMap):
     def length_m(self) -> float | None:
         """Length of the mechanism."""
         return self.surrogate.length_m
+
+    @property
+    def reach_rad(self) -> float:
+        """Largest rotation of the FEM poses behind it; infinite where it was fitted to pairs."""
+        return math.inf if self.family is None else float(self.family.scale[1])
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -291,7 +299,8 @@ def physics_map(
     settings
         Numbers of FEM poses; the default fits the kind of body.
     reach_rad
-        Largest rotation of the poses to predict; beyond 0.88 rad a wider family is built.
+        Largest rotation of the poses to predict; beyond 0.88 rad a wider family of more poses is
+        built, which takes twice as long.
 
     Raises
     ------
@@ -320,7 +329,8 @@ def physics_map(
     if reach_rad > MARGIN * settings.rotation_limit_rad:
         # In steps of 0.2 rad, so that campaigns of similar reach share a family.
         wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
-        settings = replace(settings, rotation_limit_rad=wider)
+        poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
+        settings = replace(settings, rotation_limit_rad=wider, poses=poses)
     shape = shape_of(mechanism)
     key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
     directory = cache_directory() if cache is None else cache
