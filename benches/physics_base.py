@@ -1,6 +1,7 @@
 """The physics base: time to build, error against FEM that it has not seen, refit, time a call.
 
     python benches/physics_base.py [SHAPE ...] [--cold] [--rows 100] [--bodies 4] [--draws 20]
+                                   [--reach 2.4] [--box 700]
 
 Shapes: neck, slim, tube, hourglass, stacked_discs, yeoh, cone, ellipse (the last two are meshes of
 their own). `--cold` builds into an empty folder and prints the time, else the cache is used.
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import Fem, Mesh, mid_frame
-from ecm.fem.simulate import fem_poses
+from ecm.fem.simulate import Workspace, fem_poses, simulate
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.material import Material
@@ -144,6 +145,18 @@ def unseen_loads(base: PhysicsMap, body: Mechanism, rows: int) -> None:
     print("    by |c|: " + between(shift, error, edges, 1e3, "mm"))
 
 
+def whole_box(base: PhysicsMap, body: Mechanism, rows: int) -> None:
+    """FEM under random wrenches of the whole box of Table I: the error as a share of the wrench."""
+    pairs = simulate(body, rows, Workspace(full_box=True), seed=77)
+    sizes = np.repeat([1.0, 1.0 / (base.length_m or 1.0)], 3)
+    left = (base.predict(pairs.poses) - pairs.wrenches) * sizes
+    share = np.linalg.norm(left, axis=1) / np.linalg.norm(pairs.wrenches * sizes, axis=1)
+    turned = np.linalg.norm(pairs.poses[:, 3:], axis=1)
+    edges = (0.0, 0.8, 1.2, 1.6, 2.0, 3.2)
+    print(f"  whole box ({rows}), % of |h|, moments over L: worst row {100 * share.max():.2f}")
+    print("    by |theta|: " + between(turned, 100.0 * share, edges, 1.0, "rad"))
+
+
 def unseen_bodies(base: PhysicsMap, body: Mechanism, bodies: int, rows: int) -> None:
     """Pose-driven FEM of bodies with other nu and D, drawn from the whole range."""
     assert base.family is not None
@@ -245,11 +258,14 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=100)
     parser.add_argument("--bodies", type=int, default=4)
     parser.add_argument("--draws", type=int, default=20)
+    parser.add_argument("--reach", type=float, default=0.0, help="largest rotation, rad")
+    parser.add_argument("--box", type=int, default=0, help="rows of the whole box of Table I")
     arguments = parser.parse_args()
     for name in arguments.shapes:
         with body_named(name) as body, tempfile.TemporaryDirectory() as empty, one_blas_thread():
             start, cpu = time.perf_counter(), time.process_time()
-            base = physics_map(body, cache=Path(empty) if arguments.cold else None)
+            cache = Path(empty) if arguments.cold else None
+            base = physics_map(body, cache=cache, reach_rad=arguments.reach)
             wall, cpu = time.perf_counter() - start, time.process_time() - cpu
             family = base.family
             assert family is not None
@@ -261,7 +277,10 @@ def main() -> None:
             )
             if arguments.rows:
                 unseen_loads(base, body, arguments.rows)
-            unseen_bodies(base, body, arguments.bodies, 30)
+            if arguments.box:
+                whole_box(base, body, arguments.box)
+            if arguments.bodies:
+                unseen_bodies(base, body, arguments.bodies, 30)
             if arguments.draws:
                 refits(base, body, arguments.draws)
             calls(base)

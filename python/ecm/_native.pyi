@@ -302,8 +302,9 @@ class PolynomialModel:
         """(N,) variance of the prediction in units of the residual variance."""
     def prediction_sd(self, inputs: _F) -> _F:
         """(N, m) standard deviation of a new measurement around the prediction."""
-    def predict(self, inputs: _F) -> _F: ...
-    def jacobian(self, inputs: _F) -> _F:
+    def predict(self, inputs: _F, turns: bool = False) -> _F:
+        """(N, m). turns: the last three inputs are a rotation vector, of at most pi."""
+    def jacobian(self, inputs: _F, turns: bool = False) -> _F:
         """(N, m, n); K = dh/dp for the paper's map."""
     def document(self, inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
         """The map's part of a model file, with these column names."""
@@ -403,6 +404,8 @@ class EnergyModel:
     def energy_J(self, poses: _F) -> _F: ...
     def predict(self, poses: _F) -> _F: ...
     def stiffness(self, poses: _F, kind: _StiffnessKind = "partial") -> _F: ...
+    def wrench_and_stiffness(self, poses: _F, kind: _StiffnessKind = "partial") -> tuple[_F, _F]:
+        """(N, 6) and (N, 6, 6) in one call; a single pose has the path of a controller."""
     def prediction_covariance(self, poses: _F) -> _F:
         """(N, 6, 6) of the predicted wrench, of the coefficients' covariance."""
     @property

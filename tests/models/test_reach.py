@@ -9,9 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ecm.comparison import compare
+from ecm.errors import ComputationError
 from ecm.io.columns import POSE, WRENCH
+from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table
-from ecm.models.physics.map import PhysicsMap
+from ecm.models import Model
+from ecm.models.physics.body_fits import Solved
+from ecm.models.physics.build import BuildSettings, held_by_loads
+from ecm.models.physics.family import PhysicsFamily
+from ecm.models.physics.map import PhysicsMap, physics_map
+from ecm.models.prediction import predict
 from support.campaigns import physics, workspace_poses
 from support.neck import Done
 from support.stand_in import L
@@ -60,3 +68,59 @@ def test_the_physics_of_a_toml_is_as_wide_as_the_data(
     done = ecm_command(*command)
     assert done.code == 0, done.err
     assert asked == [pytest.approx(REACH_RAD)]
+
+
+def test_a_wide_family_has_the_poses_that_its_energy_needs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """80 poses cannot hold the 157 terms of degree 8; within 0.88 rad nothing changes."""
+    asked: list[BuildSettings] = []
+
+    def built(_: Any, settings: BuildSettings, **__: Any) -> PhysicsFamily:
+        asked.append(settings)
+        raise ComputationError("stop here")
+
+    monkeypatch.setattr("ecm.models.physics.map.build_family", built)
+    for reach in (0.88, 2.3, 3.0):
+        with pytest.raises(ComputationError, match="stop here"):
+            physics_map(Mechanism(), cache=tmp_path, reach_rad=reach)
+    near, far, farthest = asked
+    assert near == BuildSettings()
+    assert far.poses == 160
+    assert 1.1 * far.rotation_limit_rad >= 2.3
+    assert farthest == far
+
+
+def test_poses_beyond_the_fem_are_said(neck_physics: PhysicsMap, tmp_path: Path) -> None:
+    """`predict` and `compare`; not within the reach, and not by a map of given pairs."""
+    assert neck_physics.reach_rad == pytest.approx(0.88, abs=0.02)
+    poses = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.8], (3, 1))
+    poses[:, 1] = [0.0, 1e-3, 2e-3]
+    table = as_table(dict(zip(POSE, poses.T.copy(), strict=True)))
+    assert not predict(Model(base=neck_physics), table).warnings
+    poses[1:, 5] = [1.3, 1.2]
+    far = as_table(dict(zip(POSE, poses.T.copy(), strict=True)))
+    (said,) = predict(Model(base=neck_physics), far).warnings
+    assert said.startswith("2 of 3 poses turn further than the FEM behind the physics, 0.8")
+    assert "reach_rad=1.30" in said
+    wrenches = neck_physics.predict(poses)
+    both = far.with_columns(dict(zip(WRENCH, wrenches.T.copy(), strict=True)))
+    assert said in compare(Model(base=neck_physics), both).warnings
+    assert not predict(Model(base=physics()), far).warnings
+
+
+def test_a_wide_family_rests_on_poses_that_loads_hold() -> None:
+    """A column that is pushed together beyond its load stays in a clamp, but no load holds it."""
+    poses = np.tile([0.1034, 0.0, 0.0, 0.0, 0.0, 0.0], (4, 1))
+    stable = np.diag([2e4, 4e3, 4e3, 4.0, 17.0, 17.0])
+    stable[1, 5] = stable[5, 1] = -200.0
+    stable[2, 4] = stable[4, 2] = 200.0
+    buckled = stable.copy()
+    buckled[1, 1] = 2000.0  # below 200^2 / 17
+    stiffness = np.stack([stable, buckled, stable, stable])
+    wrenches = np.zeros((4, 6))
+    # An axial moment makes K unsymmetric: it is K_s whose symmetric part counts.
+    wrenches[3, 3] = 1.0
+    stiffness[3, 4, 5], stiffness[3, 5, 4] = 0.5, -0.5
+    solved = Solved(wrenches, stiffness, np.array([True, True, False, True]))
+    assert held_by_loads(poses, solved).tolist() == [True, False, False, True]

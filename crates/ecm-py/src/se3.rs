@@ -118,7 +118,8 @@ fn checked_poses(name: &'static str, rows: &[[f64; 6]]) -> PyResult<Vec<Pose<f64
     ecm_poly::checked_poses(name, rows).map_err(|error| ModelError::new_err(error.to_string()))
 }
 
-fn checked_rotations(name: &'static str, vectors: &[[f64; 3]]) -> PyResult<()> {
+/// `ModelError` where a rotation vector is longer than pi, with its row.
+pub fn checked_rotations(name: &'static str, vectors: &[[f64; 3]]) -> PyResult<()> {
     let poses: Vec<_> = vectors
         .iter()
         .map(|t| [0.0, 0.0, 0.0, t[0], t[1], t[2]])

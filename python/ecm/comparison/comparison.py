@@ -23,6 +23,7 @@ from ecm.models.joint_fit import base_columns
 from ecm.models.learned import LEARNED
 from ecm.models.noise_estimate import estimate_noise
 from ecm.models.pose_error import PoseError, pose_error
+from ecm.models.prediction import beyond_reach
 from ecm.models.training import was_trained_on
 from ecm.regression.f_test import FTest, lack_of_fit
 from ecm.regression.folds import is_pose_row, row_groups, without_zero_readings
@@ -370,7 +371,10 @@ def compare(
         whitened=whitened,
         physical=physical,
         row=np.flatnonzero(scored),
-        warnings=tuple(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
+        warnings=(
+            *(r.sentence() for r in run_outliers(table, model.inputs, model.outputs)),
+            *beyond_reach(model, rows.poses[scored]),
+        ),
         compared=_Compared(model, table, predicted, chosen),
         structure=_structure(model, table, predicted, chosen, noise),
         rows_used=_rows_used(len(table), len(chosen), len(model.outputs)),

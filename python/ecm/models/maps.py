@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
@@ -78,6 +79,9 @@ class StiffnessMap(Protocol):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n) stiffness of the kind (conventions.md)."""
 
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, m) wrenches and (N, m, n) stiffnesses in one call."""
+
     def columns(self, poses: F) -> F:
         """(N, m, k) derivative of the wrench to the coefficients."""
 
@@ -100,6 +104,10 @@ class MapDefaults:
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    def wrench_and_stiffness(self: StiffnessMap, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, m) and (N, m, n), one after the other."""
+        return self.predict(poses), self.stiffness(poses, kind)
 
     @property
     def length_m(self) -> float | None:
@@ -159,6 +167,11 @@ class PolynomialMap(MapDefaults):
 
     kind = "polynomial"
 
+    @cached_property
+    def _turns(self) -> bool:
+        """Whether the last three columns are a rotation vector."""
+        return self.inputs[-3:] == POSE[3:]
+
     @property
     def name(self) -> str:
         """`poly:D`."""
@@ -171,13 +184,11 @@ class PolynomialMap(MapDefaults):
 
     def predict(self, poses: F) -> F:
         """(N, n) to (N, m)."""
-        refuse_long_rotations(poses, self.inputs)
-        return self.model.predict(np.ascontiguousarray(poses))
+        return self.model.predict(np.ascontiguousarray(poses), self._turns)
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, m, n); kinds other than `partial` need all six columns on both sides."""
-        refuse_long_rotations(poses, self.inputs)
-        partial = self.model.jacobian(np.ascontiguousarray(poses))
+        partial = self.model.jacobian(np.ascontiguousarray(poses), self._turns)
         return partial_to(kind, partial, poses, self)
 
     def regressor(self, poses: F) -> F:
@@ -271,6 +282,12 @@ class EnergyMap(SixAxisMap):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, 6, 6)."""
         return self.model.stiffness(np.ascontiguousarray(poses), cast(StiffnessKind, kind))
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) and (N, 6, 6)."""
+        return self.model.wrench_and_stiffness(
+            np.ascontiguousarray(poses), cast(StiffnessKind, kind)
+        )
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) wrench of each term."""

@@ -125,19 +125,21 @@ class Model:
     def predict(self, data: TableLike | F, *, skip_untestable: bool = False) -> F:
         """(N, m) wrench, N and N m, at poses (N, n), or expected readings of a table.
 
-        A table's rows have time, temperature and approach, so that all effects act; bare poses get
-        the base map and the effects of physics that need the pose alone.
+        One pose (n,) gives one wrench (m,). A table's rows have time, temperature and approach, so
+        that all effects act; bare poses get the base map and the effects of physics that need the
+        pose alone.
 
         Parameters
         ----------
         data
-            A table, a data frame or a dict of columns, or poses (N, n) in m and rad.
+            A table, a data frame or a dict of columns, or poses (N, n) or (n,) in m and rad.
         skip_untestable
             Leave out effects whose columns the table lacks (`left_out` names them) instead of
             refusing.
         """
         if isinstance(data, np.ndarray):
-            return self._at_poses(np.ascontiguousarray(data, dtype=np.float64))
+            found = self._at_poses(_rows_of_poses(data))
+            return found if data.ndim != 1 else np.asarray(found[0])
         data = as_table(data)
         rows = Rows(data, self.base)
         wrench: F = rows.sensor_load.copy()
@@ -220,10 +222,36 @@ class Model:
         return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
 
     def stiffness(self, poses: F, kind: str = "partial") -> F:
-        """(N, m, n) stiffness of the base and of the effects of physics on the pose."""
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        if not self._acting_at_poses():
-            return self.base.stiffness(poses, kind)
+        """(N, m, n) stiffness of the base and of the effects of physics on the pose.
+
+        One pose (n,) gives one stiffness (m, n).
+        """
+        rows = _rows_of_poses(poses)
+        acting = self._acting_at_poses()
+        found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
+        return found if poses.ndim != 1 else np.asarray(found[0])
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """`predict` and `stiffness` of poses (N, n) or of one pose (n,), in one call.
+
+        Examples
+        --------
+        >>> import ecm
+        >>> y = np.linspace(-0.01, 0.01, 9)
+        >>> model = ecm.fit_model({"y_m": y, "fy_N": 3000.0 * y}, "linear")
+        >>> wrench, stiffness = model.wrench_and_stiffness(np.array([0.005]))
+        >>> wrench.round(6), stiffness.round(6)
+        (array([15.]), array([[3000.]]))
+        """
+        rows = _rows_of_poses(poses)
+        if self._acting_at_poses():
+            wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)
+        else:
+            wrench, stiffness = self.base.wrench_and_stiffness(rows, kind)
+        return (wrench, stiffness) if poses.ndim != 1 else (wrench[0], stiffness[0])
+
+    def _changed_stiffness(self, poses: F, kind: str) -> F:
+        """(N, m, n) of the base and the effects, by central differences."""
         partial = np.stack(central_differences(self._at_poses, poses, 1e-6), axis=2)
         if kind == "partial":
             return partial
@@ -267,15 +295,19 @@ class Model:
         return Controller(json.dumps(bare.document()), time_effects(self))
 
     def _acting_at_poses(self) -> list[FittedEffect]:
+        if not self.effects:  # a single pose takes microseconds
+            return []
         return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]
 
     def _at_poses(self, poses: F) -> F:
         wrench = self.base.predict(poses)
         acting = self._acting_at_poses()
-        if acting:
-            rows = self.rows_at(poses)
-            wrench = wrench + sum(item.effect.correction(rows, item.values) for item in acting)
-        return np.asarray(wrench)
+        if not acting:
+            return wrench
+        rows = self.rows_at(poses)
+        return np.asarray(
+            wrench + sum(item.effect.correction(rows, item.values) for item in acting)
+        )
 
     def rows_at(self, poses: F) -> Rows:
         """Rows of poses (N, n) without a table, of the model's mechanism in the model's scene."""
@@ -470,6 +502,15 @@ class Model:
         effects = list(self.effects)
         effects[position] = FittedEffect.unfitted(effect)
         return replace(self, effects=tuple(effects))
+
+
+def _rows_of_poses(poses: F) -> F:
+    """(N, n) of poses (N, n), or (1, n) of one pose (n,)."""
+    if poses.ndim != 2:
+        if poses.ndim != 1:
+            raise InputError(f"poses of shape {poses.shape}: expected (N, n), or (n,) for one pose")
+        poses = poses[None]
+    return np.ascontiguousarray(poses, dtype=np.float64)
 
 
 def load_model(path: str | Path) -> Model:

@@ -11,8 +11,11 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.models.model import Model
+from ecm.models.physics.map import PhysicsMap
 
 StiffnessKind = Literal["partial", "generalised", "screw"]
+_REACH_MARGIN = 1.05
+"""Nearer to its reach the physics base errs as little as within it."""
 _MARGIN = 0.1
 """A pose is outside the training data beyond this share of the range of a column."""
 
@@ -72,7 +75,7 @@ def predict(
         if known is not None:
             columns["leverage"] = known
         columns["extrapolates"] = model.extrapolates(poses).astype(np.float64)
-    warnings = (*table.warnings, *_outside(model, table))
+    warnings = (*table.warnings, *_outside(model, table), *beyond_reach(model, poses))
     predicted: Table = table.with_columns(columns)
     return replace(predicted, warnings=warnings)
 
@@ -86,6 +89,30 @@ def _stiffness_columns(model: Model, poses: F, kind: StiffnessKind) -> dict[str,
         for j, coordinate in enumerate(model.inputs)
     }
     return {name: columns[name] for name in STIFFNESS if name in columns}
+
+
+def beyond_reach(model: Model, poses: F) -> list[str]:
+    """Say how many poses (N, n) turn further than the FEM behind a physics base.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> beyond_reach(ecm.fit({"y_m": y, "fy_N": 3000.0 * y}, "linear"), y[:, None])
+    []
+    """
+    if not isinstance(model.base, PhysicsMap) or not len(poses):
+        return []
+    turned = np.linalg.norm(poses[:, 3:], axis=1)
+    far = turned > _REACH_MARGIN * model.base.reach_rad
+    if not far.any():
+        return []
+    return [
+        f"{int(far.sum())} of {len(poses)} poses turn further than the FEM behind the physics, "
+        f"{model.base.reach_rad:.2f} rad: at 1.5 times that it errs by 1 %, at twice by 2 to 5 %. "
+        f"Build it wider: physics_map(mechanism, reach_rad={turned.max():.2f}), or give the TOML "
+        "of the mechanism as MODEL"
+    ]
 
 
 def _outside(model: Model, table: Table) -> list[str]:

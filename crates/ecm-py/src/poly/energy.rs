@@ -2,7 +2,8 @@
 
 use ecm_poly::energy::regressor::regressor;
 use ecm_poly::energy::{EnergyTerms, Group};
-use ecm_poly::{EnergyFit, Symmetry};
+use ecm_poly::{EnergyFit, Pose, Symmetry};
+use ecm_se3::stiffness::StiffnessKind;
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3,
@@ -246,6 +247,38 @@ impl EnergyModel {
         ])
     }
 
+    /// (N, 6) and (N, 6, 6): wrench and stiffness. A single pose has the path of a controller.
+    #[pyo3(signature = (poses, kind = "partial"))]
+    fn wrench_and_stiffness<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        kind: &str,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+        let kind = stiffness_kind(kind)?;
+        let poses = poses_of(&poses)?;
+        let (wrenches, stiffnesses) = match (&*poses, kind) {
+            ([pose], StiffnessKind::Partial) => {
+                let pose = Pose::from_array(pose);
+                let found = pose.map(|pose| self.0.wrench_and_stiffness(&pose));
+                match found {
+                    Ok((h, k)) if finite(&h.to_array()) && finite(k.as_flattened()) => {
+                        (vec![h.to_array()], vec![k])
+                    }
+                    // The same refusal as of many poses.
+                    _ => self.both(&poses, kind)?,
+                }
+            }
+            _ => py.detach(|| self.both(&poses, kind))?,
+        };
+        let rows = wrenches.len();
+        let flat = stiffnesses.into_flattened().into_flattened();
+        Ok((
+            shaped(py, wrenches.into_flattened(), rows, 6)?,
+            PyArray1::from_vec(py, flat).reshape([rows, 6, 6])?,
+        ))
+    }
+
     /// The map's part of a model file.
     fn document<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let document = ecm_poly::model_file::map::energy_document(&self.0);
@@ -319,6 +352,20 @@ impl EnergyModel {
     fn symmetry(&self) -> &'static str {
         self.0.symmetry().name()
     }
+}
+
+impl EnergyModel {
+    fn both(&self, poses: &[[f64; 6]], kind: StiffnessKind) -> PyResult<Both> {
+        let wrenches = self.0.predict(poses).map_err(error)?;
+        Ok((wrenches, self.0.stiffness(poses, kind).map_err(error)?))
+    }
+}
+
+/// Wrench and stiffness of each pose.
+type Both = (Vec<[f64; 6]>, Vec<[[f64; 6]; 6]>);
+
+fn finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
 }
 
 fn symmetry_of(name: &str) -> PyResult<Symmetry> {

@@ -12,6 +12,7 @@ use super::model_file::parsed;
 use super::triangle::merged;
 use super::{check_columns, error, numbers, shaped, vector};
 use crate::errors::ModelError;
+use crate::se3::checked_rotations;
 
 /// (k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4).
 #[pyfunction]
@@ -46,6 +47,9 @@ pub fn polynomial_regressor<'py>(
 
 /// Singular values (r,) and errors (r, m).
 type Curves<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Square of an angle just below pi, above which a rotation vector is looked at closely.
+const NEAR_HALF_A_TURN: f64 = 9.8;
 
 /// n inputs to m outputs; the paper's map has n = m = 6.
 #[pyclass(frozen, module = "ecm._native")]
@@ -220,23 +224,30 @@ impl PolynomialModel {
         shaped(py, sd, n, self.0.outputs())
     }
 
+    /// (N, m). turns: the last three inputs are a rotation vector, of at most pi.
+    #[pyo3(signature = (inputs, turns = false))]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
+        turns: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (points, n) = self.points(&inputs)?;
+        self.check_turns(&points, turns)?;
         let values = py.detach(|| self.0.predict(&points)).map_err(error)?;
         shaped(py, values, n, self.0.outputs())
     }
 
-    /// (N, m, n); K = dh/dp for the paper's map.
+    /// (N, m, n); K = dh/dp for the paper's map. turns: as of `predict`.
+    #[pyo3(signature = (inputs, turns = false))]
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
         inputs: PyReadonlyArray2<'py, f64>,
+        turns: bool,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (points, n) = self.points(&inputs)?;
+        self.check_turns(&points, turns)?;
         let values = py.detach(|| self.0.jacobian(&points)).map_err(error)?;
         PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), self.0.inputs()])
     }
@@ -305,6 +316,21 @@ impl PolynomialModel {
 }
 
 impl PolynomialModel {
+    /// Refuses a rotation vector longer than pi, where the last three inputs are one.
+    fn check_turns(&self, points: &[f64], turns: bool) -> PyResult<()> {
+        let columns = self.0.inputs();
+        if !turns || columns < 3 {
+            return Ok(());
+        }
+        let of_row = |point: &[f64]| std::array::from_fn(|j| point[columns - 3 + j]);
+        let near = |t: &[f64; 3]| t.iter().map(|v| v * v).sum::<f64>() > NEAR_HALF_A_TURN;
+        if points.chunks_exact(columns).map(of_row).any(|t| near(&t)) {
+            let vectors: Vec<_> = points.chunks_exact(columns).map(of_row).collect();
+            checked_rotations("inputs", &vectors)?;
+        }
+        Ok(())
+    }
+
     /// Row-major inputs and their number of rows.
     fn points<'a>(
         &self,

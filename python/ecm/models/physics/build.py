@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ecm._native import Fem, Mesh
+from ecm._native import Fem, Mesh, convert_stiffness
 from ecm.errors import ComputationError
-from ecm.io.arrays import F
+from ecm.io.arrays import B, F
 from ecm.io.cache import Stage
 from ecm.io.material import Material
 from ecm.io.mechanism import Mechanism
@@ -35,6 +34,11 @@ from ecm.models.physics.poses import ROTATION_LIMIT_RAD, spread_poses, workspace
 from ecm.models.physics.rod import RodBody, scaled_rod, stated_rod
 
 Progress = Callable[[int, int, str], object] | None
+_CANDIDATES_OF_A_WIDE_POSE = 2
+"""Of the poses that a rod takes beyond 0.8 rad a load holds the neck in every second one."""
+_FEWEST_POSES = 20
+_SCREEN = 12
+"""Number of the screening among the parts of a build; the bodies have 0 to 11."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +106,19 @@ def build_family(
     made = _Rods(shape) if shape.builtin == "rod" else _Bodies(shape)
     rest = made.fem(nodes.centre, 0.0).rest_stiffness()
     limit = settings.rotation_limit_rad
+    wide = limit > ROTATION_LIMIT_RAD
     poses = spread_poses(
         rest,
         LENGTH_M,
-        settings.poses,
+        settings.poses * (_CANDIDATES_OF_A_WIDE_POSE if wide else 1),
         seed=settings.seed,
         threads=threads,
         rotation_limit_rad=limit,
     )
+    solver = _Solver(made, stage, threads)
+    if wide:
+        first = solver.run(_SCREEN, nodes.centre, 0.0, poses, progress, (0, len(poses)))
+        poses = np.ascontiguousarray(poses[held_by_loads(poses, first)][: settings.poses])
     unseen = workspace_poses(
         rest,
         LENGTH_M,
@@ -124,41 +133,71 @@ def build_family(
     solved: list[Solved] = []
     done = 0
     for index, (s, x, at) in enumerate(bodies):
-
-        def report(count: int, _: int, done: int = done) -> None:
-            if progress is not None:
-                progress(done + count, total, "FEM poses")
-
-        def compute(s: float = s, x: float = x, at: F = at, report: Any = report) -> dict[str, Any]:
-            results = made.fem(s, x).solve_poses(at, threads=threads, progress=report)
-            return {
-                "wrenches": results.wrenches,
-                "stiffness": results.stiffness,
-                "ok": np.array([status == "solved" for status in results.status]),
-            }
-
-        part = None if stage is None else stage.load_part(index)
-        if part is None:
-            part = compute()
-            with suppress(OSError):  # a cache that cannot be written only costs time
-                if stage is not None:
-                    stage.save_part(index, part)
-        solved.append(Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_)))
+        solved.append(solver.run(index, s, x, at, progress, (done, total)))
         done += len(at)
     if progress is not None:
         progress(total, total, "fitting")
     common = np.logical_and.reduce([body.ok for body in solved[:9]])
-    if common.sum() < len(poses) // 2:
+    if common.sum() < max(len(poses) // 2, _FEWEST_POSES):
         raise ComputationError(
             f"only {common.sum()} of {len(poses)} poses have a stable state in all nine bodies "
             "around this shape: the physics model cannot be built for it; check mesh and material"
         )
     fit = BodyFits(poses[common], [body.cut(common) for body in solved[:9]], nodes.nominal)
-    tests = [
-        Unseen(unseen[b.ok], b.cut(b.ok), *at)
-        for b, at in zip(solved[9:], nodes.unseen, strict=True)
-    ]
+    tests = []
+    for body, node in zip(solved[9:], nodes.unseen, strict=True):
+        good = held_by_loads(unseen, body) if wide else body.ok
+        tests.append(Unseen(unseen[good], body.cut(good), *node))
     return best_family(fit, tests, nodes, made.diameter_over_length)
+
+
+def held_by_loads(poses: F, solved: Solved) -> B:
+    """(N,) whether FEM found a state that a load holds, not only a clamp: sym K_s is positive.
+
+    A rod takes poses where a thick body has buckled long ago. Their loads lie outside the
+    workspace, and an energy that must fit them as well errs several times as much within it.
+    """
+    good = solved.ok
+    screw = convert_stiffness(
+        solved.stiffness[good], poses[good], solved.wrenches[good], source="partial", target="screw"
+    )
+    scale = np.repeat([1.0, 1.0 / LENGTH_M], 3)
+    symmetric = (screw + np.swapaxes(screw, 1, 2)) * np.outer(scale, scale)
+    held: B = np.zeros_like(solved.ok)
+    held[good] = np.linalg.eigvalsh(symmetric)[:, 0] > 0.0
+    return held
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """Poses of bodies by FEM; finished ones are kept in `stage`."""
+
+    made: _Rods | _Bodies
+    stage: Stage | None
+    threads: int
+
+    def run(
+        self, index: int, s: float, x: float, poses: F, progress: Progress, counts: tuple[int, int]
+    ) -> Solved:
+        """Solve one body; `counts` are the poses solved before, and all."""
+        done, total = counts
+
+        def report(count: int, _: int) -> None:
+            if progress is not None:
+                progress(done + count, total, "FEM poses")
+
+        part = None if self.stage is None else self.stage.load_part(index)
+        if part is None:
+            results = self.made.fem(s, x).solve_poses(poses, threads=self.threads, progress=report)
+            part = {
+                "wrenches": results.wrenches,
+                "stiffness": results.stiffness,
+                "ok": np.array([status == "solved" for status in results.status]),
+            }
+            with suppress(OSError):  # a cache that cannot be written only costs time
+                if self.stage is not None:
+                    self.stage.save_part(index, part)
+        return Solved(part["wrenches"], part["stiffness"], part["ok"].astype(np.bool_))
 
 
 class _Rods:

@@ -34,8 +34,11 @@ from ecm.regression.rows import BodyChange
 _DEGREE = 6
 _VERSION = 4
 _REACH_STEP = 0.2
-_MOST_REACH = 1.6
+_MOST_REACH = 2.4
+"""The neck reaches 2.4 rad in the whole box of Table I."""
 _POSES_OF_A_MESH = 160
+_POSES_OF_A_WIDE_FAMILY = 160
+"""The energies of degree 8, which rotations beyond 1 rad need, have 157 terms at least."""
 FREE = ("young_modulus_Pa", "poisson_ratio")
 """Parameters that a refit changes by default; L and D stay as the file states them."""
 
@@ -78,6 +81,11 @@ class PhysicsMap(SixAxisMap):
         return self.surrogate.length_m
 
     @property
+    def reach_rad(self) -> float:
+        """Largest rotation of the FEM poses behind it; infinite where it was fitted to pairs."""
+        return math.inf if self.family is None else float(self.family.scale[1])
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the coefficients; `factor` on E without a family."""
         return ("factor",) if self.family is None else self.free
@@ -110,6 +118,11 @@ class PhysicsMap(SixAxisMap):
     def stiffness(self, poses: F, kind: str = "partial") -> F:
         """(N, 6, 6)."""
         return self.factor * self.surrogate.stiffness(poses, kind)
+
+    def wrench_and_stiffness(self, poses: F, kind: str = "partial") -> tuple[F, F]:
+        """(N, 6) and (N, 6, 6)."""
+        wrench, stiffness = self.surrogate.wrench_and_stiffness(poses, kind)
+        return self.factor * wrench, self.factor * stiffness
 
     def columns(self, poses: F) -> F:
         """(N, 6, k) derivative to the coefficients."""
@@ -286,7 +299,8 @@ def physics_map(
     settings
         Numbers of FEM poses; the default fits the kind of body.
     reach_rad
-        Largest rotation of the poses to predict; beyond 0.88 rad a wider family is built.
+        Largest rotation of the poses to predict; beyond 0.88 rad a wider family of more poses is
+        built, which takes twice as long.
 
     Raises
     ------
@@ -315,7 +329,8 @@ def physics_map(
     if reach_rad > MARGIN * settings.rotation_limit_rad:
         # In steps of 0.2 rad, so that campaigns of similar reach share a family.
         wider = _REACH_STEP * math.ceil(min(reach_rad, _MOST_REACH) / MARGIN / _REACH_STEP)
-        settings = replace(settings, rotation_limit_rad=wider)
+        poses = max(settings.poses, _POSES_OF_A_WIDE_FAMILY)
+        settings = replace(settings, rotation_limit_rad=wider, poses=poses)
     shape = shape_of(mechanism)
     key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
     directory = cache_directory() if cache is None else cache
