@@ -16,7 +16,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     + "plus and minus zoom, Home looks from the start."});
   const node = el("div", {class: "space"}, canvas);
   let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
-  let centre = [0, 0, 0], reach = 1, shown = [], turning = false, box = null, asked = false;
+  let centre = [0, 0, 0], extent = [], shown = [], turning = false, box = null, asked = false;
 
   const redraw = sized(canvas, draw);
   const ask = () => {
@@ -25,25 +25,32 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
 
   function set(next) {
     scene = {bodies: [], frames: [], lines: [], ...next};
-    const all = [...scene.bodies.flatMap(body => body.points), ...scene.frames.map(f => f.origin)];
+    const all = [...scene.bodies.flatMap(body => body.points), 
+      ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
     const {points} = scene;
     if (points) for (let i = 0; i < points.x.length; i += 1) all.push([points.x[i], points.y[i], points.z[i]]);
     const low = [0, 1, 2].map(i => all.reduce((m, p) => Math.min(m, p[i]), Infinity));
     const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
     centre = low.map((v, i) => (v + high[i]) / 2);
-    reach = Math.max(1e-6, Math.hypot(...low.map((v, i) => high[i] - v)) / 2);
+    extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
     ask();
   }
 
   // The x axis of the base points up: the mechanism stands on its clamped face.
-  function projection(width, height) {
-    const c = Math.cos(eye.turn), s = Math.sin(eye.turn), u = Math.cos(eye.lift), v = Math.sin(eye.lift);
-    const size = eye.zoom * 0.5 * Math.min(width, height) / (0.68 * reach);
+  function projection(width, height, {turn, lift, zoom} = eye, size = zoom * fit(width, height)) {
+    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
     return ([x, y, z]) => {
       const up = x - centre[0], a = y - centre[1], b = z - centre[2];
       const right = c * a + s * b, away = -s * a + c * b;
       return [width / 2 + size * right, height / 2 - size * (u * up + v * away), u * away - v * up];
     };
+  }
+
+  // Pixels a mm with which all is seen from the start, with room at the edges.
+  function fit(width, height) {
+    const look = projection(0, 0, START, 1);
+    const at = extent.map(look), side = k => Math.max(1e-6, ...at.map(point => Math.abs(point[k])));
+    return 0.44 * Math.min(width / side(0), height / side(1));
   }
 
   function draw(context, width, height) {
