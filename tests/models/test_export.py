@@ -18,9 +18,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm.effects import Effect
+from ecm.effects.friction import Hysteresis
+from ecm.effects.modulus import TemperatureModulus
+from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
+from ecm.models.joint_fit import FittedEffect
 from support.campaigns import campaign
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
@@ -164,10 +169,43 @@ def test_cortex_m_gives_the_golden_vectors(
             assert both - low <= 8
 
 
-def rust_library(folder: Path, level: str, precision: str) -> Path:
+def with_time(model: Model) -> Model:
+    """Two relaxing branches, springs that slip, and temperature."""
+    effects: list[tuple[Effect, list[float]]] = [
+        (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
+        (Hysteresis("middle", 2e-3), [3e-4]),
+        (TemperatureModulus(21.0), [0.004]),
+    ]
+    fitted = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
+    return replace(model, effects=tuple(fitted))
+
+
+def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
+    fitted: dict[str, Model], tmp_path: Path
+) -> None:
+    core, model = "cortex-m4", with_time(fitted["energy6"])
+    folder = written(model, tmp_path, "c", "single")
+    run_on_board(linked(folder, core, folder / "neck.c", folder / "neck_check.c"), core)
+    written(model, folder / "neck", "rust", "single")
+    library = rust_library(folder, "3", "single", steps=True)
+    run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
+    (stated,) = re.findall(r"Stack of step: at most (\d+) bytes", (folder / "neck.h").read_text())
+    for code in (folder / "neck.c", library):
+        program = linked(folder, core, "-DSTEPS", CORTEX / "count.c", code)
+        counted = [int(part) for part in run_on_board(program, core).split()]
+        static, step, stack = counted[4], counted[7], counted[8]
+        print(f"energy6 single {code.suffix}: h and K {static}, step {step}, stack {stack} B")
+        assert step < 1.5 * static
+        if code.suffix == ".c":
+            assert 0.3 * int(stated) < stack <= int(stated)
+
+
+def rust_library(folder: Path, level: str, precision: str, *, steps: bool = False) -> Path:
     """The exported crate in `folder`/neck and the example of ecm-poly, to link with C."""
     need_rust_target(THUMB)
     source = (CORTEX / "firmware.rs").read_text(encoding="utf-8")
+    if steps:
+        source += (CORTEX / "steps.rs").read_text(encoding="utf-8")
     example = ROOT / "crates" / "ecm-poly" / "examples" / "controller.rs"
     source = source.replace("EXAMPLE", str(example))
     source = source.replace("REAL", "f32" if precision == "single" else "f64")

@@ -134,7 +134,7 @@ def export_files(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
         )
     inside, notes, folding = _mechanism_alone(model)
-    timed = time_effects(model, static=target == "mujoco")
+    timed = time_effects(model, target)
     left_out = tuple(timed.left_out)
     notes = [*timed.sentences(), *notes]
     if target == "mujoco":

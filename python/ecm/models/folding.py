@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -40,6 +40,10 @@ class Fitted(Protocol):
     @property
     def domain(self) -> Mapping[str, tuple[float, float]]:
         """Range of each pose column."""
+
+    @property
+    def training(self) -> Mapping[str, Any]:
+        """What the model file says of its training data."""
 
     @property
     def known_length_m(self) -> float | None:

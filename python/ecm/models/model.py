@@ -464,6 +464,9 @@ class Model:
             if not item.frozen:
                 shaped = shaped._best_shape(position, table, used)
         joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
+        if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
+            # Such a branch follows it, also in a controller, which has no table.
+            training["mean_stiffness"] = joint.rows.stiffness.mean(axis=0).tolist()
         k = 0 if freeze_base else len(joint.base.coefficients)
         fitted = replace(
             shaped,

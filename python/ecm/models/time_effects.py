@@ -23,6 +23,10 @@ from ecm.io.arrays import F
 from ecm.models.folding import Fitted, noise_sd, poses_in_domain
 
 _ENERGIES = ("energy", "physics")
+_NOT_PASSIVE = (
+    "stress_relaxation is not passive: a free factor on a nonlinear force may give energy in fast "
+    "large cycles. Keep the loop's own damping."
+)
 _ALIKE = 0.3
 """Change over the noise by which data cannot tell two forms of relaxation apart."""
 
@@ -61,15 +65,15 @@ class TimeEffects:
         return (*said, *self.warnings)
 
 
-def time_effects(model: Fitted, *, static: bool = False) -> TimeEffects:
-    """Effects of time of a model for its stepper; with `static` none, for a file without time.
+def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
+    """Effects of time of a model for its stepper.
 
     Parameters
     ----------
     model
         A fitted model; its effects of the pose are no matter of this function.
-    static
-        Leave out all that needs a state.
+    to
+        Language of the files: `c` steps along a single coordinate as well, `mujoco` has no state.
 
     Examples
     --------
@@ -81,18 +85,21 @@ def time_effects(model: Fitted, *, static: bool = False) -> TimeEffects:
     []
     """
     found = TimeEffects({"length_m": model.known_length_m or 1.0})
+    line = to == "c" and len(model.base.inputs) == len(model.base.outputs) == 1
+    kinds = ("polynomial",) if line else _ENERGIES
     for item in model.effects:
         effect = item.effect
         if effect.side == "measurement":
             found.left_out[item.id] = "an error of the instruments: the robot does not have it"
         elif effect.kind == "pose":
             continue
-        elif static:
+        elif to == "mujoco":
             found.left_out[item.id] = "this file has no state and no temperature"
-        elif model.base.document().get("kind") not in _ENERGIES:
+        elif model.base.document().get("kind") not in kinds:
             found.left_out[item.id] = "steps need an energy or physics model: fit one"
         else:
-            why = _add(found, model, effect, item.values)
+            add = _add_along_a_line if line else _add
+            why = add(found, model, effect, item.values)
             if why:
                 found.left_out[item.id] = why
             else:
@@ -119,6 +126,34 @@ def _add(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
     return reasons.get(effect.id, "it has no exact step")
 
 
+def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+    """The same of a model from one column to one, which has no frame."""
+    if isinstance(effect, TemperatureModulus):
+        return _temperature(found, model, effect, values)
+    if effect.id == "ageing":
+        return _ageing(found, model, effect, values)
+    if not isinstance(effect, StressRelaxation):
+        return "it has no step along a single coordinate"
+    linear = effect.overstress == "linear"
+    stiffness = model.training.get("mean_stiffness")
+    if linear and stiffness is None:
+        return "its stiffness is not in the model file; ecm refit writes it"
+    if linear:
+        found.document["stiffness"] = [float(np.ravel(stiffness)[0])] + [0.0] * 5
+    else:
+        found.warnings.append(_NOT_PASSIVE)
+    found.document["branches"] = _branches(effect, values, linear)
+    return ""
+
+
+def _branches(effect: StressRelaxation, values: F, linear: bool) -> list[dict[str, Any]]:
+    taus = (effect.tau_s, effect.second_tau_s)
+    return [
+        {"share": float(share), "tau_s": tau, "linear": linear}
+        for share, tau in zip(values, taus, strict=False)
+    ]
+
+
 def _along(model: Fitted) -> F:
     """(6,) stiffness at rest along the mid-frame coordinates."""
     return rest_stiffness(model.rows_at(model.rest_pose("an effect of time"))).along
@@ -140,17 +175,12 @@ def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, val
             f"stress_relaxation: replaced by its passive form k q, which differs by at most "
             f"{share:.2g} of the measurement noise."
             if linear
-            else "stress_relaxation is not passive: a free factor on a nonlinear force may give "
-            f"energy in fast large cycles (the passive form differs by {share:.2g} of the noise). "
-            "Keep the loop's own damping."
+            else f"{_NOT_PASSIVE} The passive form k q differs by {share:.2g} of the noise."
         )
     if linear and (values < 0.0).any():
         found.warnings.append("stress_relaxation is not passive: a factor is below zero.")
     found.document["stiffness"] = along.tolist()
-    found.document["branches"] = [
-        {"share": float(share), "tau_s": tau, "linear": linear}
-        for share, tau in zip(values, (effect.tau_s, effect.second_tau_s), strict=False)
-    ]
+    found.document["branches"] = _branches(effect, values, linear)
     return ""
 
 

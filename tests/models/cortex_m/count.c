@@ -1,7 +1,7 @@
 /* Instructions and stack of one call. Under `qemu -icount shift=0` an instruction takes 1 ns of virtual
  * time, and SysTick counts it at 25 MHz: 40 instructions a tick. Compile with -DMODEL=name.
- * Prints for h, then for h and K: the least and the most instructions over the golden poses, and
- * the most bytes of stack. */
+ * Prints for h, then for h and K, with -DSTEPS also for a step of 1 ms: the least and the most
+ * instructions over the golden poses, and the most bytes of stack. */
 #include <stdint.h>
 
 #define JOIN2(a, b) a##b
@@ -26,12 +26,21 @@ static void number(uint32_t n)
 enum { CALLS = 10, POSES = 16, PAINTED = 4096 };
 
 static JOIN(MODEL, _real) h[6], k[36];
+#ifdef STEPS
+static JOIN(MODEL, _state) state;
+enum { LAST = 3 };
+#else
+enum { LAST = 2 };
+#endif
 
 static void __attribute__((noinline)) call(int what, int pose)
 {
     const JOIN(MODEL, _real) *p = JOIN(MODEL, _golden_p)[pose];
     if (what == 1) JOIN(MODEL, _value)(p, h);
     if (what == 2) JOIN(MODEL, _value_and_stiffness)(p, h, k);
+#ifdef STEPS
+    if (what == 3) JOIN(MODEL, _step)(&state, p, (JOIN(MODEL, _real))1e-3, 0, h, k);
+#endif
 }
 
 static uint32_t ticks(int what, int pose)
@@ -57,7 +66,10 @@ static uint32_t __attribute__((noinline)) depth(int what, int pose)
 
 int main(void)
 {
-    for (int what = 1; what <= 2; what++) {
+#ifdef STEPS
+    JOIN(MODEL, _init)(&state, JOIN(MODEL, _golden_p)[0]);
+#endif
+    for (int what = 1; what <= LAST; what++) {
         uint32_t least = UINT32_MAX, most = 0, stack = 0;
         for (int pose = 0; pose < POSES; pose++) {
             const uint32_t used = (ticks(what, pose) - ticks(0, pose)) * 40u / CALLS;

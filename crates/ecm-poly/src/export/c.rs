@@ -16,6 +16,7 @@ use crate::export::model::{Model, identifier};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
+use crate::stepper::line::LINE_NUMBERS;
 use crate::stepper::{Branch, Effects, STATE_NUMBERS};
 
 /// The files of an opened model; `name` begins every public name.
@@ -31,7 +32,7 @@ pub fn export(
 /// among the golden vectors.
 ///
 /// # Errors
-/// As [`export`], and effects beside a polynomial, which go to Rust only.
+/// As [`export`], and effects beside a polynomial of more than one column.
 pub fn export_with_effects(
     document: &Map<String, Value>,
     name: &str,
@@ -40,11 +41,12 @@ pub fn export_with_effects(
 ) -> Result<Vec<SourceFile>, ModelError> {
     let name = identifier(name)?;
     let model = Model::from_document(document)?;
-    if effects.is_some() && matches!(model, Model::Polynomial(_)) {
+    let line = model.shape() == (1, 1);
+    if effects.is_some() && !line && matches!(model, Model::Polynomial(_)) {
         return Err(ModelError::Setting {
             name: "model",
             found: "a polynomial with effects of time".to_string(),
-            expected: "an energy: fit one, or remove the effects of time",
+            expected: "an energy, or one column to one: fit one, or remove the effects of time",
         });
     }
     let (n, m) = model.shape();
@@ -104,8 +106,8 @@ pub fn export_with_effects(
         Some(effects) => {
             let history = History::new(&model, effects, precision)?;
             let place = golden.rfind("#endif").unwrap_or(golden.len());
-            golden.insert_str(place, &history_tables(&history, &name));
-            Steps::new(effects, precision, numbers)
+            golden.insert_str(place, &history_tables(&history, &name, (n, m)));
+            Steps::new(effects, precision, numbers, line)
         }
         None => Steps::default(),
     };
@@ -138,7 +140,7 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize) -> Self {
+    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, line: bool) -> Self {
         let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
         let factorials = (0..10u32).map(|k| (1..=k).map(f64::from).product::<f64>());
         let factorials: Vec<f64> = factorials.map(|f| 1.0 / f).collect();
@@ -149,16 +151,28 @@ impl Steps {
         };
         let number = |x: f64| format!("{x:e}");
         let stack = ((numbers + 300) * precision.size() + 800).next_multiple_of(16);
+        let (header, source, kept) = if line {
+            let source = include_str!("templates/stepper_line.c");
+            (
+                include_str!("templates/stepper_line.h"),
+                source,
+                LINE_NUMBERS,
+            )
+        } else {
+            let source = include_str!("templates/stepper.c");
+            (include_str!("templates/stepper.h"), source, STATE_NUMBERS)
+        };
+        let decay = include_str!("templates/decay.c");
         let header = filled(
-            include_str!("templates/stepper.h"),
+            header,
             &[
                 ("EFFECTS", &effects.names()),
-                ("STATE", &(STATE_NUMBERS * precision.size()).to_string()),
+                ("STATE", &(kept * precision.size()).to_string()),
                 ("STEPSTACK", &stack.to_string()),
             ],
         );
         let source = filled(
-            include_str!("templates/stepper.c"),
+            &filled(source, &[("DECAY", decay)]),
             &[
                 ("STIFFNESS", &row(&effects.stiffness)),
                 ("SHARES", &branch(|b| b.share)),
@@ -193,7 +207,7 @@ impl Steps {
     }
 }
 
-fn history_tables(history: &History, name: &str) -> String {
+fn history_tables(history: &History, name: &str, (n, m): (usize, usize)) -> String {
     let row = |values: &[f64]| format!("{{{}}}", list(values.iter().map(|&x| cast(x, name))));
     let rows = |all: &mut dyn Iterator<Item = String>| all.collect::<Vec<_>>().join(",\n    ");
     let steps = &history.steps;
@@ -203,17 +217,20 @@ fn history_tables(history: &History, name: &str) -> String {
          enum {{ {name}_history_count = {count} }};\n\n\
          static const {name}_real {name}_history_h_tolerance = {h};\n\
          static const {name}_real {name}_history_k_tolerance = {k};\n\
-         static const {name}_real {name}_history_p[{count}][6] = {{{poses}}};\n\
+         static const {name}_real {name}_history_p[{count}][{n}] = {{{poses}}};\n\
          static const {name}_real {name}_history_dt[{count}] = {dts};\n\
-         static const {name}_inputs {name}_history_inputs[{count}] = {{{inputs}}};\n\
-         static const {name}_real {name}_history_h[{count}][6] = {{{values}}};\n\
-         static const {name}_real {name}_history_k[{count}][36] = {{{tangents}}};\n\n",
+         static const {name}_conditions {name}_history_inputs[{count}] = {{{inputs}}};\n\
+         static const {name}_real {name}_history_h[{count}][{m}] = {{{values}}};\n\
+         static const {name}_real {name}_history_k[{count}][{nm}] = {{{tangents}}};\n\n",
         count = steps.len(),
+        n = n,
+        m = m,
+        nm = n * m,
         poses = rows(&mut steps.iter().map(|s| row(&s.pose))),
         dts = row(&steps.iter().map(|s| s.dt).collect::<Vec<_>>()),
         inputs = rows(&mut steps.iter().map(|s| row(&s.inputs))),
         values = rows(&mut steps.iter().map(|s| row(&s.wrench))),
-        tangents = rows(&mut steps.iter().map(|s| row(s.tangent.as_flattened()))),
+        tangents = rows(&mut steps.iter().map(|s| row(&s.tangent))),
     )
 }
 

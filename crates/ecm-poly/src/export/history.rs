@@ -9,20 +9,21 @@ use crate::error::ModelError;
 use crate::export::Precision;
 use crate::export::golden::{Golden, wave};
 use crate::export::model::Model;
+use crate::stepper::line::LineState;
 use crate::stepper::{Effects, Elastic, Inputs, Stepper};
 
 /// One step: what the code is told, and what it must say.
 pub struct Step {
     /// Measured pose.
-    pub pose: Vec6<f64>,
+    pub pose: Vec<f64>,
     /// Seconds since the step before.
     pub dt: f64,
     /// Temperature (°C) and age (s).
     pub inputs: [f64; 2],
     /// h.
-    pub wrench: Vec6<f64>,
+    pub wrench: Vec<f64>,
     /// ∂h/∂p of the step.
-    pub tangent: Mat6<f64>,
+    pub tangent: Vec<f64>,
 }
 
 /// Steps between the golden poses: from sudden moves to a pause of an hour, and rests.
@@ -35,39 +36,57 @@ pub struct History {
 
 const DTS: [f64; 7] = [0.0, 1e-3, 0.1, 1e-3, 1.0, 20.0, 3600.0];
 
+type Said = Option<(Vec<f64>, Vec<f64>)>;
+
 impl History {
-    /// Of a model of six pose and six wrench columns.
+    /// Of a model of six pose and six wrench columns, or of one and one.
     pub fn new(
         model: &Model,
         effects: &Effects<f64>,
         precision: Precision,
     ) -> Result<Self, ModelError> {
-        let golden = Golden::new(model, precision)?;
-        let rounded = |x: f64| match precision {
-            Precision::Single => f64::from(x as f32),
-            Precision::Double => x,
-        };
+        let points = Golden::new(model, precision)?.points;
+        let first = points.first().map_or(&[][..], Vec::as_slice);
+        if model.shape() == (1, 1) {
+            let at = |point: &[f64]| {
+                let (value, slope) = model.value_and_jacobian(point).ok()?;
+                Some((*point.first()?, *value.first()?, *slope.first()?))
+            };
+            let (point, value, _) = at(first).ok_or_else(refused)?;
+            let mut state = LineState::new(point, value);
+            return Self::along(&points, effects, precision, |point, dt, inputs| {
+                let (point, value, slope) = at(point)?;
+                let (h, k) = state.step(effects, point, (value, slope), dt, inputs)?;
+                Some((std::vec![h], std::vec![k]))
+            });
+        }
         let stepper = Stepper {
             model,
             effects: *effects,
         };
-        let refused = || ModelError::Setting {
-            name: "effects",
-            found: "steps that are refused".to_string(),
-            expected: "effects of time beside a model of all six columns, finite at its own poses",
+        let pose = |point: &[f64]| Pose::checked(&Vec6::try_from(point).ok()?);
+        let start = pose(first).and_then(|pose| stepper.init(&pose));
+        let mut state = start.ok_or_else(refused)?;
+        Self::along(&points, effects, precision, |point, dt, inputs| {
+            let (h, k) = stepper.step(&mut state, &pose(point)?, dt, inputs)?;
+            Some((h.to_array().to_vec(), k.as_flattened().to_vec()))
+        })
+    }
+
+    /// Each point twice: after the move a rest.
+    fn along(
+        points: &[Vec<f64>],
+        effects: &Effects<f64>,
+        precision: Precision,
+        mut step: impl FnMut(&[f64], f64, &Inputs<f64>) -> Said,
+    ) -> Result<Self, ModelError> {
+        let rounded = |x: f64| match precision {
+            Precision::Single => f64::from(x as f32),
+            Precision::Double => x,
         };
-        let pose = |p: &Vec6<f64>| Pose::checked(p).ok_or_else(refused);
-        let poses: Vec<Vec6<f64>> = golden
-            .points
-            .iter()
-            .filter_map(|point| Vec6::try_from(point.as_slice()).ok())
-            .collect();
-        let first = poses.first().ok_or_else(refused)?;
-        let mut state = stepper.init(&pose(first)?).ok_or_else(refused)?;
         let (mut steps, mut largest) = (Vec::new(), [0.0_f64; 2]);
-        for i in 0..2 * poses.len() {
-            // Each pose twice: after the move a rest.
-            let p = poses[i / 2];
+        for i in 0..2 * points.len() {
+            let pose = points[i / 2].clone();
             let dt = rounded(DTS[i % DTS.len()]);
             let inputs = [
                 effects.reference_degc + 5.0 * wave(i, 0),
@@ -78,18 +97,12 @@ impl History {
                 temperature_degc: inputs[0],
                 age_s: inputs[1],
             };
-            let (wrench, tangent) = stepper
-                .step(&mut state, &pose(&p)?, dt, &told)
-                .ok_or_else(refused)?;
-            let wrench = wrench.to_array();
-            for (size, values) in largest
-                .iter_mut()
-                .zip([&wrench[..], tangent.as_flattened()])
-            {
+            let (wrench, tangent) = step(&pose, dt, &told).ok_or_else(refused)?;
+            for (size, values) in largest.iter_mut().zip([&wrench, &tangent]) {
                 *size = values.iter().fold(*size, |m, x| m.max(x.abs()));
             }
             steps.push(Step {
-                pose: p,
+                pose,
                 dt,
                 inputs,
                 wrench,
@@ -104,6 +117,14 @@ impl History {
             steps,
             tolerance: largest.map(|size| size.max(1e-12) * share),
         })
+    }
+}
+
+fn refused() -> ModelError {
+    ModelError::Setting {
+        name: "effects",
+        found: "steps that are refused".to_string(),
+        expected: "effects of time beside a model of all six columns or of one, finite in its range",
     }
 }
 

@@ -209,7 +209,7 @@ fn history_test(history: &History) -> String {
             ),
             (
                 "STEPJACOBIANS",
-                &list(all.map(|s| format!("[{}]", row(s.tangent.as_flattened())))),
+                &list(all.map(|s| format!("[{}]", row(&s.tangent)))),
             ),
             ("STEPTOLERANCE_H", &number(history.tolerance[0])),
             ("STEPTOLERANCE_K", &number(history.tolerance[1])),

@@ -65,6 +65,12 @@ impl<R: Real> Effects<R> {
         }
     }
 
+    /// The factor of temperature and age on h.
+    pub(crate) fn size(&self, inputs: &Inputs<R>) -> R {
+        let warmer = inputs.temperature_degc - self.reference_degc;
+        R::ONE - self.softer_per_kelvin * warmer + self.ageing_per_s * inputs.age_s
+    }
+
     /// The inputs at which temperature and age change nothing.
     pub const fn default_inputs(&self) -> Inputs<R> {
         Inputs {
@@ -76,6 +82,7 @@ impl<R: Real> Effects<R> {
 
 /// What a step is told beside pose and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Inputs<R> {
     /// Temperature of the mechanism (°C).
     pub temperature_degc: R,

@@ -39,6 +39,8 @@ mod effects;
 #[cfg(feature = "std")]
 mod document;
 #[cfg(feature = "std")]
+pub mod line;
+#[cfg(feature = "std")]
 mod models;
 
 pub use decay::Decay;
@@ -176,7 +178,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             total[j] += spring * state.stretch[j];
         }
         let (largest, softer) = self.softer(&here, state.largest);
-        let size = self.size(inputs);
+        let size = self.effects.size(inputs);
         let loss = effects.softening * softer;
         let mut wrench = here.scaled(size - loss);
         let carried = here.frame.wrench(&total);
@@ -224,14 +226,9 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             return None;
         }
         let here = self.here(pose)?;
-        let size = self.size(inputs);
+        let size = self.effects.size(inputs);
         let tangent = here.stiffness.map(|row| row.map(|k| size * k));
         Some((here.scaled(size), tangent))
-    }
-
-    fn size(&self, inputs: &Inputs<R>) -> R {
-        let warmer = inputs.temperature_degc - self.effects.reference_degc;
-        R::ONE - self.effects.softer_per_kelvin * warmer + self.effects.ageing_per_s * inputs.age_s
     }
 
     /// W_max with this pose, and 1 − W/W_max.

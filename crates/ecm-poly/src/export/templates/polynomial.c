@@ -94,3 +94,4 @@ int32_t @NAME@_inside(const real p[INPUTS])
     }
     return inside & (int32_t)(refused(p) <= R(0));
 }
+@STEPPER@

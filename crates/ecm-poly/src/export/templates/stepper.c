@@ -2,7 +2,7 @@
 /* Effects of time. q: mid-frame coordinates, Q: force to q of the static wrench. */
 
 typedef @NAME@_state state_t;
-typedef @NAME@_inputs inputs_t;
+typedef @NAME@_conditions inputs_t;
 
 static const real stiffness_at_rest[6] = {@STIFFNESS@};
 static const real share_of[2] = {@SHARES@};
@@ -13,10 +13,8 @@ static const real slip_of[6] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real softening = R(@SOFTENING@);
 static const real damping_of[2] = {@DAMPING@};
-/* 1/k! */
-static const real inverse_factorial[10] = {@FACTORIALS@};
 
-const inputs_t @NAME@_default_inputs = {R(@REFERENCE@), R(0)};
+const inputs_t @NAME@_default_conditions = {R(@REFERENCE@), R(0)};
 
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
@@ -24,27 +22,7 @@ typedef struct {
     real force[6], u[36], h[6], away[6], work, sign;
 } here_t;
 
-static int32_t is_finite(real x) { return x - x == R(0); }
-
-/* 1 - exp(-x) by its series at x / 1024, then s <- s (2 - s) ten times, and (1 - exp(-x)) / x */
-static void decay(real x, real *lost, real *left)
-{
-    real y = (x < R(64) ? x : R(64)) / R(1024), sum = R(0);
-    if (x < R(@EPSILON@)) {
-        *lost = x;
-        *left = R(1);
-        return;
-    }
-    for (int32_t j = 9; j >= 1; j--) {
-        sum = inverse_factorial[j] - y * sum;
-    }
-    y *= sum;
-    for (int32_t j = 0; j < 10; j++) {
-        y *= R(2) - y;
-    }
-    *lost = y;
-    *left = y / x;
-}
+@DECAY@
 
 /* Wrench h of the force Q to q, and K = dh/dp at dQ/dq = u */
 static void carried(const frame_t *at, const real *force, const real *u, real *h, real *k)
@@ -145,7 +123,7 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
     here_t here;
     real lost[2], left[2], total[6], steep[36] = {R(0)};
     real elastic = R(0), below = R(0), size;
-    inputs = inputs ? inputs : &@NAME@_default_inputs;
+    inputs = inputs ? inputs : &@NAME@_default_conditions;
     size = size_at(inputs);
     if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
         return refuse(h, k);
@@ -212,7 +190,7 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
 
 int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real k[36])
 {
-    const real size = size_at(inputs ? inputs : &@NAME@_default_inputs);
+    const real size = size_at(inputs ? inputs : &@NAME@_default_conditions);
     real sum = size;
     @NAME@_value_and_stiffness(p, h, k);
     for (int32_t i = 0; i < 6; i++) {

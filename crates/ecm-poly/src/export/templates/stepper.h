@@ -8,7 +8,7 @@
  * settled gives the limit of a long rest at p, without friction.
  * All return 1. Where p or an input is not finite, |theta| > pi, or dt < 0, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
- * inputs may be 0: then @NAME@_default_inputs. Stack of step: at most @STEPSTACK@ bytes.
+ * inputs may be 0: then @NAME@_default_conditions. Stack of step: at most @STEPSTACK@ bytes.
  */
 typedef struct {
     @NAME@_real pose[6], coordinates[6], force[6]; /* of the last step */
@@ -20,12 +20,12 @@ typedef struct {
 typedef struct {
     @NAME@_real temperature_degC; /* of the mechanism */
     @NAME@_real age_s;            /* since the campaign in which ageing was found began */
-} @NAME@_inputs;
+} @NAME@_conditions;
 
-extern const @NAME@_inputs @NAME@_default_inputs;
+extern const @NAME@_conditions @NAME@_default_conditions;
 
 int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[6]);
 int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[6], @NAME@_real dt,
-                    const @NAME@_inputs *inputs, @NAME@_real h[6], @NAME@_real k[36]);
-int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_inputs *inputs, @NAME@_real h[6],
+                    const @NAME@_conditions *inputs, @NAME@_real h[6], @NAME@_real k[36]);
+int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_conditions *inputs, @NAME@_real h[6],
                        @NAME@_real k[36]);

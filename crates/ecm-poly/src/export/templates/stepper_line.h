@@ -1,0 +1,29 @@
+
+/* Effects of time: @EFFECTS@.
+ *
+ * A state holds what the mechanism remembers: @STATE@ bytes of plain numbers, to be copied, stored and
+ * loaded as they are. init sets it after an infinite rest at p. step takes the measured pose dt seconds
+ * after the step before and gives the wrench and its derivative to p; the way between two steps counts
+ * as straight and even, so that dt may vary and a pause of hours is exact. dt = 0 is a sudden move.
+ * settled gives the limit of a long rest at p, without friction.
+ * All return 1. Where p or an input is not finite, |theta| > pi, or dt < 0, they return 0, the results are
+ * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
+ * inputs may be 0: then @NAME@_default_conditions. Stack: 300 bytes more than above.
+ */
+typedef struct {
+    @NAME@_real pose[1], value;         /* of the last step */
+    @NAME@_real memory[2][1], carry[2]; /* of relaxing branches */
+} @NAME@_state;
+
+typedef struct {
+    @NAME@_real temperature_degC; /* of the mechanism */
+    @NAME@_real age_s;            /* since the campaign in which ageing was found began */
+} @NAME@_conditions;
+
+extern const @NAME@_conditions @NAME@_default_conditions;
+
+int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[1]);
+int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[1], @NAME@_real dt,
+                    const @NAME@_conditions *inputs, @NAME@_real h[1], @NAME@_real k[1]);
+int32_t @NAME@_settled(const @NAME@_real p[1], const @NAME@_conditions *inputs, @NAME@_real h[1],
+                       @NAME@_real k[1]);
