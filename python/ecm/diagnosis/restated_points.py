@@ -21,7 +21,7 @@ _STARTS = [
     np.zeros(3),
     *(s * axis for s in (-0.2, -0.1, -0.04, 0.04, 0.1, 0.2) for axis in np.eye(3)),
 ]
-"""Shares of the length from the best of which the search begins: far away there are other minima."""
+"""Shares of the length; the search begins at the best: there are other minima far away."""
 
 Left = Callable[[F, F], F]
 """(poses, wrench) -> what a base fitted to them leaves, a vector."""
