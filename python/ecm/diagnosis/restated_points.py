@@ -16,7 +16,12 @@ from ecm.io.arrays import F
 _LEAST_SHARE = 0.01
 """A point nearer than this share of the length is a matter of calibration."""
 _MOST_SHARE = 1.0
-_STEPS = 12
+_STEPS = 20
+_STARTS = [
+    np.zeros(3),
+    *(s * axis for s in (-0.2, -0.1, -0.04, 0.04, 0.1, 0.2) for axis in np.eye(3)),
+]
+"""Shares of the length; the search begins at the best: there are other minima far away."""
 
 Left = Callable[[F, F], F]
 """(poses, wrench) -> what a base fitted to them leaves, a vector."""
@@ -61,7 +66,8 @@ def _best_point(
         return left(*move(length_m * shares, poses, wrench))
 
     try:
-        found = least_squares(rest, np.zeros(3), max_nfev=_STEPS, diff_step=[1e-4] * 3, x_scale=0.1)
+        begin = min(_STARTS, key=lambda start: float((rest(start) ** 2).sum()))
+        found = least_squares(rest, begin, max_nfev=_STEPS, diff_step=[1e-4] * 3, x_scale=0.1)
     except (EcmError, ValueError, np.linalg.LinAlgError):
         return None
     far = float(np.abs(found.x).max())
