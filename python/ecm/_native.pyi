@@ -20,6 +20,7 @@ __all__ = [
     "Mesh",
     "ModelError",
     "PolynomialModel",
+    "Stepper",
     "WarmStart",
     "__version__",
     "check_rotations",
@@ -435,8 +436,31 @@ def export_model(
     *,
     target: Literal["c", "rust"],
     precision: Literal["double", "single"] = "double",
+    effects: str | None = None,
 ) -> dict[str, str]:
-    """Source files by path: C with golden vectors, or a const Rust crate; effects stay out."""
+    """Source files by path: C with golden vectors, or a const Rust crate.
+
+    effects: JSON of effects of time, exported as steps with a state; others stay out.
+    """
+
+@final
+class Stepper:
+    """A model file's map with effects of time (JSON), and the state of one mechanism."""
+
+    state: _F | None
+    """(49,) plain numbers; None before `init`."""
+
+    def __new__(cls, text: str, effects: str) -> Stepper: ...
+    def init(self, pose: _F) -> bool:
+        """Whether the pose has a finite wrench; else the state stays."""
+
+    def step(
+        self, pose: _F, dt: float, temperature_degc: float, age_s: float
+    ) -> tuple[_F, _F] | None:
+        """Wrench (6,) and tangent (6, 6); None, and the state stays, where it is refused."""
+
+    def settled(self, pose: _F, temperature_degc: float, age_s: float) -> tuple[_F, _F] | None:
+        """Wrench (6,) and stiffness (6, 6) after a long rest; None where the pose is refused."""
 
 # --- material ----------------------------------------------------------
 _Parameters = Mapping[str, float | Sequence[float]]

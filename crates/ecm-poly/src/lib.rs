@@ -18,6 +18,7 @@ pub mod energy;
 pub mod normalise;
 pub mod polynomial;
 pub mod shape;
+pub mod stepper;
 #[cfg(feature = "std")]
 pub mod uncertainty;
 

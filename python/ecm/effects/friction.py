@@ -135,9 +135,7 @@ class Hysteresis(LinearEffect):
         friction *= (~rows.unloaded)[:, None] / self.yield_m
         if self.stiffness == "each":
             return np.asarray((friction * np.diag(rest) / metric)[:, :, None] * np.eye(6))
-        stiffness = rest_stiffness(rows)
-        along = [stiffness.axial, stiffness.lateral, stiffness.lateral]
-        k = np.array([*along, stiffness.torsion, stiffness.bending, stiffness.bending])
+        k = rest_stiffness(rows).along
         return wrench_of(rows.poses, friction * k / metric)[:, :, None]
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ecm._native import mid_frame
 from ecm.effects.memory import fading
+from ecm.effects.mid_frame import generalised, wrench_of
 from ecm.effects.protocol import (
     Effect,
     LinearEffect,
@@ -14,9 +16,11 @@ from ecm.effects.protocol import (
     Missing,
     Parameter,
     listed,
+    needs_full,
     needs_varying,
     optional,
 )
+from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
@@ -37,6 +41,9 @@ class StressRelaxation(LinearEffect):
     limit of both for a fast approach. A second branch has a time constant of its own. `visits` is
     the same integral over the path between readings, which includes the rest of earlier poses.
     In the continuous forms the factor is no share: it is what relaxes over the static load.
+
+    In the mid `frame` a branch is a force to its coordinates q, k q with the stiffness k at rest
+    or the static force, so that stress turns with the body; with k q it can only take energy.
     """
 
     id = "stress_relaxation"
@@ -64,6 +71,8 @@ class StressRelaxation(LinearEffect):
     """Time constant of a second branch; 0: none."""
     path: str = optional("")
     """`visits`: integrated over the path between readings."""
+    frame: str = optional("")
+    """`middle`: the relaxing stress lies in the mid frame; else in base axes."""
 
     def __post_init__(self) -> None:
         if self.overstress:
@@ -91,7 +100,7 @@ class StressRelaxation(LinearEffect):
         """Time constants that the dwell times or the samples can distinguish."""
         if is_continuous(table):
             return tuple(
-                StressRelaxation(float(t), overstress)
+                StressRelaxation(float(t), overstress, frame=_frame(table))
                 for overstress in ("linear", "elastic")
                 for t in time_constants(table)
             )
@@ -102,7 +111,8 @@ class StressRelaxation(LinearEffect):
             return tuple(plain)
         # Over the path between readings, branches slower than the dwell times count too.
         taus = np.geomspace(low, 4.0 * high, 5)
-        visits = [StressRelaxation(float(t), path="visits") for t in taus]
+        frame = _frame(table)
+        visits = [StressRelaxation(float(t), path="visits", frame=frame) for t in taus]
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
@@ -112,7 +122,8 @@ class StressRelaxation(LinearEffect):
         taus = time_constants(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
         return tuple(
-            StressRelaxation(self.tau_s * factor, self.overstress) for factor in (1 / step, step)
+            replace(self, tau_s=self.tau_s * factor, second_tau_s=0.0)
+            for factor in (1 / step, step)
         )
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
@@ -120,7 +131,7 @@ class StressRelaxation(LinearEffect):
         if not self.overstress or self.second_tau_s > 0.0:
             return ()
         return tuple(
-            StressRelaxation(self.tau_s, self.overstress, float(t))
+            replace(self, second_tau_s=float(t))
             for t in time_constants(table)
             if not 0.5 < t / self.tau_s < 2.0
         )
@@ -130,14 +141,27 @@ class StressRelaxation(LinearEffect):
         if not self.overstress:
             dwell = rows.table.column("dwell_s")
             if self.path:
-                return over_visits(rows, self.tau_s)[:, :, None]
+                return over_visits(rows, self.tau_s, self.frame)[:, :, None]
             decay = np.exp(-np.where(np.isfinite(dwell), dwell, np.inf) / self.tau_s)
             return np.asarray((decay[:, None] * rows.wrench)[:, :, None])
+        taus = [self.tau_s, self.second_tau_s][: self.branches]
+        if self.frame == "middle":
+            if self.overstress == "linear":
+                driven = mid_frame(rows.poses, rows.length_m) * rest_stiffness(rows).along
+            else:
+                driven = generalised(rows.poses, rows.wrench)
+            forces = [hereditary(rows.table, driven, tau) for tau in taus]
+            return np.stack([wrench_of(rows.poses, force) for force in forces], axis=2)
         driven = rows.wrench
         if self.overstress == "linear":
             driven = _from_rest(rows) @ rows.stiffness.mean(axis=0).T
-        taus = [self.tau_s, self.second_tau_s][: self.branches]
         return np.stack([hereditary(rows.table, driven, tau) for tau in taus], axis=2)
+
+
+def _frame(table: Table) -> str:
+    """The mid frame, where the length is known and all six columns are there."""
+    known = table.meta.length_m is not None and needs_full(table) is None
+    return "middle" if known else ""
 
 
 def hereditary(table: Table, driven: F, tau_s: float) -> F:
@@ -169,7 +193,7 @@ def _from_rest(rows: Rows) -> F:
     return deflection
 
 
-def over_visits(rows: Rows, tau_s: float) -> F:
+def over_visits(rows: Rows, tau_s: float, frame: str = "") -> F:
     """(N, 6) the same integral of the base's wrench over the path from reading to reading.
 
     Between two readings the mechanism moves to the pose before the next one and then to that one,
@@ -182,6 +206,9 @@ def over_visits(rows: Rows, tau_s: float) -> F:
     came = rows.predict(rows.known_before)
     came[rows.unloaded] = 0.0
     goals = np.stack([came, rows.wrench], axis=1)
+    if frame == "middle":
+        came = generalised(rows.known_before, came)
+        goals = np.stack([came, generalised(rows.poses, rows.wrench)], axis=1)
     integral = np.zeros_like(rows.wrench)
     for order in order_of_visits(table):
         before = np.concatenate([[-np.inf], time[order][:-1]])
@@ -198,6 +225,8 @@ def over_visits(rows: Rows, tau_s: float) -> F:
         grown[:, :2] = steps.reshape(-1, 2, 6) * shares[:, None, None]
         for j in range(6):
             integral[order, j] = fading(parts, grown[:, :, j].ravel())[3::3]
+    if frame == "middle":
+        integral = wrench_of(rows.poses, integral)
     integral[rows.unloaded] = 0.0
     return integral
 

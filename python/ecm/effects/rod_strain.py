@@ -43,6 +43,12 @@ class RestStiffness:
     length_m: float
 
     @property
+    def along(self) -> F:
+        """(6,) along the mid-frame coordinates."""
+        lateral, bending = [self.lateral] * 2, [self.bending] * 2
+        return np.array([self.axial, *lateral, self.torsion, *bending])
+
+    @property
     def bending_share(self) -> float:
         """Share of bending in the lateral compliance of a clamped beam, k_c L^2 / (12 EI / L)."""
         if self.bending <= 0.0:

@@ -1,7 +1,8 @@
 """A model as source code for a controller, or as a MuJoCo file.
 
-What is exported is the mechanism: the base map, and effects of physics that act through the
-pose. Effects of instruments, of time and of temperature stay out, and the result says which.
+What is exported is the mechanism: the base map, effects of physics that act through the pose, and
+as steps with a state those of time and temperature. Errors of the instruments stay out, and the
+result says which and why.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from ecm._native import EnergyModel, export_model, rotation_matrices, seal_model
+from ecm._native import export_model, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
@@ -22,20 +23,17 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
 from ecm.models.control import ControlLoop, LoopSettings, design_loop
 from ecm.models.control.code import loop_file
-from ecm.models.maps import EnergyMap, Symmetry
+from ecm.models.folding import folded, noise_sd, poses_in_domain
 from ecm.models.model import Model
 from ecm.models.mujoco import mujoco_text
-from ecm.models.physics.map import PhysicsMap
+from ecm.models.time_effects import time_effects
 
 Target = Literal["c", "rust", "mujoco"]
 Precision = Literal["double", "single"]
 
-_POSES = 2000
 _SEED = 11
 _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
-_SMALL_ERROR = 0.15
-"""An energy whose error over the noise is smaller is near enough to fold effects into."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def export(
     Parameters
     ----------
     model
-        The model; effects that do not act through the pose are left out.
+        The model; effects of the instruments are left out.
     to
         `c`, `rust` (a crate without the standard library) or `mujoco` (linear part, MJCF).
     directory
@@ -135,12 +133,16 @@ def export_files(
         raise InputError(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
         )
-    inside, left_out, notes, folding = _mechanism_alone(model)
+    inside, notes, folding = _mechanism_alone(model)
+    timed = time_effects(model, static=target == "mujoco")
+    left_out = tuple(timed.left_out)
+    notes = [*timed.sentences(), *notes]
     if target == "mujoco":
         text, lost = _mujoco(inside, name)
         return Exported({f"{name}.xml": text}, (*notes, *lost), left_out, folding=folding)
     sealed = seal_model(json.dumps(inside.document()))
-    files = dict(export_model(sealed, name, target=target, precision=precision))
+    steps = json.dumps(timed.document) if timed.acting else None
+    files = dict(export_model(sealed, name, target=target, precision=precision, effects=steps))
     if (inside.inputs, inside.outputs) != (POSE, WRENCH):
         return Exported(files, tuple(notes), left_out, folding=folding)
     poses = poses_to_hold(model)
@@ -154,88 +156,22 @@ def export_files(
     return Exported(files, (*notes, *designed.sentences()), left_out, designed, folding)
 
 
-def _mechanism_alone(model: Model) -> tuple[Model, tuple[str, ...], list[str], float]:
-    """The model without effects of instruments, those of physics folded into its base.
+def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
+    """The model without effects beside the pose, those of physics folded into its base.
 
-    Also the effects that are left out, notes, and the change by folding over the noise.
+    Also notes, and the change by folding over the noise.
     """
     acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
-    left_out = tuple(i.id for i in model.effects if i.id not in acting)
-    notes = []
-    if left_out:
-        notes.append(
-            f"Left out: {', '.join(left_out)}. They belong to the instruments, to time or to "
-            "temperature, not to the mechanism's pose."
-        )
     bare = replace(model, effects=(), history=(), correlations=())
     if not acting:
-        return bare, left_out, notes, 0.0
-    folded, error = _folded(model)
-    share = float(np.max(error / _noise_sd(model)))
-    notes.append(
-        f"Folded into {folded.name}: {', '.join(sorted(acting))}; the folded map differs from "
+        return bare, [], 0.0
+    energy, error = folded(model)
+    share = float(np.max(error / noise_sd(model)))
+    note = (
+        f"Folded into {energy.name}: {', '.join(sorted(acting))}; the folded map differs from "
         f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
     )
-    return replace(bare, base=folded, covariance=None), left_out, notes, share
-
-
-def _folded(model: Model) -> tuple[EnergyMap, F]:
-    """The smallest energy that is near enough to the base with its effects, and its error."""
-    rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
-    poses = poses_in_domain(model, _POSES)
-    wrenches = model.predict(poses)
-    noise = _noise_sd(model)
-    trials: list[tuple[float, EnergyMap, F]] = []
-    forms: tuple[tuple[int, Symmetry], ...]
-    forms = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
-    for degree, symmetry in forms:
-        energy = EnergyModel.fit(
-            poses[::2].copy(),
-            wrenches[::2].copy(),
-            length_m=float(rest[0, 0]),
-            degree=degree,
-            symmetry=symmetry,
-        )
-        error = np.sqrt(((energy.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
-        trials.append((float(np.max(error / noise)), EnergyMap(energy), error))
-        if trials[-1][0] < _SMALL_ERROR:
-            break
-    _, folded, error = min(trials, key=lambda trial: trial[0])
-    return folded, error
-
-
-def _noise_sd(model: Model) -> F:
-    """(m,) root mean square noise of a row of each component over the model's poses."""
-    rows = model.rows_at(poses_in_domain(model, 200))
-    return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
-
-
-def poses_in_domain(model: Model, count: int) -> F:
-    """(count, 6) random poses like those of the training data, which the model does not contain.
-
-    An energy states how far its data went in mid-frame coordinates: |c| and |theta| at most
-    `scale`. Otherwise the ranges of the pose columns are shrunk by half about their middle,
-    because no mechanism reaches the corners of the whole box.
-    """
-    random = np.random.default_rng(_SEED)
-    base = model.base.surrogate if isinstance(model.base, PhysicsMap) else model.base
-    if isinstance(base, EnergyMap):
-        directions = random.standard_normal((2, count, 3))
-        directions /= np.linalg.norm(directions, axis=2, keepdims=True)
-        radii = random.uniform(0.0, 1.0, (2, count, 1)) ** (1.0 / 3.0)
-        c, theta = directions * radii * np.minimum(base.model.scale, 3.0)[:, None, None]
-        half = rotation_matrices(np.ascontiguousarray(0.5 * theta))
-        position = np.einsum("nij,nj->ni", half, c + np.array([base.model.length_m, 0.0, 0.0]))
-        return np.hstack([position, theta])
-    length = model.known_length_m or 0.1
-    lower = np.array([0.9 * length, -0.1 * length, -0.1 * length, -0.3, -0.3, -0.3])
-    upper = np.array([1.1 * length, 0.1 * length, 0.1 * length, 0.3, 0.3, 0.3])
-    for j, column in enumerate(POSE):
-        if column in model.domain:
-            low, high = model.domain[column]
-            quarter = 0.25 * (high - low)
-            lower[j], upper[j] = low + quarter, high - quarter
-    return np.asarray(random.uniform(lower, upper, (count, 6)))
+    return replace(bare, base=energy, covariance=None), [note], share
 
 
 def poses_to_hold(model: Model, count: int = 200) -> F:

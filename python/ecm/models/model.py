@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,9 @@ from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
+from ecm.models.controller import Controller
 from ecm.models.fit_report import correlations_of, fit_report
+from ecm.models.folding import folded
 from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
 from ecm.models.leverage import leverages
@@ -27,6 +30,7 @@ from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import map_from_document
+from ecm.models.time_effects import time_effects
 from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
@@ -227,6 +231,40 @@ class Model:
         return convert_stiffness(
             partial, poses, self._at_poses(poses), source="partial", target=target
         )
+
+    def controller(self) -> Controller:
+        """Return the model in steps of any length: wrench and tangent with effects of time.
+
+        Effects of the pose are folded into one energy, as `ecm export` does.
+
+        Raises
+        ------
+        InputError
+            A model of fewer than the six pose and wrench columns.
+
+        Examples
+        --------
+        >>> from ecm.io.table import as_table
+        >>> from ecm.models import fit_model
+        >>> random = np.random.default_rng(0)
+        >>> poses = np.array([0.1, 0, 0, 0, 0, 0]) + 0.01 * random.standard_normal((60, 6))
+        >>> wrenches = (poses - [0.1, 0, 0, 0, 0, 0]) * [2e4, 3e3, 3e3, 4.0, 16.0, 16.0]
+        >>> columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T))
+        >>> controller = fit_model(as_table(columns), "linear").controller()
+        >>> controller.init(poses[0])
+        True
+        >>> wrench, tangent = controller.step(poses[1], 0.001)
+        >>> bool(np.allclose(wrench, wrenches[1])), tangent.shape
+        (True, (6, 6))
+        """
+        if (self.inputs, self.outputs) != (POSE, WRENCH):
+            raise InputError(
+                f"{self.name}: a controller needs a model of all six pose and wrench columns"
+            )
+        bare = replace(self, effects=(), history=(), correlations=())
+        if self._acting_at_poses():
+            bare = replace(bare, base=folded(self)[0], covariance=None)
+        return Controller(json.dumps(bare.document()), time_effects(self))
 
     def _acting_at_poses(self) -> list[FittedEffect]:
         return [i for i in self.effects if i.effect.kind == "pose" and i.effect.side == "physics"]

@@ -11,10 +11,12 @@ use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
+use crate::export::history::History;
 use crate::export::model::{Model, identifier};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
+use crate::stepper::{Branch, Effects, STATE_NUMBERS};
 
 /// The files of an opened model; `name` begins every public name.
 pub fn export(
@@ -22,8 +24,29 @@ pub fn export(
     name: &str,
     precision: Precision,
 ) -> Result<Vec<SourceFile>, ModelError> {
+    export_with_effects(document, name, precision, None)
+}
+
+/// The same with effects of time: `NAME_init`, `NAME_step`, `NAME_settled`, and a history of steps
+/// among the golden vectors.
+///
+/// # Errors
+/// As [`export`], and effects beside a polynomial, which go to Rust only.
+pub fn export_with_effects(
+    document: &Map<String, Value>,
+    name: &str,
+    precision: Precision,
+    effects: Option<&Effects<f64>>,
+) -> Result<Vec<SourceFile>, ModelError> {
     let name = identifier(name)?;
     let model = Model::from_document(document)?;
+    if effects.is_some() && matches!(model, Model::Polynomial(_)) {
+        return Err(ModelError::Setting {
+            name: "model",
+            found: "a polynomial with effects of time".to_string(),
+            expected: "an energy: fit one, or remove the effects of time",
+        });
+    }
     let (n, m) = model.shape();
     let text = |key: &str| {
         document
@@ -76,20 +99,122 @@ pub fn export(
         ("HALFTURN", &half_turn),
     ];
     let golden = Golden::new(&model, precision)?;
-    let golden = golden_header(&golden, &name, (n, m), &turns);
+    let mut golden = golden_header(&golden, &name, (n, m), &turns);
+    let steps = match effects {
+        Some(effects) => {
+            let history = History::new(&model, effects, precision)?;
+            let place = golden.rfind("#endif").unwrap_or(golden.len());
+            golden.insert_str(place, &history_tables(&history, &name));
+            Steps::new(effects, precision, numbers)
+        }
+        None => Steps::default(),
+    };
+    let with_steps = |template: &str| {
+        let template = filled(template, &steps.keys());
+        filled(&filled(&template, &[("PARTIAL", PARTIAL)]), &common)
+    };
     let file = |suffix: &str, text: String| SourceFile {
         path: format!("{name}{suffix}"),
         text,
     };
     Ok(std::vec![
-        file(".h", filled(header, &common)),
-        file(".c", filled(&source, &common)),
+        file(".h", with_steps(header)),
+        file(".c", with_steps(&source)),
         file("_golden.h", golden),
-        file(
-            "_check.c",
-            filled(include_str!("templates/check.c"), &common)
-        ),
+        file("_check.c", with_steps(include_str!("templates/check.c"))),
     ])
+}
+
+/// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
+const PARTIAL: &str = include_str!("templates/stiffness.c");
+
+/// Texts of the effects of time; empty where there are none.
+#[derive(Default)]
+struct Steps {
+    header: String,
+    source: String,
+    check: &'static str,
+    call: &'static str,
+}
+
+impl Steps {
+    fn new(effects: &Effects<f64>, precision: Precision, numbers: usize) -> Self {
+        let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
+        let factorials = (0..10u32).map(|k| (1..=k).map(f64::from).product::<f64>());
+        let factorials: Vec<f64> = factorials.map(|f| 1.0 / f).collect();
+        let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
+        let epsilon = match precision {
+            Precision::Single => f64::from(f32::EPSILON),
+            Precision::Double => f64::EPSILON,
+        };
+        let number = |x: f64| format!("{x:e}");
+        let stack = ((numbers + 300) * precision.size() + 800).next_multiple_of(16);
+        let header = filled(
+            include_str!("templates/stepper.h"),
+            &[
+                ("EFFECTS", &effects.names()),
+                ("STATE", &(STATE_NUMBERS * precision.size()).to_string()),
+                ("STEPSTACK", &stack.to_string()),
+            ],
+        );
+        let source = filled(
+            include_str!("templates/stepper.c"),
+            &[
+                ("STIFFNESS", &row(&effects.stiffness)),
+                ("SHARES", &branch(|b| b.share)),
+                ("TAUS", &branch(|b| b.tau_s)),
+                ("LINEAR", &branch(|b| f64::from(u8::from(b.linear)))),
+                ("FRICTION", &row(&effects.friction)),
+                ("SLIP", &row(&effects.slip)),
+                ("WARMER", &number(effects.softer_per_kelvin)),
+                ("REFERENCE", &number(effects.reference_degc)),
+                ("AGEING", &number(effects.ageing_per_s)),
+                ("SOFTENING", &number(effects.softening)),
+                ("DAMPING", &row(&effects.damping)),
+                ("FACTORIALS", &row(&factorials)),
+                ("EPSILON", &number(epsilon)),
+            ],
+        );
+        Self {
+            header,
+            source,
+            check: include_str!("templates/history.c"),
+            call: "    wrong += history();\n",
+        }
+    }
+
+    fn keys(&self) -> [(&str, &str); 4] {
+        [
+            ("STEPPER", &self.source),
+            ("STEPPERAPI", &self.header),
+            ("HISTORY", self.check),
+            ("HISTORYCALL", self.call),
+        ]
+    }
+}
+
+fn history_tables(history: &History, name: &str) -> String {
+    let row = |values: &[f64]| format!("{{{}}}", list(values.iter().map(|&x| cast(x, name))));
+    let rows = |all: &mut dyn Iterator<Item = String>| all.collect::<Vec<_>>().join(",\n    ");
+    let steps = &history.steps;
+    let [h, k] = history.tolerance.map(|t| cast(t, name));
+    format!(
+        "/* Poses, seconds since the step before, temperature and age; what the model says of them. */\n\
+         enum {{ {name}_history_count = {count} }};\n\n\
+         static const {name}_real {name}_history_h_tolerance = {h};\n\
+         static const {name}_real {name}_history_k_tolerance = {k};\n\
+         static const {name}_real {name}_history_p[{count}][6] = {{{poses}}};\n\
+         static const {name}_real {name}_history_dt[{count}] = {dts};\n\
+         static const {name}_inputs {name}_history_inputs[{count}] = {{{inputs}}};\n\
+         static const {name}_real {name}_history_h[{count}][6] = {{{values}}};\n\
+         static const {name}_real {name}_history_k[{count}][36] = {{{tangents}}};\n\n",
+        count = steps.len(),
+        poses = rows(&mut steps.iter().map(|s| row(&s.pose))),
+        dts = row(&steps.iter().map(|s| s.dt).collect::<Vec<_>>()),
+        inputs = rows(&mut steps.iter().map(|s| row(&s.inputs))),
+        values = rows(&mut steps.iter().map(|s| row(&s.wrench))),
+        tangents = rows(&mut steps.iter().map(|s| row(s.tangent.as_flattened()))),
+    )
 }
 
 /// The source, and how many floating-point numbers a call keeps.

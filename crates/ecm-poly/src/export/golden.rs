@@ -55,7 +55,7 @@ impl Golden {
 }
 
 /// Additive recurrence with irrational steps: evenly spread, and the same on every machine.
-fn wave(i: usize, k: usize) -> f64 {
+pub fn wave(i: usize, k: usize) -> f64 {
     const STEPS: [f64; 6] = [
         0.414_213, 0.732_050, 0.236_067, 0.645_751, 0.316_624, 0.605_551,
     ];

@@ -4,6 +4,7 @@
 
 pub mod c;
 mod golden;
+mod history;
 pub mod model;
 pub mod rust;
 mod source;

@@ -16,10 +16,12 @@ use crate::energy::invariants::Symmetry;
 use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
+use crate::export::history::History;
 use crate::export::model::{Model, identifier};
 use crate::export::source;
 use crate::export::{Precision, SourceFile, filled};
 use crate::polynomial_model::PolynomialModel;
+use crate::stepper::{Effects, STATE_NUMBERS};
 
 /// The files of an opened model; `name` is the crate's name.
 ///
@@ -28,6 +30,19 @@ pub fn export(
     document: &Map<String, Value>,
     name: &str,
     precision: Precision,
+) -> Result<Vec<SourceFile>, ModelError> {
+    export_with_effects(document, name, precision, None)
+}
+
+/// The same with effects of time: `init`, `step`, `settled`, and a golden history of steps.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_with_effects(
+    document: &Map<String, Value>,
+    name: &str,
+    precision: Precision,
+    effects: Option<&Effects<f64>>,
 ) -> Result<Vec<SourceFile>, ModelError> {
     let name = identifier(name)?;
     let model = Model::from_document(document)?;
@@ -54,6 +69,18 @@ pub fn export(
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
     ];
     let golden = Golden::new(&model, precision)?;
+    let (steps, history) = match effects {
+        Some(effects) => (
+            match precision {
+                Precision::Single => steps(&effects.narrowed::<f32>(), effects, precision),
+                Precision::Double => steps(effects, effects, precision),
+            },
+            history_test(&History::new(&model, effects, precision)?),
+        ),
+        None => (String::new(), String::new()),
+    };
+    let body = filled(&body, &[("STEPPER", &steps)]);
+    let golden = filled(&golden_test(&golden), &[("HISTORY", &history)]);
     let file = |path: &str, text: String| SourceFile {
         path: path.to_string(),
         text,
@@ -64,9 +91,9 @@ pub fn export(
             filled(include_str!("templates/crate.toml"), &common)
         ),
         file("src/lib.rs", filled(&body, &common)),
-        file("tests/golden.rs", filled(&golden_test(&golden), &common)),
+        file("tests/golden.rs", filled(&golden, &common)),
     ];
-    files.extend(source::evaluation());
+    files.extend(source::evaluation(effects.is_some()));
     Ok(files)
 }
 
@@ -132,6 +159,62 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
             ("UPPER", &list(upper.iter().map(|&x| number(x)))),
         ],
     ))
+}
+
+/// The steps of these constants, in the words of the template.
+fn steps<R: Real>(effects: &Effects<R>, exact: &Effects<f64>, precision: Precision) -> String {
+    let row = |values: &[R]| list(values.iter().map(|&x| number(x)));
+    let branches = effects.branches.iter().map(|branch| {
+        let (share, tau) = (number(branch.share), number(branch.tau_s));
+        format!(
+            "Branch {{ share: {share}, tau_s: {tau}, linear: {} }}",
+            branch.linear
+        )
+    });
+    filled(
+        include_str!("templates/stepper.rs.txt"),
+        &[
+            ("EFFECTS", &exact.names()),
+            ("STATE", &(STATE_NUMBERS * precision.size()).to_string()),
+            ("LENGTH", &number(effects.length_m)),
+            ("STIFFNESS", &row(&effects.stiffness)),
+            ("BRANCHES", &list(branches)),
+            ("FRICTION", &row(&effects.friction)),
+            ("SLIP", &row(&effects.slip)),
+            ("WARMER", &number(effects.softer_per_kelvin)),
+            ("REFERENCE", &number(effects.reference_degc)),
+            ("AGEING", &number(effects.ageing_per_s)),
+            ("DAMPING", &row(&effects.damping)),
+            ("SOFTENING", &number(effects.softening)),
+        ],
+    )
+}
+
+fn history_test(history: &History) -> String {
+    let row = |values: &[f64]| list(values.iter().map(|&x| number(x)));
+    let all = history.steps.iter();
+    let steps = all.clone().map(|s| {
+        let [temperature, age] = s.inputs.map(number);
+        let (pose, dt) = (row(&s.pose), number(s.dt));
+        format!("([{pose}], {dt}, {temperature}, {age})")
+    });
+    filled(
+        include_str!("templates/history.rs.txt"),
+        &[
+            ("STEPS", &history.steps.len().to_string()),
+            ("STEPLIST", &list(steps)),
+            (
+                "STEPVALUES",
+                &list(all.clone().map(|s| format!("[{}]", row(&s.wrench)))),
+            ),
+            (
+                "STEPJACOBIANS",
+                &list(all.map(|s| format!("[{}]", row(s.tangent.as_flattened())))),
+            ),
+            ("STEPTOLERANCE_H", &number(history.tolerance[0])),
+            ("STEPTOLERANCE_K", &number(history.tolerance[1])),
+        ],
+    )
 }
 
 fn golden_test(golden: &Golden) -> String {

@@ -24,18 +24,41 @@ const FILES: &[(&str, &str)] = &[
     ("energy/plan.rs", include_str!("../energy/plan.rs")),
 ];
 
+/// The line of `lib.rs` that declares [`STEPPER`].
+const DECLARED: &str = "pub mod stepper;\n";
+
+/// The same of effects of time, for models that have some.
+const STEPPER: &[(&str, &str)] = &[
+    ("stepper/mod.rs", include_str!("../stepper/mod.rs")),
+    ("stepper/decay.rs", include_str!("../stepper/decay.rs")),
+    ("stepper/effects.rs", include_str!("../stepper/effects.rs")),
+];
+
 /// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
-pub fn evaluation() -> Vec<SourceFile> {
+pub fn evaluation(with_stepper: bool) -> Vec<SourceFile> {
+    let stepper = if with_stepper { STEPPER } else { &[] };
     let mut files = std::vec![SourceFile {
         path: "src/evaluation/mod.rs".to_string(),
         text: include_str!("templates/evaluation.rs.txt").to_string(),
     }];
-    for (module, sources) in [("se3", ecm_se3::source::FILES), ("poly", FILES)] {
+    let sources = [
+        ("se3", ecm_se3::source::FILES),
+        ("poly", FILES),
+        ("poly", stepper),
+    ];
+    for (module, sources) in sources {
         files.extend(sources.iter().map(|(path, text)| {
-            let path = if *path == "lib.rs" { "mod.rs" } else { path };
+            let root = *path == "lib.rs";
+            let text = as_module(text, module);
             SourceFile {
-                path: format!("src/evaluation/{module}/{path}"),
-                text: as_module(text, module),
+                path: format!(
+                    "src/evaluation/{module}/{}",
+                    if root { "mod.rs" } else { path }
+                ),
+                text: match root && !with_stepper {
+                    true => text.replace(DECLARED, ""),
+                    false => text,
+                },
             }
         }));
     }
@@ -132,7 +155,7 @@ mod tests {
 
     #[test]
     fn nothing_in_the_modules_names_a_feature_or_another_crate() {
-        for file in evaluation() {
+        for file in evaluation(true) {
             for forbidden in ["feature =", "ecm_se3::", "ecm_poly::", "std::", "#[test]"] {
                 assert!(!file.text.contains(forbidden), "{}: {forbidden}", file.path);
             }

@@ -1,12 +1,13 @@
 //! C: compiled with every warning, run, and linked with a second model.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::process::Command;
 
 use ecm_poly::Symmetry;
 use ecm_poly::export::{Precision, c};
 
-use crate::models::{broken, energy, polynomial};
+use crate::models::{broken, effects, energy, polynomial};
 use crate::programs::{folder, installed, run, write};
 
 #[test]
@@ -71,6 +72,73 @@ fn exported_c_gives_the_golden_vectors() {
                 Some(1),
                 "{name} {precision:?}"
             );
+        }
+    }
+}
+
+#[test]
+fn exported_c_steps_through_a_golden_history() {
+    if !installed("gcc", "exported_c_steps_through_a_golden_history") {
+        return;
+    }
+    let strict = [
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Wconversion",
+        "-Wpedantic",
+        "-Werror",
+    ];
+    let built = |folder: &Path, name: &str, level: &str| {
+        let (code, said) = run(Command::new("gcc")
+            .args(strict)
+            .args([
+                level,
+                &format!("{name}.c"),
+                &format!("{name}_check.c"),
+                "-o",
+                "check",
+            ])
+            .current_dir(folder));
+        assert_eq!(code, Some(0), "{name}: {said}");
+        run(&mut Command::new(folder.join("check"))).0
+    };
+    for (name, document, precision) in [
+        ("alike6", energy(Symmetry::Alike, 6), Precision::Single),
+        (
+            "broken4",
+            broken(&["anisotropy", "precurvature"]),
+            Precision::Double,
+        ),
+        ("alike4", energy(Symmetry::Alike, 4), Precision::Double),
+    ] {
+        let folder = folder(&format!("c-steps-{name}"));
+        let files = c::export_with_effects(&document, name, precision, Some(&effects()));
+        write(&folder, &files.unwrap());
+        assert_eq!(built(&folder, name, "-O2"), Some(0), "{name}");
+        if name != "alike4" {
+            continue;
+        }
+        // Each constant of each effect counts, and each golden number.
+        for (file, place, wrong) in [
+            (".c", "share_of[2] = {", "R(1)+"),
+            (".c", "tau_of[2] = {", "R(1)+"),
+            (".c", "friction_of[6] = {", "R(1)+"),
+            (".c", "slip_of[6] = {", "R(1)+"),
+            (".c", "damping_of[2] = {", "R(1)+"),
+            (".c", "softer_per_kelvin = ", "R(1)+"),
+            (".c", "ageing_per_s = ", "R(1)+"),
+            (".c", "softening = ", "R(1)+"),
+            ("_golden.h", "_history_h[32][6] = {{", "1e3+"),
+            ("_golden.h", "_history_k[32][36] = {{", "1e6+"),
+        ] {
+            let path = folder.join(format!("{name}{file}"));
+            let right = std::fs::read_to_string(&path).unwrap();
+            let mut changed = right.clone();
+            changed.insert_str(right.find(place).unwrap() + place.len(), wrong);
+            std::fs::write(&path, changed).unwrap();
+            assert_eq!(built(&folder, name, "-O0"), Some(1), "{place}");
+            std::fs::write(&path, right).unwrap();
         }
     }
 }

@@ -4,6 +4,7 @@ use ecm_poly::basis::exponents;
 use ecm_poly::energy::groups::{Group, GroupTerm, group_terms};
 use ecm_poly::energy::terms::terms;
 use ecm_poly::model_file::map::{POSE, WRENCH};
+use ecm_poly::stepper::{Branch, Effects};
 use ecm_poly::{Symmetry, open_model, seal_model};
 use serde_json::{Map, Value, json};
 
@@ -51,4 +52,29 @@ pub fn polynomial(inputs: usize, outputs: usize, degree: usize) -> Map<String, V
         "length_m": null, "degree": degree, "terms": rows, "coefficients": coefficients,
         "normalisation": {"lower": vec![-0.4; inputs], "upper": upper},
     }))
+}
+
+/// One of each effect of time.
+pub fn effects() -> Effects<f64> {
+    let mut effects = Effects::none(0.1034);
+    effects.stiffness = [40.0, 30.0, 30.0, 0.5, 1.0, 1.0];
+    for (branch, (tau_s, linear)) in effects
+        .branches
+        .iter_mut()
+        .zip([(0.5, true), (30.0, false)])
+    {
+        *branch = Branch {
+            share: 0.3,
+            tau_s,
+            linear,
+        };
+    }
+    effects.friction = effects.stiffness.map(|k| 0.3 * k);
+    effects.slip = [2e-3, 2e-3, 2e-3, 0.05, 0.05, 0.05];
+    effects.softer_per_kelvin = 5e-3;
+    effects.reference_degc = 21.5;
+    effects.ageing_per_s = 1e-6;
+    effects.damping = [2e-3, 2e-4];
+    effects.softening = 0.1;
+    effects
 }

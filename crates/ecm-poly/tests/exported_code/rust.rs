@@ -8,7 +8,7 @@ use ecm_poly::Symmetry;
 use ecm_poly::export::model::Model;
 use ecm_poly::export::{Precision, SourceFile, rust};
 
-use crate::models::{energy, polynomial};
+use crate::models::{effects, energy, polynomial};
 use crate::programs::{folder, installed, run, write};
 
 const POSE: [f64; 6] = [0.1, 0.01, 0.0, 0.1, 0.2, 0.3];
@@ -42,10 +42,9 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
     let mut dependencies = String::new();
     let mut main = PROGRAM.to_string();
     for (name, document, precision) in &models {
-        write(
-            &root.join(name),
-            &rust::export(document, name, *precision).unwrap(),
-        );
+        let some = name.starts_with("alike").then(effects);
+        let files = rust::export_with_effects(document, name, *precision, some.as_ref()).unwrap();
+        write(&root.join(name), &files);
         writeln!(dependencies, "{name} = {{ path = \"../{name}\" }}").unwrap();
         let (_, k) = Model::from_document(document)
             .unwrap()
@@ -96,6 +95,7 @@ fn exported_rust_models_share_a_program_without_std_and_give_the_golden_vectors(
         models.len(),
         "{said}"
     );
+    assert_eq!(said.matches("golden_history ... ok").count(), 2, "{said}");
     let (code, said) = cargo(&["build", "--release", "--package", "firmware"]);
     assert_eq!(code, Some(0), "{said}");
     let program = target.join("release").join("firmware");

@@ -3,11 +3,13 @@
 mod energy;
 mod model_file;
 mod polynomial;
+mod stepper;
 mod triangle;
 
 pub use energy::EnergyModel;
 pub use model_file::{export_model, open_model, seal_model};
 pub use polynomial::{PolynomialModel, polynomial_exponents, polynomial_regressor};
+pub use stepper::Stepper;
 pub use triangle::merged_triangle;
 
 use std::borrow::Cow;

@@ -1,10 +1,11 @@
 //! Model files, and models as source code.
 
-use ecm_poly::export::Precision;
+use ecm_poly::export::{Precision, c, rust};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::error;
+use super::stepper::effects_of;
 use crate::errors::ModelError;
 
 /// A model document (JSON text, interfaces.md) checked, and sealed with its sha256.
@@ -27,14 +28,17 @@ pub(super) fn parsed<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, Py
 }
 
 /// Source files, by path, of a model file's map: C with golden vectors, or a const Rust crate.
+///
+/// effects: JSON of effects of time (`Effects::from_document`), exported as steps with a state.
 #[pyfunction]
-#[pyo3(signature = (text, name, *, target, precision = "double"))]
+#[pyo3(signature = (text, name, *, target, precision = "double", effects = None))]
 pub fn export_model<'py>(
     py: Python<'py>,
     text: &str,
     name: &str,
     target: &str,
     precision: &str,
+    effects: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let precision = match precision {
         "double" => Precision::Double,
@@ -46,9 +50,11 @@ pub fn export_model<'py>(
         }
     };
     let document = ecm_poly::open_model(text).map_err(error)?;
+    let effects = effects.map(effects_of).transpose()?;
+    let effects = effects.as_ref();
     let files = match target {
-        "c" => ecm_poly::export::c::export(&document, name, precision),
-        "rust" => ecm_poly::export::rust::export(&document, name, precision),
+        "c" => c::export_with_effects(&document, name, precision, effects),
+        "rust" => rust::export_with_effects(&document, name, precision, effects),
         _ => {
             return Err(ModelError::new_err(format!(
                 "target is {target:?}, expected c or rust"

@@ -18,7 +18,7 @@ static int refused(const @NAME@_real *p)
     return said == 0;
 }
 
-int main(void)
+@HISTORY@int main(void)
 {
     int wrong = 0;
     for (int32_t i = 0; i < @N@; i++) {
@@ -51,5 +51,5 @@ int main(void)
             wrong += !(e <= @NAME@_golden_k_tolerance && e >= -@NAME@_golden_k_tolerance);
         }
     }
-    return wrong > 0;
+@HISTORYCALL@    return wrong > 0;
 }

@@ -1,0 +1,125 @@
+//! A history of steps at which an export with effects of time is checked.
+
+use std::string::ToString;
+use std::vec::Vec;
+
+use ecm_se3::{Mat6, Pose, Vec6, Wrench};
+
+use crate::error::ModelError;
+use crate::export::Precision;
+use crate::export::golden::{Golden, wave};
+use crate::export::model::Model;
+use crate::stepper::{Effects, Elastic, Inputs, Stepper};
+
+/// One step: what the code is told, and what it must say.
+pub struct Step {
+    /// Measured pose.
+    pub pose: Vec6<f64>,
+    /// Seconds since the step before.
+    pub dt: f64,
+    /// Temperature (°C) and age (s).
+    pub inputs: [f64; 2],
+    /// h.
+    pub wrench: Vec6<f64>,
+    /// ∂h/∂p of the step.
+    pub tangent: Mat6<f64>,
+}
+
+/// Steps between the golden poses: from sudden moves to a pause of an hour, and rests.
+pub struct History {
+    /// In their order; the first is at the pose of the start.
+    pub steps: Vec<Step>,
+    /// Largest difference due to rounding, of wrenches and of their derivatives.
+    pub tolerance: [f64; 2],
+}
+
+const DTS: [f64; 7] = [0.0, 1e-3, 0.1, 1e-3, 1.0, 20.0, 3600.0];
+
+impl History {
+    /// Of a model of six pose and six wrench columns.
+    pub fn new(
+        model: &Model,
+        effects: &Effects<f64>,
+        precision: Precision,
+    ) -> Result<Self, ModelError> {
+        let golden = Golden::new(model, precision)?;
+        let rounded = |x: f64| match precision {
+            Precision::Single => f64::from(x as f32),
+            Precision::Double => x,
+        };
+        let stepper = Stepper {
+            model,
+            effects: *effects,
+        };
+        let refused = || ModelError::Setting {
+            name: "effects",
+            found: "steps that are refused".to_string(),
+            expected: "effects of time beside a model of all six columns, finite at its own poses",
+        };
+        let pose = |p: &Vec6<f64>| Pose::checked(p).ok_or_else(refused);
+        let poses: Vec<Vec6<f64>> = golden
+            .points
+            .iter()
+            .filter_map(|point| Vec6::try_from(point.as_slice()).ok())
+            .collect();
+        let first = poses.first().ok_or_else(refused)?;
+        let mut state = stepper.init(&pose(first)?).ok_or_else(refused)?;
+        let (mut steps, mut largest) = (Vec::new(), [0.0_f64; 2]);
+        for i in 0..2 * poses.len() {
+            // Each pose twice: after the move a rest.
+            let p = poses[i / 2];
+            let dt = rounded(DTS[i % DTS.len()]);
+            let inputs = [
+                effects.reference_degc + 5.0 * wave(i, 0),
+                1e4 + 1e4 * wave(i, 1),
+            ];
+            let inputs = inputs.map(rounded);
+            let told = Inputs {
+                temperature_degc: inputs[0],
+                age_s: inputs[1],
+            };
+            let (wrench, tangent) = stepper
+                .step(&mut state, &pose(&p)?, dt, &told)
+                .ok_or_else(refused)?;
+            let wrench = wrench.to_array();
+            for (size, values) in largest
+                .iter_mut()
+                .zip([&wrench[..], tangent.as_flattened()])
+            {
+                *size = values.iter().fold(*size, |m, x| m.max(x.abs()));
+            }
+            steps.push(Step {
+                pose: p,
+                dt,
+                inputs,
+                wrench,
+                tangent,
+            });
+        }
+        let share = match precision {
+            Precision::Single => 1e-3,
+            Precision::Double => 1e-11,
+        };
+        Ok(History {
+            steps,
+            tolerance: largest.map(|size| size.max(1e-12) * share),
+        })
+    }
+}
+
+impl Elastic<f64> for Model {
+    fn wrench_and_stiffness(&self, pose: &Pose<f64>) -> (Wrench<f64>, Mat6<f64>) {
+        if let Model::Energy(model) = self {
+            return model.wrench_and_stiffness(pose);
+        }
+        let nothing = (Wrench::from_array(&[f64::NAN; 6]), [[f64::NAN; 6]; 6]);
+        let Ok((h, k)) = self.value_and_jacobian(&pose.to_array()) else {
+            return nothing;
+        };
+        let (Ok(h), Ok(k)) = (Vec6::try_from(h), <[f64; 36]>::try_from(k)) else {
+            return nothing;
+        };
+        let tangent = core::array::from_fn(|i| core::array::from_fn(|j| k[6 * i + j]));
+        (Wrench::from_array(&h), tangent)
+    }
+}

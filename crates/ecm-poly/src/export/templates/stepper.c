@@ -1,0 +1,226 @@
+
+/* Effects of time. q: mid-frame coordinates, Q: force to q of the static wrench. */
+
+typedef @NAME@_state state_t;
+typedef @NAME@_inputs inputs_t;
+
+static const real stiffness_at_rest[6] = {@STIFFNESS@};
+static const real share_of[2] = {@SHARES@};
+static const real tau_of[2] = {@TAUS@};
+static const real linear_of[2] = {@LINEAR@};
+static const real friction_of[6] = {@FRICTION@};
+static const real slip_of[6] = {@SLIP@};
+static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
+static const real softening = R(@SOFTENING@);
+static const real damping_of[2] = {@DAMPING@};
+/* 1/k! */
+static const real inverse_factorial[10] = {@FACTORIALS@};
+
+const inputs_t @NAME@_default_inputs = {R(@REFERENCE@), R(0)};
+
+/* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
+typedef struct {
+    frame_t frame;
+    real force[6], u[36], h[6], away[6], work, sign;
+} here_t;
+
+static int32_t is_finite(real x) { return x - x == R(0); }
+
+/* 1 - exp(-x) by its series at x / 1024, then s <- s (2 - s) ten times, and (1 - exp(-x)) / x */
+static void decay(real x, real *lost, real *left)
+{
+    real y = (x < R(64) ? x : R(64)) / R(1024), sum = R(0);
+    if (x < R(@EPSILON@)) {
+        *lost = x;
+        *left = R(1);
+        return;
+    }
+    for (int32_t j = 9; j >= 1; j--) {
+        sum = inverse_factorial[j] - y * sum;
+    }
+    y *= sum;
+    for (int32_t j = 0; j < 10; j++) {
+        y *= R(2) - y;
+    }
+    *lost = y;
+    *left = y / x;
+}
+
+/* Wrench h of the force Q to q, and K = dh/dp at dQ/dq = u */
+static void carried(const frame_t *at, const real *force, const real *u, real *h, real *k)
+{
+    const frame_t f = *at;
+    real cc[9], ct[9], g[9], t1[9], t2[9], cc_g[9], across[9], mixed[9], bent[9], form[9], d[9];
+    wrench_of(&f, force, h);
+@PARTIAL@
+}
+
+static int32_t find_here(const real *p, here_t *here)
+{
+    real m[MONOMIALS + 1], slope[6], bend[36], sum, product = R(0);
+    prepare(p, &here->frame);
+    monomials_at(here->frame.q, m);
+    for (int32_t i = 0; i < 6; i++) {
+        slope[i] = row(1 + i, m);
+    }
+    for (int32_t i = 0, next = 7; i < 6; i++) {
+        for (int32_t j = i; j < 6; j++) {
+            bend[6 * i + j] = row(next++, m);
+            bend[6 * j + i] = bend[6 * i + j];
+        }
+    }
+    gradient(here->frame.q, slope, here->force);
+    curvature(here->frame.q, slope, bend, here->u);
+    wrench_of(&here->frame, here->force, here->h);
+    sum = here->frame.refused;
+    for (int32_t i = 0; i < 6; i++) {
+        here->away[i] = p[i] - (i == 0 ? length_m : R(0));
+        product += here->away[i] * here->h[i];
+        sum += here->h[i];
+    }
+    here->sign = product < R(0) ? R(-1) : R(1);
+    here->work = R(0.5) * here->sign * product;
+    return is_finite(sum);
+}
+
+/* K of a pose that is below the largest work: k += factor h dW/dp */
+static void soften(const real *p, const here_t *here, real factor, real *k)
+{
+    real h[6], slope[36];
+    @NAME@_value_and_stiffness(p, h, slope);
+    for (int32_t j = 0; j < 6; j++) {
+        real work = h[j];
+        for (int32_t i = 0; i < 6; i++) {
+            work += slope[6 * i + j] * here->away[i];
+        }
+        for (int32_t i = 0; i < 6; i++) {
+            k[6 * i + j] += R(0.5) * here->sign * factor * h[i] * work;
+        }
+    }
+}
+
+static real size_at(const inputs_t *inputs)
+{
+    return R(1) - softer_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@)) +
+           ageing_per_s * inputs->age_s;
+}
+
+/* NaN in all results. */
+static int32_t refuse(real *h, real *k)
+{
+    real none = R(0);
+    none /= none;
+    for (int32_t i = 0; i < 6; i++) {
+        h[i] = none;
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        k[i] = none;
+    }
+    return 0;
+}
+
+int32_t @NAME@_init(state_t *state, const real p[6])
+{
+    here_t here;
+    if (!find_here(p, &here)) {
+        return 0;
+    }
+    for (int32_t i = 0; i < 6; i++) {
+        state->pose[i] = p[i];
+        state->coordinates[i] = here.frame.q[i];
+        state->force[i] = here.force[i];
+        state->stretch[i] = R(0);
+        for (int32_t b = 0; b < 2; b++) {
+            state->memory[b][i] = R(0);
+            state->carry[b][i] = R(0);
+        }
+    }
+    state->largest = here.work;
+    return 1;
+}
+
+int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *inputs, real h[6],
+                    real k[36])
+{
+    here_t here;
+    real lost[2], left[2], total[6], steep[36] = {R(0)};
+    real elastic = R(0), below = R(0), size;
+    inputs = inputs ? inputs : &@NAME@_default_inputs;
+    size = size_at(inputs);
+    if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
+        return refuse(h, k);
+    }
+    for (int32_t b = 0; b < 2; b++) {
+        decay(dt / tau_of[b], &lost[b], &left[b]);
+        elastic += (R(1) - linear_of[b]) * share_of[b] * left[b];
+    }
+    for (int32_t j = 0; j < 6; j++) {
+        const real along = here.frame.q[j] - state->coordinates[j];
+        const real driven = here.force[j] - state->force[j];
+        const real wanted = state->stretch[j] + along;
+        total[j] = R(0);
+        for (int32_t b = 0; b < 2; b++) {
+            const real x = linear_of[b] > R(0) ? stiffness_at_rest[j] * along : driven;
+            const real old = state->memory[b][j];
+            const real change = (left[b] * x - lost[b] * old) + state->carry[b][j];
+            const real new = old + change;
+            /* What rounding left out: else slow branches would stand still in single precision. */
+            state->carry[b][j] = change - (new - old);
+            state->memory[b][j] = new;
+            total[j] += share_of[b] * new;
+            steep[7 * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
+        }
+        if (wanted > slip_of[j]) {
+            state->stretch[j] = slip_of[j];
+        } else if (wanted < -slip_of[j]) {
+            state->stretch[j] = -slip_of[j];
+        } else {
+            state->stretch[j] = wanted;
+            steep[7 * j] += friction_of[j];
+        }
+        total[j] += friction_of[j] * state->stretch[j];
+    }
+    if (here.work > state->largest) {
+        state->largest = here.work;
+    }
+    if (state->largest > R(0)) {
+        below = R(1) - here.work / state->largest;
+    }
+    size -= softening * below;
+    for (int32_t i = 0; i < 6; i++) {
+        total[i] += size * here.force[i];
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        steep[i] += (size + elastic) * here.u[i];
+    }
+    carried(&here.frame, total, steep, h, k);
+    if (state->largest > here.work && softening * softening > R(0)) {
+        soften(p, &here, softening / state->largest, k);
+    }
+    for (int32_t j = 0; j < 6; j++) {
+        if (dt > R(0)) {
+            const real damping = damping_of[j / 3] / dt;
+            h[j] += damping * (p[j] - state->pose[j]);
+            k[7 * j] += damping;
+        }
+        state->pose[j] = p[j];
+        state->coordinates[j] = here.frame.q[j];
+        state->force[j] = here.force[j];
+    }
+    return 1;
+}
+
+int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real k[36])
+{
+    const real size = size_at(inputs ? inputs : &@NAME@_default_inputs);
+    real sum = size;
+    @NAME@_value_and_stiffness(p, h, k);
+    for (int32_t i = 0; i < 6; i++) {
+        h[i] *= size;
+        sum += h[i];
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        k[i] *= size;
+    }
+    return is_finite(sum) ? 1 : refuse(h, k);
+}

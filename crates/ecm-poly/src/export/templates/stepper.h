@@ -1,0 +1,31 @@
+
+/* Effects of time: @EFFECTS@.
+ *
+ * A state holds what the mechanism remembers: @STATE@ bytes of plain numbers, to be copied, stored and
+ * loaded as they are. init sets it after an infinite rest at p. step takes the measured pose dt seconds
+ * after the step before and gives the wrench and its derivative to p; the way between two steps counts
+ * as straight and even, so that dt may vary and a pause of hours is exact. dt = 0 is a sudden move.
+ * settled gives the limit of a long rest at p, without friction.
+ * All return 1. Where p or an input is not finite, |theta| > pi, or dt < 0, they return 0, the results are
+ * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
+ * inputs may be 0: then @NAME@_default_inputs. Stack of step: at most @STEPSTACK@ bytes.
+ */
+typedef struct {
+    @NAME@_real pose[6], coordinates[6], force[6]; /* of the last step */
+    @NAME@_real stretch[6];                        /* of springs that slip, m and rad */
+    @NAME@_real memory[2][6], carry[2][6];         /* of relaxing branches, N and N m */
+    @NAME@_real largest;                           /* largest work so far, J */
+} @NAME@_state;
+
+typedef struct {
+    @NAME@_real temperature_degC; /* of the mechanism */
+    @NAME@_real age_s;            /* since the campaign in which ageing was found began */
+} @NAME@_inputs;
+
+extern const @NAME@_inputs @NAME@_default_inputs;
+
+int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[6]);
+int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[6], @NAME@_real dt,
+                    const @NAME@_inputs *inputs, @NAME@_real h[6], @NAME@_real k[36]);
+int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_inputs *inputs, @NAME@_real h[6],
+                       @NAME@_real k[36]);

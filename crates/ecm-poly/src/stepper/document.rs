@@ -1,0 +1,137 @@
+//! Effects of time as JSON, and in another precision.
+
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use ecm_se3::{Real, Vec6};
+use serde_json::{Map, Value};
+
+use super::{BRANCHES, Branch, Effects};
+use crate::error::ModelError;
+
+impl Effects<f64> {
+    /// From an object with the names of the fields; `branches` is a list, and what lacks is absent.
+    ///
+    /// # Errors
+    /// A number that is missing or not finite, a time constant or a length that is not above zero,
+    /// another number of entries.
+    pub fn from_document(document: &Map<String, Value>) -> Result<Self, ModelError> {
+        let length = number(document, "length_m", None)?;
+        let mut effects = Effects::none(length);
+        let branches = document.get("branches").and_then(Value::as_array);
+        let branches = branches.map_or(&[][..], Vec::as_slice);
+        if branches.len() > BRANCHES {
+            return Err(wrong(
+                "branches",
+                format!("{} of them", branches.len()),
+                "at most 2",
+            ));
+        }
+        for (own, value) in effects.branches.iter_mut().zip(branches) {
+            let empty = Map::new();
+            let branch = value.as_object().unwrap_or(&empty);
+            *own = Branch {
+                share: number(branch, "share", None)?,
+                tau_s: number(branch, "tau_s", None)?,
+                linear: branch.get("linear").and_then(Value::as_bool) == Some(true),
+            };
+            if own.tau_s <= 0.0 {
+                return Err(wrong("tau_s", own.tau_s.to_string(), "a time above 0 s"));
+            }
+        }
+        if length <= 0.0 {
+            return Err(wrong("length_m", length.to_string(), "a length above 0 m"));
+        }
+        effects.stiffness = numbers(document, "stiffness")?;
+        effects.friction = numbers(document, "friction")?;
+        effects.slip = numbers(document, "slip")?;
+        effects.damping = numbers(document, "damping")?;
+        effects.softer_per_kelvin = number(document, "softer_per_kelvin", Some(0.0))?;
+        effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
+        effects.ageing_per_s = number(document, "ageing_per_s", Some(0.0))?;
+        effects.softening = number(document, "softening", Some(0.0))?;
+        Ok(effects)
+    }
+
+    /// Ids of the effects that act, with commas.
+    pub fn names(&self) -> String {
+        let any = |values: &[f64]| values.iter().any(|&x| x != 0.0);
+        let names = [
+            ("stress_relaxation", any(&self.branches.map(|b| b.share))),
+            ("hysteresis", any(&self.friction)),
+            ("temperature_modulus", self.softer_per_kelvin != 0.0),
+            ("ageing", self.ageing_per_s != 0.0),
+            ("viscous_damping", any(&self.damping)),
+            ("mullins_softening", self.softening != 0.0),
+        ];
+        let acting: Vec<&str> = names.iter().filter(|n| n.1).map(|n| n.0).collect();
+        acting.join(", ")
+    }
+
+    /// The nearest constants of another precision.
+    pub fn narrowed<R: Real>(&self) -> Effects<R> {
+        let six = |v: &Vec6<f64>| v.map(R::from_f64);
+        Effects {
+            length_m: R::from_f64(self.length_m),
+            stiffness: six(&self.stiffness),
+            branches: self.branches.map(|branch| Branch {
+                share: R::from_f64(branch.share),
+                tau_s: R::from_f64(branch.tau_s),
+                linear: branch.linear,
+            }),
+            friction: six(&self.friction),
+            slip: six(&self.slip),
+            softer_per_kelvin: R::from_f64(self.softer_per_kelvin),
+            reference_degc: R::from_f64(self.reference_degc),
+            ageing_per_s: R::from_f64(self.ageing_per_s),
+            damping: self.damping.map(R::from_f64),
+            softening: R::from_f64(self.softening),
+        }
+    }
+}
+
+fn wrong(name: &'static str, found: String, expected: &'static str) -> ModelError {
+    ModelError::Setting {
+        name,
+        found,
+        expected,
+    }
+}
+
+fn number(
+    document: &Map<String, Value>,
+    name: &'static str,
+    default: Option<f64>,
+) -> Result<f64, ModelError> {
+    let value = match document.get(name) {
+        None => default,
+        Some(value) => value.as_f64().filter(|x| x.is_finite()),
+    };
+    value.ok_or_else(|| {
+        let found = document
+            .get(name)
+            .map_or("missing".to_string(), Value::to_string);
+        wrong(name, found, "a finite number")
+    })
+}
+
+/// Zeros where the list is missing.
+fn numbers<const N: usize>(
+    document: &Map<String, Value>,
+    name: &'static str,
+) -> Result<[f64; N], ModelError> {
+    let Some(value) = document.get(name) else {
+        return Ok([0.0; N]);
+    };
+    let list = value.as_array().into_iter().flatten();
+    let list: Option<Vec<f64>> = list.map(Value::as_f64).collect();
+    list.and_then(|list| <[f64; N]>::try_from(list).ok())
+        .ok_or_else(|| {
+            wrong(
+                name,
+                value.to_string(),
+                "a list of finite numbers, one for each axis",
+            )
+        })
+}

@@ -1,0 +1,285 @@
+//! Effects of time in steps of any length: relaxation, friction, temperature, damping, softening.
+//!
+//! The static map gives h and K at a pose. A [`Stepper`] adds what depends on the way there: it takes
+//! the path since the step before as straight in the mid-frame coordinates q = (c, θ) and passed at
+//! constant speed, and is exact for that path whatever dt is. With Q the force to q of h, a branch m
+//! of time constant τ obeys m' = x' − m/τ, so that
+//!
+//! m ← m + s Δx − (1 − e^(−dt/τ)) m,  s = (1 − e^(−dt/τ)) τ/dt,  x = k q or Q(q),
+//!
+//! and a spring that slips z ← clamp(z + Δq, ±limit). The wrench is that of Σ g m + κ z, turned with
+//! the mid frame: stress stays with the material, and a turn of the base turns everything.
+//! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
+//!
+//! ```
+//! use ecm_poly::stepper::{Branch, Effects, Stepper};
+//! use ecm_poly::{EnergyModel, Pose, PoseModel};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let neck = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/energy4.json");
+//! let model = PoseModel::from_json(&std::fs::read_to_string(neck)?)?;
+//! let mut effects = Effects::none(0.1034);
+//! effects.stiffness = [4e4, 3e3, 3e3, 4.0, 16.0, 16.0];
+//! effects.branches[0] = Branch { share: 0.1, tau_s: 5.0, linear: true };
+//! let stepper = Stepper { model: &model, effects };
+//! let rest = Pose::at_rest(0.1034);
+//! let bent = Pose::from_array(&[0.1, 0.005, 0.0, 0.0, 0.0, 0.1])?;
+//! let mut state = stepper.init(&rest).ok_or("no finite wrench")?;
+//! let inputs = effects.default_inputs();
+//! let (fast, _) = stepper.step(&mut state, &bent, 0.01, &inputs).ok_or("refused")?;
+//! let (after_an_hour, _) = stepper.step(&mut state, &bent, 3600.0, &inputs).ok_or("refused")?;
+//! let (settled, _) = stepper.settled(&bent, &inputs).ok_or("refused")?;
+//! assert!(fast.force[1] > 1.05 * settled.force[1]);
+//! assert!((after_an_hour.force[1] - settled.force[1]).abs() < 1e-9);
+//! # Ok(()) }
+//! ```
+
+mod decay;
+mod effects;
+
+#[cfg(feature = "std")]
+mod document;
+#[cfg(feature = "std")]
+mod models;
+
+pub use decay::Decay;
+pub use effects::{BRANCHES, Branch, Effects, Inputs};
+
+use ecm_se3::linear::add;
+use ecm_se3::mid_frame::MidFrame;
+use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
+
+/// A static map from pose to wrench.
+pub trait Elastic<R> {
+    /// h and K = ∂h/∂p.
+    fn wrench_and_stiffness(&self, pose: &Pose<R>) -> (Wrench<R>, Mat6<R>);
+}
+
+/// What a mechanism remembers: plain numbers, which may be stored and loaded.
+///
+/// [`STATE_NUMBERS`] numbers: 392 bytes in double, 196 in single precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct State<R> {
+    /// Pose of the last step.
+    pub pose: Vec6<R>,
+    /// q there.
+    pub coordinates: Vec6<R>,
+    /// Q of the static wrench there.
+    pub force: Vec6<R>,
+    /// Stretch z of the springs that slip (m, rad).
+    pub stretch: Vec6<R>,
+    /// m of each branch (N, N m).
+    pub memory: [Vec6<R>; BRANCHES],
+    /// What rounding left out of m: else slow branches would stand still in single precision.
+    pub carry: [Vec6<R>; BRANCHES],
+    /// W_max (J).
+    pub largest: R,
+}
+
+/// Numbers of a [`State`].
+pub const STATE_NUMBERS: usize = 25 + 12 * BRANCHES;
+
+/// A static map with effects of time.
+#[derive(Clone, Copy, Debug)]
+pub struct Stepper<'a, R, M> {
+    /// The static map.
+    pub model: &'a M,
+    /// Effects beside it.
+    pub effects: Effects<R>,
+}
+
+/// The static map at one pose.
+struct Here<R> {
+    pose: Vec6<R>,
+    frame: MidFrame<R>,
+    wrench: Wrench<R>,
+    stiffness: Mat6<R>,
+    /// W and ∂W/∂p.
+    work: R,
+    work_slope: Vec6<R>,
+}
+
+impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
+    /// The state after an infinite rest at a pose that was reached without friction.
+    ///
+    /// None where the static wrench there is not finite.
+    #[inline]
+    pub fn init(&self, pose: &Pose<R>) -> Option<State<R>> {
+        let here = self.here(pose)?;
+        Some(State {
+            pose: here.pose,
+            coordinates: here.frame.coordinates(),
+            force: here.frame.generalised_force(&here.wrench),
+            stretch: [R::ZERO; 6],
+            memory: [[R::ZERO; 6]; BRANCHES],
+            carry: [[R::ZERO; 6]; BRANCHES],
+            largest: here.work,
+        })
+    }
+
+    /// The wrench and its derivative to the pose, dt (s) after the step before.
+    ///
+    /// dt = 0 is a sudden move: everything takes part, and damping, which would be infinite, counts
+    /// as zero. None, and the state as it was, where dt is negative or not finite, an input is not
+    /// finite, or the static wrench is not; the next dt then counts from the last step that was taken.
+    #[inline]
+    pub fn step(
+        &self,
+        state: &mut State<R>,
+        pose: &Pose<R>,
+        dt: R,
+        inputs: &Inputs<R>,
+    ) -> Option<(Wrench<R>, Mat6<R>)> {
+        if !(dt >= R::ZERO && dt.is_finite() && inputs.are_finite()) {
+            return None;
+        }
+        let here = self.here(pose)?;
+        let effects = &self.effects;
+        let q = here.frame.coordinates();
+        let force = here.frame.generalised_force(&here.wrench);
+        let decays = effects.branches.map(|branch| Decay::new(dt / branch.tau_s));
+        let (mut total, mut steep) = ([R::ZERO; 6], [[R::ZERO; 6]; 6]);
+        let mut elastic = R::ZERO;
+        for (branch, decay) in effects.branches.iter().zip(&decays) {
+            if !branch.linear {
+                elastic += branch.share * decay.share;
+            }
+        }
+        for j in 0..6 {
+            let along = q[j] - state.coordinates[j];
+            let static_step = force[j] - state.force[j];
+            for (b, (branch, decay)) in effects.branches.iter().zip(&decays).enumerate() {
+                let driven = match branch.linear {
+                    true => effects.stiffness[j] * along,
+                    false => static_step,
+                };
+                let old = state.memory[b][j];
+                let change = (decay.share * driven - decay.lost * old) + state.carry[b][j];
+                let new = old + change;
+                state.carry[b][j] = change - (new - old);
+                state.memory[b][j] = new;
+                total[j] += branch.share * new;
+                if branch.linear {
+                    steep[j][j] += branch.share * decay.share * effects.stiffness[j];
+                }
+            }
+            let (limit, spring) = (effects.slip[j], effects.friction[j]);
+            let wanted = state.stretch[j] + along;
+            state.stretch[j] = if wanted > limit {
+                limit
+            } else if wanted < -limit {
+                -limit
+            } else {
+                steep[j][j] += spring;
+                wanted
+            };
+            total[j] += spring * state.stretch[j];
+        }
+        let (largest, softer) = self.softer(&here, state.largest);
+        let size = self.size(inputs);
+        let loss = effects.softening * softer;
+        let mut wrench = here.scaled(size - loss);
+        let carried = here.frame.wrench(&total);
+        wrench.force = add(&wrench.force, &carried.force);
+        wrench.torque = add(&wrench.torque, &carried.torque);
+        // d(Q(q) terms) is `elastic` times that of h less what the turning frame adds to both.
+        let turning: Vec6<R> = core::array::from_fn(|j| total[j] - elastic * force[j]);
+        let hessian = here.frame.hessian(&turning, &steep);
+        let turned = here.frame.wrench(&turning);
+        let beside = here.frame.partial_from_generalised(&hessian, &turned);
+        let factor = size - loss + elastic;
+        let mut tangent: Mat6<R> = core::array::from_fn(|i| {
+            core::array::from_fn(|j| factor * here.stiffness[i][j] + beside[i][j])
+        });
+        if largest > here.work {
+            let h = here.wrench.to_array();
+            for i in 0..6 {
+                for j in 0..6 {
+                    tangent[i][j] += effects.softening * h[i] * here.work_slope[j] / largest;
+                }
+            }
+        }
+        if dt > R::ZERO {
+            for j in 0..6 {
+                let damping = effects.damping[j / 3] / dt;
+                let more = damping * (here.pose[j] - state.pose[j]);
+                match j {
+                    0..3 => wrench.force[j] += more,
+                    _ => wrench.torque[j - 3] += more,
+                }
+                tangent[j][j] += damping;
+            }
+        }
+        state.pose = here.pose;
+        state.coordinates = q;
+        state.force = force;
+        state.largest = largest;
+        Some((wrench, tangent))
+    }
+
+    /// The limit of a long rest at a pose, and K there: no friction, nothing softened.
+    #[inline]
+    pub fn settled(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<(Wrench<R>, Mat6<R>)> {
+        if !inputs.are_finite() {
+            return None;
+        }
+        let here = self.here(pose)?;
+        let size = self.size(inputs);
+        let tangent = here.stiffness.map(|row| row.map(|k| size * k));
+        Some((here.scaled(size), tangent))
+    }
+
+    fn size(&self, inputs: &Inputs<R>) -> R {
+        let warmer = inputs.temperature_degc - self.effects.reference_degc;
+        R::ONE - self.effects.softer_per_kelvin * warmer + self.effects.ageing_per_s * inputs.age_s
+    }
+
+    /// W_max with this pose, and 1 − W/W_max.
+    fn softer(&self, here: &Here<R>, before: R) -> (R, R) {
+        let largest = if here.work > before {
+            here.work
+        } else {
+            before
+        };
+        let below = if largest > R::ZERO {
+            R::ONE - here.work / largest
+        } else {
+            R::ZERO
+        };
+        (largest, below)
+    }
+
+    #[inline(always)]
+    fn here(&self, pose: &Pose<R>) -> Option<Here<R>> {
+        let (wrench, stiffness) = self.model.wrench_and_stiffness(pose);
+        let (p, h) = (pose.to_array(), wrench.to_array());
+        let sum = h.iter().fold(R::ZERO, |sum, &x| sum + x);
+        if !sum.is_finite() {
+            return None;
+        }
+        let mut away = p;
+        away[0] -= self.effects.length_m;
+        let product = (0..6).fold(R::ZERO, |sum, j| sum + away[j] * h[j]);
+        let half = if product < R::ZERO { -R::HALF } else { R::HALF };
+        let work_slope = core::array::from_fn(|j| {
+            half * (0..6).fold(h[j], |sum, i| sum + stiffness[i][j] * away[i])
+        });
+        Some(Here {
+            pose: p,
+            frame: MidFrame::new(pose, self.effects.length_m),
+            wrench,
+            stiffness,
+            work: half * product,
+            work_slope,
+        })
+    }
+}
+
+impl<R: Real> Here<R> {
+    fn scaled(&self, factor: R) -> Wrench<R> {
+        Wrench {
+            force: self.wrench.force.map(|x| factor * x),
+            torque: self.wrench.torque.map(|x| factor * x),
+        }
+    }
+}

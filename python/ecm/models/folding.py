@@ -1,0 +1,114 @@
+"""A base map with its effects of the pose as one energy, and poses to compare the two at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ecm._native import EnergyModel, rotation_matrices
+from ecm.effects import Rows
+from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.models.joint_fit import FittedEffect
+from ecm.models.maps import EnergyMap, StiffnessMap, Symmetry
+from ecm.models.physics.map import PhysicsMap
+from ecm.regression.noise import Noise
+
+_POSES = 2000
+_SEED = 11
+_SMALL_ERROR = 0.15
+"""An energy whose error over the noise is smaller is near enough to fold effects into."""
+
+
+class Fitted(Protocol):
+    """The members of a model that are needed here."""
+
+    @property
+    def base(self) -> StiffnessMap:
+        """Base map."""
+
+    @property
+    def effects(self) -> Sequence[FittedEffect]:
+        """Effects beside it."""
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of a row."""
+
+    @property
+    def domain(self) -> Mapping[str, tuple[float, float]]:
+        """Range of each pose column."""
+
+    @property
+    def known_length_m(self) -> float | None:
+        """Undeformed length."""
+
+    def rest_pose(self, purpose: str) -> F:
+        """(1, 6) undeformed pose."""
+
+    def predict(self, data: F) -> F:
+        """(N, m) wrench at poses."""
+
+    def rows_at(self, poses: F) -> Rows:
+        """Rows of poses (N, n) without a table."""
+
+
+def folded(model: Fitted) -> tuple[EnergyMap, F]:
+    """The smallest energy that is near enough to the base with its effects, and its error."""
+    rest = model.rest_pose("a model with effects of physics is exported as an energy, which")
+    poses = poses_in_domain(model, _POSES)
+    wrenches = model.predict(poses)
+    noise = noise_sd(model)
+    trials: list[tuple[float, EnergyMap, F]] = []
+    forms: tuple[tuple[int, Symmetry], ...]
+    forms = ((6, "alike"), (6, "revolution"), (4, "general"), (6, "general"))
+    for degree, symmetry in forms:
+        energy = EnergyModel.fit(
+            poses[::2].copy(),
+            wrenches[::2].copy(),
+            length_m=float(rest[0, 0]),
+            degree=degree,
+            symmetry=symmetry,
+        )
+        error = np.sqrt(((energy.predict(poses[1::2].copy()) - wrenches[1::2]) ** 2).mean(axis=0))
+        trials.append((float(np.max(error / noise)), EnergyMap(energy), error))
+        if trials[-1][0] < _SMALL_ERROR:
+            break
+    _, folded, error = min(trials, key=lambda trial: trial[0])
+    return folded, error
+
+
+def noise_sd(model: Fitted) -> F:
+    """(m,) root mean square noise of a row of each component over the model's poses."""
+    rows = model.rows_at(poses_in_domain(model, 200))
+    return np.asarray(np.sqrt(np.einsum("njj->j", model.noise.covariance(rows)) / len(rows)))
+
+
+def poses_in_domain(model: Fitted, count: int) -> F:
+    """(count, 6) random poses like those of the training data, which the model does not contain.
+
+    An energy states how far its data went in mid-frame coordinates: |c| and |theta| at most
+    `scale`. Otherwise the ranges of the pose columns are shrunk by half about their middle,
+    because no mechanism reaches the corners of the whole box.
+    """
+    random = np.random.default_rng(_SEED)
+    base = model.base.surrogate if isinstance(model.base, PhysicsMap) else model.base
+    if isinstance(base, EnergyMap):
+        directions = random.standard_normal((2, count, 3))
+        directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+        radii = random.uniform(0.0, 1.0, (2, count, 1)) ** (1.0 / 3.0)
+        c, theta = directions * radii * np.minimum(base.model.scale, 3.0)[:, None, None]
+        half = rotation_matrices(np.ascontiguousarray(0.5 * theta))
+        position = np.einsum("nij,nj->ni", half, c + np.array([base.model.length_m, 0.0, 0.0]))
+        return np.hstack([position, theta])
+    length = model.known_length_m or 0.1
+    lower = np.array([0.9 * length, -0.1 * length, -0.1 * length, -0.3, -0.3, -0.3])
+    upper = np.array([1.1 * length, 0.1 * length, 0.1 * length, 0.3, 0.3, 0.3])
+    for j, column in enumerate(POSE):
+        if column in model.domain:
+            low, high = model.domain[column]
+            quarter = 0.25 * (high - low)
+            lower[j], upper[j] = low + quarter, high - quarter
+    return np.asarray(random.uniform(lower, upper, (count, 6)))

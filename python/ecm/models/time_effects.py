@@ -1,0 +1,199 @@
+"""Which effects of a model a controller can step through, with their constants.
+
+Physics of the mechanism acts on the robot whoever measures, and goes into the controller. Errors of
+the instruments do not, and stay out. What has no exact step yet stays out with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ecm._native import mid_frame
+from ecm.effects import Effect
+from ecm.effects.friction import Hysteresis
+from ecm.effects.mid_frame import generalised, wrench_of
+from ecm.effects.modulus import MullinsSoftening, TemperatureModulus
+from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.rod_strain import rest_stiffness
+from ecm.io.arrays import F
+from ecm.models.folding import Fitted, noise_sd, poses_in_domain
+
+_ENERGIES = ("energy", "physics")
+_ALIKE = 0.3
+"""Change over the noise by which data cannot tell two forms of relaxation apart."""
+
+
+@dataclass
+class TimeEffects:
+    """Effects of time in the words of the compiled stepper.
+
+    Examples
+    --------
+    >>> effects = TimeEffects({"length_m": 0.1}, left_out={"fts_drift": "an error of the sensor"})
+    >>> effects.sentences()
+    ('Left out: fts_drift (an error of the sensor).',)
+    """
+
+    document: dict[str, Any]
+    """Constants, for `ecm._native.Stepper`."""
+    acting: list[str] = field(default_factory=list)
+    """Ids of the effects that step."""
+    left_out: dict[str, str] = field(default_factory=dict)
+    """Why each of the others does not."""
+    warnings: list[str] = field(default_factory=list)
+    """What may give energy, and what was replaced."""
+
+    def sentences(self) -> tuple[str, ...]:
+        """What steps, what is left out and why, in words."""
+        said = []
+        if self.acting:
+            said.append(
+                f"Steps with a state: {', '.join(self.acting)}; functions init, step and settled, "
+                "docs/control.md."
+            )
+        if self.left_out:
+            listed = "; ".join(f"{id} ({why})" for id, why in self.left_out.items())
+            said.append(f"Left out: {listed}.")
+        return (*said, *self.warnings)
+
+
+def time_effects(model: Fitted, *, static: bool = False) -> TimeEffects:
+    """Effects of time of a model for its stepper; with `static` none, for a file without time.
+
+    Parameters
+    ----------
+    model
+        A fitted model; its effects of the pose are no matter of this function.
+    static
+        Leave out all that needs a state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ecm import as_table, fit_model
+    >>> x = np.linspace(-0.01, 0.01, 9)
+    >>> model = fit_model(as_table({"x_m": x, "fx_N": 2000.0 * x}), "linear")
+    >>> time_effects(model).acting
+    []
+    """
+    found = TimeEffects({"length_m": model.known_length_m or 1.0})
+    for item in model.effects:
+        effect = item.effect
+        if effect.side == "measurement":
+            found.left_out[item.id] = "an error of the instruments: the robot does not have it"
+        elif effect.kind == "pose":
+            continue
+        elif static:
+            found.left_out[item.id] = "this file has no state and no temperature"
+        elif model.base.document().get("kind") not in _ENERGIES:
+            found.left_out[item.id] = "steps need an energy or physics model: fit one"
+        else:
+            why = _add(found, model, effect, item.values)
+            if why:
+                found.left_out[item.id] = why
+            else:
+                found.acting.append(item.id)
+    return found
+
+
+def _add(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+    """Add the constants of one effect, or say why it has no step."""
+    makers: dict[str, Callable[[TimeEffects, Fitted, Any, F], str]] = {
+        "stress_relaxation": _relaxation,
+        "hysteresis": _friction,
+        "temperature_modulus": _temperature,
+        "ageing": _ageing,
+        "viscous_damping": _damping,
+        "mullins_softening": _softening,
+    }
+    reasons = {
+        "permanent_set": "it counts the visits of a campaign, which a motion does not have",
+        "inertia": "the mass of what moves: it belongs to the robot's dynamics",
+    }
+    if effect.id in makers:
+        return makers[effect.id](found, model, effect, values)
+    return reasons.get(effect.id, "it has no exact step")
+
+
+def _along(model: Fitted) -> F:
+    """(6,) stiffness at rest along the mid-frame coordinates."""
+    return rest_stiffness(model.rows_at(model.rest_pose("an effect of time"))).along
+
+
+def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, values: F) -> str:
+    if effect.overstress and effect.frame != "middle":
+        return "fitted in base axes, as older versions did: ecm refit fits it in the mid frame"
+    along = _along(model)
+    linear = effect.overstress == "linear"
+    if not linear:
+        poses = poses_in_domain(model, 500)
+        wrench = model.base.predict(poses)
+        more = generalised(poses, wrench) - mid_frame(poses, model.known_length_m or 0.0) * along
+        change = np.sqrt((wrench_of(poses, values.sum() * more) ** 2).mean(axis=0))
+        share = float(np.max(change / noise_sd(model)))
+        linear = share <= _ALIKE and bool((along >= 0.0).all())
+        found.warnings.append(
+            f"stress_relaxation: replaced by its passive form k q, which differs by at most "
+            f"{share:.2g} of the measurement noise."
+            if linear
+            else "stress_relaxation is not passive: a free factor on a nonlinear force may give "
+            f"energy in fast large cycles (the passive form differs by {share:.2g} of the noise). "
+            "Keep the loop's own damping."
+        )
+    if linear and (values < 0.0).any():
+        found.warnings.append("stress_relaxation is not passive: a factor is below zero.")
+    found.document["stiffness"] = along.tolist()
+    found.document["branches"] = [
+        {"share": float(share), "tau_s": tau, "linear": linear}
+        for share, tau in zip(values, (effect.tau_s, effect.second_tau_s), strict=False)
+    ]
+    return ""
+
+
+def _friction(found: TimeEffects, model: Fitted, effect: Hysteresis, values: F) -> str:
+    if effect.yield_m <= 0.0:
+        return (
+            "it follows the pose before, which a motion does not have: with time_s in the data "
+            "ecm refit fits springs that slip"
+        )
+    if effect.stiffness != "middle":
+        return "a spring for each pose coordinate has no frame of the mechanism"
+    length = model.known_length_m or 1.0
+    spring = _along(model) * float(values[0]) / effect.yield_m
+    found.document["friction"] = spring.tolist()
+    found.document["slip"] = [effect.yield_m] * 3 + [effect.yield_m / length] * 3
+    if (spring < 0.0).any():
+        found.warnings.append("hysteresis is not passive: its springs are below zero.")
+    return ""
+
+
+def _temperature(found: TimeEffects, model: Fitted, effect: TemperatureModulus, values: F) -> str:
+    if effect.reference_degC is None:
+        return "its reference temperature is not in the model file; ecm refit writes it"
+    found.document["softer_per_kelvin"] = float(values[0])
+    found.document["reference_degc"] = effect.reference_degC
+    return ""
+
+
+def _ageing(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+    found.document["ageing_per_s"] = float(values[0])
+    return ""
+
+
+def _damping(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
+    found.document["damping"] = [float(values[0]), float(values[1])]
+    return ""
+
+
+def _softening(found: TimeEffects, model: Fitted, effect: MullinsSoftening, values: F) -> str:
+    if effect.width > 0.0 or effect.measure != "energy":
+        return "its loss counts from a median of the campaign, which the model file does not hold"
+    found.document["softening"] = float(values[0])
+    found.warnings.append(
+        "mullins_softening is not passive: p h / 2 is not the stored energy of a nonlinear body."
+    )
+    return ""

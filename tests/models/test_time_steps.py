@@ -1,0 +1,234 @@
+"""Effects of time in steps: what Python predicts, in the controller and in exported C."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm.effects import Effect, Rows
+from ecm.effects.friction import Hysteresis
+from ecm.effects.modulus import Ageing, MullinsSoftening, TemperatureModulus
+from ecm.effects.motion import ViscousDamping
+from ecm.effects.permanent_set import PermanentSet
+from ecm.effects.relaxation import StressRelaxation
+from ecm.effects.sensor import FtsOffset
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import FileMeta, Meta
+from ecm.io.table import Table, as_table
+from ecm.models import Model, fit_model
+from ecm.models.control import LoopSettings
+from ecm.models.controller import Controller
+from ecm.models.export import export_files, poses_in_domain
+from ecm.models.joint_fit import FittedEffect
+from support.campaigns import campaign
+from support.programs import need_program
+
+F = NDArray[np.float64]
+LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Model:
+    return fit_model(campaign(seed=3), "energy4")
+
+
+def with_effects(model: Model, *effects: tuple[Effect, list[float]]) -> Model:
+    fitted = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
+    return replace(model, effects=tuple(fitted))
+
+
+def recorded(model: Model, count: int = 60) -> Table:
+    """Poses of the model in turn, at uneven times, with a pause of an hour."""
+    random = np.random.default_rng(5)
+    poses = poses_in_domain(model, count)
+    steps = 10.0 ** random.uniform(-3.0, 2.0, count)
+    steps[count // 2] = 3600.0
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict.fromkeys(WRENCH, np.zeros(count))
+    columns |= {"time_s": np.cumsum(steps), "temperature_degC": random.uniform(15.0, 30.0, count)}
+    length = model.known_length_m
+    assert length is not None
+    meta = Meta(file=FileMeta(kind="continuous"), mechanism={"length_m": length})
+    return as_table(columns, meta=meta)
+
+
+def at_rest(model: Model) -> Controller:
+    """Before the first load, from which the effects count: a fitted map has a little at rest."""
+    controller = model.controller()
+    assert controller.init(model.rest_pose("a test")[0])
+    state = controller.state
+    state[12:18] = 0.0
+    controller.state = state
+    return controller
+
+
+ONE_BY_ONE: list[tuple[Effect, list[float]]] = [
+    (StressRelaxation(5.0, "linear", frame="middle"), [0.3]),
+    (StressRelaxation(5.0, "elastic", frame="middle"), [0.3]),
+    (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
+    (TemperatureModulus(21.0), [0.004]),
+    (Ageing(), [1e-5]),
+    (MullinsSoftening(), [0.1]),
+]
+
+
+@pytest.mark.parametrize("effects", [*([item] for item in ONE_BY_ONE), ONE_BY_ONE[2:]])
+def test_steps_are_what_the_effect_predicts_along_a_recorded_table(
+    plain: Model, effects: list[tuple[Effect, list[float]]]
+) -> None:
+    model = with_effects(plain, *effects)
+    table = recorded(model)
+    expected = model.predict(table)
+    controller = at_rest(model)
+    assert controller.effects.acting == [effect.id for effect, _ in effects]
+    time = table.column("time_s")
+    # The way from rest to the first sample lasts as long as the second step.
+    steps = np.diff(time, prepend=2.0 * time[0] - time[1])
+    kelvin = table.column("temperature_degC")
+    found = np.array(
+        [
+            controller.step(pose, dt, temperature_degC=t, age_s=age)[0]
+            for pose, dt, t, age in zip(table.poses, steps, kelvin, time, strict=True)
+        ]
+    )
+    size = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-9)
+    assert np.abs(expected - plain.predict(table.poses)).max() > 1e-3 * size.max()
+
+
+def test_springs_that_slip_follow_the_visits_of_a_campaign(plain: Model) -> None:
+    """Each reading is reached over the pose before it: two moves a row."""
+    model = with_effects(plain, (Hysteresis("middle", 2e-3), [3e-4]))
+    table = campaign(seed=3).measured()
+    table = table.with_columns({"run": np.zeros(len(table))})
+    expected = model.predict(table)
+    came = Rows(table, model.base).known_before
+    controller = at_rest(model)
+    for i in np.argsort(table.column("time_s"), kind="stable"):
+        controller.step(came[i], 1.0)
+        found, _ = controller.step(table.poses[i], 1.0)
+        assert np.abs(found - expected[i]).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_relaxation_over_visits_is_two_moves_and_a_rest(plain: Model) -> None:
+    effect = StressRelaxation(8.0, path="visits", frame="middle")
+    model = with_effects(plain, (effect, [0.3]))
+    table = campaign(seed=3).measured()
+    table = table.with_columns({"run": np.zeros(len(table))})
+    expected = model.predict(table)
+    came = Rows(table, model.base).known_before
+    controller = at_rest(model)
+    assert not any("replaced" in text for text in controller.effects.warnings)
+    time, dwell = table.column("time_s"), table.column("dwell_s")
+    order = np.argsort(time, kind="stable")
+    before = -np.inf
+    for i in order:
+        leg = 0.5 * max(time[i] - dwell[i] - before, 0.0)
+        # Before the first reading all is at rest, and the move to it is sudden.
+        first = np.isinf(leg)
+        controller.step(came[i], 1e15 if first else leg)
+        controller.step(table.poses[i], 0.0 if first else leg)
+        found, _ = controller.step(table.poses[i], dwell[i])
+        before = time[i]
+        assert np.abs(found - expected[i]).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_damping_is_that_of_an_even_motion(plain: Model) -> None:
+    model = with_effects(plain, (ViscousDamping(), [40.0, 0.2]))
+    ends = poses_in_domain(model, 2)
+    share = np.linspace(0.0, 1.0, 11)[:, None]
+    poses = ends[0] + share * (ends[1] - ends[0])
+    table = recorded(model, 11).with_columns(
+        dict(zip(POSE, poses.T, strict=True)) | {"time_s": 0.01 * np.arange(11)}
+    )
+    controller = model.controller()
+    controller.init(poses[0])
+    found = [controller.step(pose, 0.01)[0] for pose in poses]
+    size = np.abs(model.predict(table)).max(axis=0)
+    difference = (np.array(found) - model.predict(table))[1:] / size
+    assert np.abs(difference).max() < 1e-9
+
+
+def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path: Path) -> None:
+    gcc = need_program("gcc")
+    friction = (Hysteresis("middle", 2e-3), [3e-4])
+    model = with_effects(plain, *ONE_BY_ONE[2:4], friction, (FtsOffset(), [1.0] * 6))
+    exported = export_files(model, "c", "neck", loop=LOOP)
+    assert exported.left_out == ("fts_offset",)
+    assert any("fts_offset (an error of the instruments" in note for note in exported.notes)
+    for path, text in exported.files.items():
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    library = tmp_path / "neck.so"
+    command = [gcc, "-O2", "-shared", "-fPIC", tmp_path / "neck.c", "-o", library]
+    subprocess.run(command, check=True)
+    code = ctypes.CDLL(str(library))
+    state = (ctypes.c_double * 49)()
+    assert ctypes.sizeof(state) <= 400
+    controller = model.controller()
+    poses = poses_in_domain(model, 40)
+    controller.init(poses[0])
+    assert code.neck_init(state, (ctypes.c_double * 6)(*poses[0])) == 1
+    h, k = (ctypes.c_double * 6)(), (ctypes.c_double * 36)()
+    inputs = (ctypes.c_double * 2)(26.0, 0.0)
+    for i, pose in enumerate(poses):
+        dt = 10.0 ** (i % 6 - 3)
+        assert code.neck_step(
+            state, (ctypes.c_double * 6)(*pose), ctypes.c_double(dt), inputs, h, k
+        )
+        wrench, tangent = controller.step(pose, dt, temperature_degC=26.0)
+        np.testing.assert_allclose(np.array(h), wrench, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(np.array(k), tangent.ravel(), rtol=0, atol=1e-8 * 1e4)
+    np.testing.assert_allclose(np.array(state), controller.state, rtol=1e-9, atol=1e-9)
+
+
+def test_what_has_no_step_stays_out_with_its_reason(plain: Model) -> None:
+    model = with_effects(
+        plain,
+        (Hysteresis("local"), [1e-4]),
+        (PermanentSet(), [1e-2]),
+        (MullinsSoftening(0.7), [0.1]),
+        (StressRelaxation(5.0, "linear"), [0.3]),
+    )
+    exported = export_files(model, "c", loop=LOOP)
+    assert exported.left_out == tuple(item.id for item in model.effects)
+    (note,) = (note for note in exported.notes if note.startswith("Left out"))
+    for word in ("pose before", "visits", "median", "base axes"):
+        assert word in note
+    assert "ecm_model_step" not in exported.files["ecm_model.h"]
+    polynomial = with_effects(fit_model(campaign(seed=3), "cubic"), ONE_BY_ONE[0])
+    (note,) = (n for n in export_files(polynomial, "c", loop=LOOP).notes if "Left out" in n)
+    assert "energy or physics model" in note
+
+
+def test_forms_that_may_give_energy_are_flagged_and_replaced_where_nobody_can_tell(
+    plain: Model,
+) -> None:
+    for size, words in ((1e-5, "replaced by its passive form"), (0.5, "is not passive")):
+        model = with_effects(plain, (StressRelaxation(5.0), [size]))
+        exported = export_files(model, "c", loop=LOOP)
+        assert any(f"stress_relaxation{' ' if size > 0.1 else ': '}{words}" in note
+                   for note in exported.notes)  # fmt: skip
+
+
+def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model) -> None:
+    controller = with_effects(plain, ONE_BY_ONE[2]).controller()
+    poses = poses_in_domain(plain, 10)
+    controller.init(poses[0])
+    for pose in poses[:5]:
+        controller.step(pose, 0.01)
+    saved = controller.state
+    for pose, dt in ((np.full(6, np.nan), 0.01), (poses[5], -1.0), (poses[5], np.nan)):
+        assert np.isnan(controller.step(pose, dt)[0]).all()
+        assert controller.state.tobytes() == saved.tobytes()
+    first = [controller.step(pose, 0.01)[0].tobytes() for pose in poses[5:]]
+    controller.state = saved
+    assert [controller.step(pose, 0.01)[0].tobytes() for pose in poses[5:]] == first
+    settled, stiffness = controller.settled(poses[9])
+    after, tangent = controller.step(poses[9], 1e9)
+    np.testing.assert_allclose(after, settled, rtol=1e-9)
+    np.testing.assert_allclose(tangent, stiffness, rtol=1e-6, atol=1e-3)
