@@ -254,7 +254,7 @@ impl EnergyModel {
         py: Python<'py>,
         poses: PyReadonlyArray2<'py, f64>,
         kind: &str,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>)> {
+    ) -> PyResult<WrenchAndStiffness<'py>> {
         let kind = stiffness_kind(kind)?;
         let poses = poses_of(&poses)?;
         let (wrenches, stiffnesses) = match (&*poses, kind) {
@@ -360,6 +360,9 @@ impl EnergyModel {
         Ok((wrenches, self.0.stiffness(poses, kind).map_err(error)?))
     }
 }
+
+/// (N, 6) and (N, 6, 6).
+type WrenchAndStiffness<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Wrench and stiffness of each pose.
 type Both = (Vec<[f64; 6]>, Vec<[[f64; 6]; 6]>);
