@@ -18,6 +18,7 @@ from starlette.testclient import TestClient
 
 from ecm.errors import InputError
 from ecm.workflow.app.journal import Journal
+from ecm.workflow.app.serve import begin
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
 from support.neck import ROOT
@@ -165,6 +166,7 @@ def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_pa
 _SERVER = """
 import sys
 from pathlib import Path
+from ecm.workflow.app.serve import begin
 from ecm.workflow.app.server import App
 app = App.of(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
@@ -228,6 +230,17 @@ def test_a_record_that_a_kill_has_cut_is_left_out(tmp_path: Path) -> None:
     history = journal.read()
     assert sorted(history.steps) == [1, 2]
     assert history.steps[1].status == "running"
+
+
+def test_a_model_of_the_command_line_waits_for_the_check(app: App, tmp_path: Path) -> None:
+    begin(app, [table(tmp_path / "stage.csv")], model="linear")
+    app.jobs.wait()
+    state = app.state()
+    for step in state["steps"]:
+        assert step["status"] == "done", step
+    assert [step["verb"] for step in state["steps"]] == ["upload", "check", "fit", "compare"]
+    with pytest.raises(InputError, match="is a session already"):
+        begin(app, [tmp_path / "stage.csv"])
 
 
 # --- who may ask -------------------------------------------------------

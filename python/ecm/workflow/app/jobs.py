@@ -50,8 +50,18 @@ class Jobs:
         self._threads: list[threading.Thread] = []
         self._closed = False
 
-    def start(self, verb: str, request: dict[str, Any]) -> int:
+    def start(
+        self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
+    ) -> int:
         """Begin a step and return its number.
+
+        Parameters
+        ----------
+        verb, request
+            The step.
+        then
+            Step that follows when it is done, where it is possible then; by default the one that
+            shows its result.
 
         Raises
         ------
@@ -63,7 +73,7 @@ class Jobs:
         with self._lock:
             if self._job is not None:
                 raise Busy("another step is being computed: wait for it, or cancel it")
-            return self._begin(verb, request)
+            return self._begin(verb, request, then)
 
     def cancel(self) -> bool:
         """Kill the process of the step that is being computed; False where there is none."""
@@ -107,7 +117,9 @@ class Jobs:
                 break
         return found
 
-    def _begin(self, verb: str, request: dict[str, Any]) -> int:
+    def _begin(
+        self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
+    ) -> int:
         step = self.session.begin(verb, request)
         logs = self.session.folder / "logs"
         logs.mkdir(exist_ok=True)
@@ -124,7 +136,9 @@ class Jobs:
                 env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
             )
         self._job = job = _Job(step.number, process, time.time())
-        thread = threading.Thread(target=self._wait, args=(job, verb), daemon=True)
+        if then is None and verb in _FOLLOWED_BY:
+            then = _FOLLOWED_BY[verb], {}
+        thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
         self._threads = [t for t in self._threads if t.is_alive()] + [thread]
         thread.start()
         return step.number
@@ -138,7 +152,7 @@ class Jobs:
             job.process.kill()
         return True
 
-    def _wait(self, job: _Job, verb: str) -> None:
+    def _wait(self, job: _Job, then: tuple[str, dict[str, Any]] | None) -> None:
         code = job.process.wait()
         if job.process.stdin is not None:
             job.process.stdin.close()
@@ -146,14 +160,21 @@ class Jobs:
         message = INTERRUPTED if status == "interrupted" else ""
         if status == "failed":
             message = _last_error(self.session.log(job.number, "err"))
-        self.session.end(job.number, status, message, time.time() - job.begun_s)
-        after = _FOLLOWED_BY.get(verb)
-        with self._lock:
-            if status == "done" and after is not None and not self._closed:
-                with suppress(InputError):  # a warning of the check is open
-                    self._begin(after, {})
-                    return
-            self._job = None
+        try:
+            self.session.end(job.number, status, message, time.time() - job.begun_s)
+        finally:
+            with self._lock:
+                if not self._follow(status, then):
+                    self._job = None
+
+    def _follow(self, status: str, then: tuple[str, dict[str, Any]] | None) -> bool:
+        """Begin the step that follows; False where there is none, or a warning is open."""
+        if status != "done" or then is None or self._closed:
+            return False
+        with suppress(InputError):
+            self._begin(*then)
+            return True
+        return False
 
 
 def _tail(text: bytes) -> str:

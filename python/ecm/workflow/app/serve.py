@@ -33,7 +33,7 @@ def serve(
     tables
         Tables of a new session.
     model
-        Name of a model that is fitted to them at once.
+        Name of a model that is fitted to them, when their check leaves no warning open.
     port
         0: any that is free.
     demo
@@ -96,10 +96,7 @@ def begin(
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)
     if tables:
-        app.jobs.start("check", {})
-        app.jobs.wait()
-        if model is not None:
-            app.jobs.start("fit", {"model": model})
+        app.jobs.start("check", {}, None if model is None else ("fit", {"model": model}))
 
 
 def _listen(port: int) -> Any:
