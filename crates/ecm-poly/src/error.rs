@@ -171,6 +171,7 @@ pub fn check_count(
 }
 
 /// `Ok` where every number of a row-major array is finite.
+#[allow(clippy::eq_op)] // x - x is NaN where x is not finite.
 pub fn check_finite(name: &'static str, values: &[f64], columns: usize) -> Result<(), ModelError> {
     // x - x is +0 for finite numbers only; without a branch this runs in vector registers, and
     // every prediction passes here.

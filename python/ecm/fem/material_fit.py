@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from ecm import _native
+from ecm._native import material_decode, material_start
 from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.material import MODELS, TESTS, WITH_TERMS, Material
@@ -235,13 +235,13 @@ def _fit(
 ) -> MaterialFit:
     """Fit one model, from several starts."""
     scales = [float(np.sqrt(np.mean(t.stress_Pa**2) * len(t.stretch))) for t in tests]
-    start = _native.material_start(model, _guess_shear_modulus(tests), terms)
+    start = material_start(model, _guess_shear_modulus(tests), terms)
     rows, size = sum(len(t.stretch) for t in tests), len(start)
     if rows <= size:
         raise ComputationError(f"{rows} rows cannot give the {size} parameters of {model}")
 
     def misfit(x: F) -> F:
-        _, own = _named(model, _native.material_decode(model, x))
+        _, own = _named(model, material_decode(model, x))
         try:
             solid = Material(model, own | {"poisson_ratio": poisson_ratio})
             parts = [
@@ -255,14 +255,17 @@ def _fit(
     best = _minimise(misfit, start)
     if best is None or not np.isfinite(best.cost):
         raise ComputationError(f"the fit of {model} does not converge: check units and columns")
-    values = _native.material_decode(model, best.x)
+    values = material_decode(model, best.x)
     variance = 2.0 * best.cost / (rows - size)
     jacobian = np.asarray(best.jac, dtype=np.float64)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-    decode = _native.material_decode
     steps = np.diag(1e-6 * np.maximum(1.0, np.abs(best.x)))
     slopes = np.column_stack(
-        [(decode(model, best.x + h) - decode(model, best.x - h)) / (2.0 * h.sum()) for h in steps]
+        [
+            (material_decode(model, best.x + h) - material_decode(model, best.x - h))
+            / (2.0 * h.sum())
+            for h in steps
+        ]
     )
     sd = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
     parts = np.split(misfit(best.x), np.cumsum([len(t.stretch) for t in tests])[:-1])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ecm import _native
+from ecm._native import FemError, material_models, material_moduli, material_stress
 from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.io.toml import check_keys, did_you_mean
@@ -17,9 +17,9 @@ TESTS = ("uniaxial", "equibiaxial", "pure_shear")
 """The classical tests of a material."""
 COMMON = ("bulk_modulus_Pa", "poisson_ratio", "fibre_direction", "fibre_k1_Pa", "fibre_k2")
 """Parameters that every model takes."""
-MODELS = {name: tuple(parameters) for name, parameters, _ in _native.material_models()}
+MODELS = {name: tuple(parameters) for name, parameters, _ in material_models()}
 """The own parameters of each material model, as `[mechanism] material` names them."""
-WITH_TERMS = {name for name, _, has_terms in _native.material_models() if has_terms}
+WITH_TERMS = {name for name, _, has_terms in material_models() if has_terms}
 """Models whose parameters are lists with one number per term."""
 
 
@@ -69,8 +69,8 @@ class Material:
                         "list of numbers"
                     )
         try:
-            _native.material_moduli(self.model, self.parameters)
-        except _native.FemError as error:
+            material_moduli(self.model, self.parameters)
+        except FemError as error:
             raise InputError(f"material '{self.model}': {error}") from None
 
     @staticmethod
@@ -126,10 +126,10 @@ class Material:
         if np.any(stretch <= 0.0):
             raise InputError(f"stretch = {np.min(stretch)}: expected above 0 (1 is undeformed)")
         stretch = np.ascontiguousarray(stretch, dtype=float)
-        return _native.material_stress(self.model, self._without_fibres(), mode, stretch)
+        return material_stress(self.model, self._without_fibres(), mode, stretch)
 
     def _moduli_Pa(self) -> tuple[float, float]:
-        return _native.material_moduli(self.model, self._without_fibres())
+        return material_moduli(self.model, self._without_fibres())
 
     def _without_fibres(self) -> dict[str, float | list[float]]:
         return {k: v for k, v in self.parameters.items() if not k.startswith("fibre_")}
