@@ -81,12 +81,10 @@ def application(app: App, *, port: int, token: str) -> Any:
     """
     starlette = require("starlette.applications", "app", _PURPOSE)
     routing = require("starlette.routing", "app", _PURPOSE)
-    require("plotly", "app", _PURPOSE)
     routes = _Routes(app)
     paths = [
         routing.Route("/", routes.page, methods=["GET"]),
         routing.Route("/page/{name}", routes.page, methods=["GET"]),
-        routing.Route("/plotly.js", routes.plotly, methods=["GET"]),
         routing.Route("/api/state", routes.state, methods=["GET"]),
         routing.Route("/api/view/{name}", routes.view, methods=["GET"]),
         routing.Route("/api/log/{number:int}", routes.log, methods=["GET"]),
@@ -121,11 +119,6 @@ class _Routes:
         if path is None:
             return _json({"error": "no such file"}, 404)
         return _file(path, {"cache-control": "no-cache"})
-
-    async def plotly(self, _request: Any) -> Any:
-        package = Path(str(require("plotly", "app", _PURPOSE).__file__)).parent
-        path = package / "package_data" / "plotly.min.js"
-        return _file(path, {"cache-control": "private, max-age=86400"})
 
     async def state(self, _request: Any) -> Any:
         return _json(await asyncio.to_thread(self.app.state))

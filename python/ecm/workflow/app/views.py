@@ -86,6 +86,7 @@ def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
 def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     """Return the residual of each measured pose in its unit, over the noise, and as a pose."""
     from ecm.comparison.comparison import compare  # noqa: PLC0415
+    from ecm.comparison.residual_points import residual_points  # noqa: PLC0415
     from ecm.effects import load_installed  # noqa: PLC0415
     from ecm.io.columns import unit_of  # noqa: PLC0415
     from ecm.io.table import read_table  # noqa: PLC0415
@@ -95,14 +96,13 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     table = read_table(list(tables), need="fit")
     fitted = load_model(Path(str(model)))
     result = compare(fitted, table)
-    maps = result.where()
-    at = _thinned(len(maps.row))
+    maps, points = result.where(), residual_points(result, MOST_ROWS)
     kinds: dict[str, dict[str, Any]] = {
         "noise": {
             "label": "over its noise",
             "unit": "times the noise",
             "columns": list(maps.outputs),
-            "values": _columns(maps.over_noise["base"][at]),
+            "values": _columns(points.over_noise),
             "floor": [1.0] * len(maps.outputs),
         },
         "wrench": {
@@ -110,23 +110,25 @@ def residuals(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
             "unit": "",
             "columns": list(maps.outputs),
             "units": [unit_of(name) for name in maps.outputs],
-            "values": _columns(maps.physical["base"][at]),
+            "values": _columns(points.physical),
             "floor": [component.floor for component in result.components],
         },
     }
-    pose = _pose_error(result.pose_error, maps.row[at])
+    pose = _pose_error(result.pose_error, points.row)
     if pose is not None:
         kinds["pose"] = pose
     return {
-        "row": maps.row[at].tolist(),
-        "size": _short(maps.size[at]),
-        "variables": {name: _short(values[at]) for name, values in maps.variables.items()},
+        "row": points.row.tolist(),
+        "size": _short(points.size),
+        "variables": {name: _short(values) for name, values in points.variables.items()},
         "follows": [list(item) for item in maps.follows[:10]],
-        "strongest": maps.strongest(len(maps.variables)),
+        "strongest": [
+            name for name in maps.strongest(len(maps.variables)) if name in points.variables
+        ],
         "kinds": kinds,
         "sentence": maps.sentence(),
         "worst": maps.worst(),
-        "said": _said(len(at), maps.total),
+        "said": points.sentence,
     }
 
 
@@ -147,6 +149,7 @@ def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
             item.id: {
                 "share": item.share,
                 "what": get_effect(item.id).physics,
+                "side": get_effect(item.id).side,
                 "values": _columns(item.explained[at]),
             }
             for item in previews.effects

@@ -1,29 +1,43 @@
 // Stage 1: a table is dropped, read, drawn beside the mechanism, and checked.
 
 import {post, upload, view} from "./api.js";
-import {button, el, label, table} from "./dom.js";
-import {draw as plot, scene} from "./plots.js";
+import {column, label, readable} from "./columns.js";
+import {button, el, number, table, waiting} from "./dom.js";
+import {term} from "./help.js";
+import {workspace} from "./scene.js";
+
+const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
+  ["xyz", "angles about fixed x, y, z"], ["XYZ", "angles about turning x, y, z"], ["zyx", "angles about fixed z, y, x"],
+  ["ZYX", "angles about turning z, y, x"]];
 
 export async function draw(root, state, app) {
-  root.append(dropZone(state, app));
-  if (state.imported && state.imported.sentences)
-    root.append(...state.imported.sentences.map(text => el("p", {}, text)));
+  if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
-  else if (state.data.length || state.dropped) root.append(mapping(state, app));
-  if (state.data.length && state.check) {
-    const place = el("div", {class: "plot tall", role: "img",
-      "aria-label": "Measured poses beside the undeformed body and the frames"});
-    const said = el("p", {class: "soft"});
-    root.append(el("h3", {}, "Measured poses"), said, place);
-    const poses = await view("poses", state);
-    said.textContent = "Positions of the top frame, in mm, beside the undeformed body. " + poses.said;
-    await plot(place, ...scene(poses, null, ""));
-  }
+  if (!state.check && (state.data.length || state.dropped)) root.append(mapping(state, app));
+  if (state.imported) root.append(imported(state.imported));
+  if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
+  if (state.data.length && state.check) await picture(root, state);
+  if (state.data.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
+}
+
+function empty(state, app) {
+  const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
+    {class: style, id: `example-${name}`, disabled: Boolean(state.running)});
+  return el("div", {}, dropZone(state, app), state.dropped ? null : el("div", {class: "cards"},
+    el("div", {class: "card"}, el("h3", {}, "No data yet?"),
+      el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
+      el("div", {class: "row"}, example("neck", "Open the neck", "first"))),
+    el("div", {class: "card"}, el("h3", {}, "Simpler examples"),
+      el("p", {}, "Tables as a rig of one, three or six degrees of freedom would write them."),
+      el("div", {class: "row"}, example("1", "1 axis"), example("3", "3 axes"), example("6", "6 axes"))),
+    el("div", {class: "card"}, el("h3", {}, "What a table needs"),
+      el("p", {}, "One row per reading: at least one column of the ", term("pose"), " and one of the ", term("wrench"),
+        ". Names and units are guessed: mm or m, degrees or radians, rotation vectors, quaternions or Euler angles."))));
 }
 
 function dropZone(state, app) {
   const more = el("input", {type: "checkbox", id: "more"});
-  const input = el("input", {type: "file", id: "file", multiple: true,
+  const input = el("input", {type: "file", id: "file", multiple: true, class: "hidden", tabindex: "-1", "aria-hidden": "true",
     onchange: () => take(input.files)});
   const take = files => app.act(async () => {
     for (const file of files) await upload(file, more.checked);
@@ -36,47 +50,75 @@ function dropZone(state, app) {
       zone.classList.remove("over");
       take(event.dataTransfer.files);
     }},
-  el("p", {}, "Drop a table here: CSV, Parquet, MAT or another log; its TOML after it."),
-  el("label", {for: "file"}, "or choose a file "), input,
-  state.data.length ? el("p", {}, more, el("label", {for: "more"}, " as another run of the same data"))
-    : null);
+  el("p", {}, el("strong", {}, "Drop a table here")),
+  el("p", {class: "soft"}, "CSV, Parquet, MAT, HDF5, MCAP or another log, up to 2 GB; its description (TOML) after it. Nothing leaves this machine."),
+  button("Choose a file", () => input.click(), {id: "choose"}), input,
+  state.data.length ? el("p", {}, more, el("label", {for: "more"}, " as another run of the same data")) : null);
   return zone;
 }
 
 function checkResult(state, app) {
-  const check = state.check;
-  const parts = [el("p", {class: "lead"},
-    `${check.rows} rows, ${check.columns.length} columns; ${check.testable.length} effects can be `
-    + "tested with them.")];
+  const {check} = state, open = state.pending.length, parts = [];
+  parts.push(el("p", {class: "lead"}, open
+    ? `${open} ${open === 1 ? "warning" : "warnings"} to look at before going on.`
+    : `The check passes: ${check.rows} rows, ${check.columns.length} columns, ${check.repeated_poses} poses measured more `
+      + `than once; ${check.testable.length} effects can be tested.`));
   for (const warning of check.warnings) {
-    const open = state.pending.includes(warning);
-    parts.push(el("div", {class: "error"}, warning, " ",
-      open ? button("I take responsibility", () => app.act(() => post("/api/accept", {warning})))
-        : el("em", {}, "taken on")));
+    const pending = state.pending.includes(warning);
+    parts.push(el("div", {class: "warning"}, readable(warning), "\n",
+      pending ? button("I take responsibility for this", () => app.act(() => post("/api/accept", {warning})))
+        : el("em", {}, "You took responsibility for this.")));
   }
-  for (const remark of check.remarks ?? []) parts.push(el("p", {class: "soft"}, remark));
-  if (state.pending.length === 0)
-    parts.push(el("div", {class: "row"},
-      button("Go on to the model", () => app.go("model"), {class: "first", id: "to-model"})));
-  parts.push(el("details", {}, el("summary", {}, "Columns"), table("Columns of the table",
-    ["column", "from", "to", "distinct values", "what it is"],
-    check.columns.map(c => [label(c.name), c.min, c.max, c.distinct, c.role]))));
+  for (const remark of check.remarks ?? []) parts.push(el("p", {class: "soft"}, readable(remark)));
+  parts.push(el("div", {class: "row"}, button("Go on to the model", () => app.go("model"),
+    {class: "first", id: "to-model", disabled: open > 0})));
   return parts;
+}
+
+async function picture(root, state) {
+  const wait = waiting("Drawing the poses …"), {check} = state;
+  const side = el("section", {"aria-label": "Measured poses"}, el("h3", {}, "Measured poses, beside the ", term("frames")), wait);
+  root.append(el("div", {class: "split"}, side, el("section", {"aria-label": "Columns"}, el("h3", {}, "Columns"), columns(check))));
+  const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
+  const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
+  const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
+  const largest = Math.max(1e-9, ...size.slice(0, 20000));
+  wait.replaceWith(workspace(poses, poses.row, poses.columns, size, {
+    title: has ? "force" : label(any), unit: has ? "N" : "", name: "Measured poses with their forces",
+    forces: has ? {columns: force, scale: 400 * (poses.length_m ?? 0.1) / largest} : null}),
+  el("p", {class: "hint"}, `Lines are the measured forces on the top. A wrong axis, sign or offset shows as bodies `
+    + `that fold, or points away from the top of the body at rest. ${poses.said}`));
+}
+
+function columns(check) {
+  const role = {standard: "known", own: "your own: offered as a cause", suspect: "looks misspelt"};
+  return table("What was found; values in the units shown", ["column", "from", "to", "distinct values", "what it is"],
+    check.columns.map(c => {
+      const {scale} = column(c.name), of = v => typeof v === "number" ? number(v * scale) : v;
+      return [label(c.name), of(c.min), of(c.max), c.distinct, role[c.role] ?? c.role];
+    }));
+}
+
+function imported(found) {
+  return el("details", {open: true}, el("summary", {}, `How the columns of ${found.source} were read`),
+    table("The table of the session, in metres, radians, N and N m", ["column", "read from"],
+      Object.entries(found.columns).map(([name, from]) => [name, from])),
+    el("ul", {}, (found.notes ?? []).map(text => el("li", {}, readable(text)))));
 }
 
 function mapping(state, app) {
   const field = (id, text, hint) => [el("label", {for: id}, text), el("input", {id, placeholder: hint})];
-  const map = el("textarea", {id: "map", rows: 4, cols: 50,
-    placeholder: "x_m=Position X:mm\nfx_N=Force 1"});
+  const map = el("textarea", {id: "map", rows: 4, cols: 40, placeholder: "x_m=Position X:mm\nfx_N=Force 1"});
   const value = id => document.getElementById(id).value.trim();
+  const rotation = el("select", {id: "rotation"}, ROTATIONS.map(([name, text]) => el("option", {value: name}, text)));
   const run = () => app.step("import", {
     map: map.value.split("\n").map(line => line.trim()).filter(Boolean),
-    units: value("units"), rotation: value("rotation"),
+    units: value("units"), rotation: rotation.value,
   });
-  return el("section", {}, el("h3", {}, "Columns of your own"),
-    el("p", {}, "Names and units are guessed; what is stated here goes first, one column a line."),
+  return el("section", {"aria-label": "Columns of your own"}, el("h3", {}, "Read the columns"),
+    el("p", {}, "Names and units are guessed. What you state here goes first: one column a line, as NAME=COLUMN:UNIT."),
     el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map),
     el("div", {class: "row"}, ...field("units", "Units where unstated", "mm,deg,N,N mm"),
-      ...field("rotation", "Rotation", "wxyz, xyzw, rotvec, ZYX, xyz")),
-    button("Import", run, {class: "first"}));
+      el("label", {for: "rotation"}, "Rotation"), rotation),
+    button("Import", run, {class: "first", id: "import", disabled: Boolean(state.running)}));
 }

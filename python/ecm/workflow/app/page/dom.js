@@ -15,31 +15,35 @@ export function el(tag, options = {}, ...children) {
 export const button = (label, onclick, options = {}) =>
   el("button", {type: "button", onclick, ...options}, label);
 
-export function table(caption, header, rows) {
-  const numeric = header.map((_, j) => rows.length > 0 && rows.every(r => typeof r[j] === "number"));
+export function table(caption, header, rows, options = {}) {
+  const numeric = header.map((_, j) => rows.length > 0 && rows.every(r => typeof r[j] === "number" || r[j] === null || r[j] === undefined)
+    && rows.some(r => typeof r[j] === "number"));
   const cell = (tag, value, j) => el(tag, {
     class: numeric[j] ? "number" : "", scope: tag === "th" ? "col" : null,
-  }, typeof value === "number" ? number(value) : value ?? "");
-  return el("div", {class: "scroll", tabindex: "0", role: "region", "aria-label": caption},
+  }, typeof value === "number" ? number(value) : value ?? "–");
+  return el("div", {class: `scroll ${rows.length > 20 ? "long" : ""}`, tabindex: "0", role: "region", "aria-label": caption},
     el("table", {}, el("caption", {}, caption),
       el("thead", {}, el("tr", {}, header.map((h, j) => cell("th", h, j)))),
-      el("tbody", {}, rows.map(row => el("tr", {}, row.map((c, j) => cell("td", c, j)))))));
+      el("tbody", {}, rows.map((row, i) => el("tr", options.row?.(i) ?? {},
+        row.map((c, j) => cell("td", c, j)))))));
 }
+
+// One of a few, as radio buttons: arrow keys move between them.
+export function choices(legend, id, entries, onchange) {
+  const node = el("span", {class: "choices", role: "radiogroup", "aria-label": legend, id},
+    entries.map(([value, text], i) => el("label", {}, el("input", {type: "radio", name: id, value,
+      checked: i === 0, onchange: () => onchange(value)}), text)));
+  return node;
+}
+
+export const waiting = text => el("div", {class: "waiting", role: "status"}, text);
 
 export function number(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-4 || size >= 1e5)) return value.toExponential(digits - 1);
+  if (size !== 0 && (size < 1e-4 || size >= 1e5)) {
+    const [mantissa, power] = value.toExponential(digits - 1).split("e");
+    return `${mantissa}·10${[...String(Number(power))].map(c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
+  }
   return String(Number(value.toPrecision(digits)));
-}
-
-export const UNITS = {
-  m: "m", rad: "rad", N: "N", Nm: "N m", s: "s", degC: "°C",
-};
-
-// A column name as people write it: "tau_x_Nm" is "tau_x [N m]".
-export function label(name) {
-  const at = name.lastIndexOf("_");
-  const unit = UNITS[name.slice(at + 1)];
-  return at > 0 && unit ? `${name.slice(0, at)} [${unit}]` : name;
 }

@@ -1,11 +1,15 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
 import {get, post} from "./api.js";
-import {button, el} from "./dom.js";
+import {button, el, waiting} from "./dom.js";
+import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
 
 const main = document.getElementById("main");
-let state = null, shown = "", busy = "";
+const WORK = {example: "Preparing the example", campaign: "Measuring on the simulated rig", import: "Importing", check: "Checking the table",
+  fit: "Fitting the model", refit: "Fitting with the change", compare: "Comparing model and data",
+  diagnose: "Testing every effect", export: "Writing the controller", reveal: "Opening the sealed truth"};
+let state = null, shown = "", lost = false, marksOf = "", wasRunning = null;
 
 export const app = {
   go: id => { location.hash = id; },
@@ -22,8 +26,9 @@ export const app = {
 };
 
 function say(text, error = false) {
-  const status = document.getElementById("status");
-  status.replaceChildren(text ? el("p", {class: error ? "error" : "lead"}, text) : "");
+  document.getElementById("status").replaceChildren(
+    text ? el("div", {class: error ? "error" : "lead", role: error ? "alert" : null}, text, " ",
+      button("Close", () => say(""))) : "");
 }
 
 function current() {
@@ -39,63 +44,105 @@ function drawStages(stage) {
       href: open ? `#${item.id}` : null,
       "aria-current": item === stage ? "step" : null,
       "aria-disabled": open ? null : "true",
-      title: open ? item.title : item.needs,
-    }, `${i + 1} ${item.title}`, el("small", {}, open ? item.brief(state) : item.needs)));
+      role: open ? null : "link",
+    }, el("span", {class: "place", "aria-hidden": "true"}, String(i + 1)), el("span", {}, item.title),
+    el("small", {}, open ? item.brief(state) : item.needs)));
   }));
+  document.querySelector("nav [aria-current]").scrollIntoView({inline: "center", block: "nearest"});
 }
 
 function drawRunning() {
-  const node = document.getElementById("running"), running = state.running;
-  node.hidden = !running;
-  if (!running) return;
+  const node = document.getElementById("running"), {running} = state;
+  if (!running) {
+    if (wasRunning && !lost) announce(`${wasRunning}: ended`);
+    wasRunning = null;
+    node.hidden = true;
+    node.replaceChildren();
+    return;
+  }
   const step = state.steps.find(item => item.number === running.step);
-  node.replaceChildren(
-    el("div", {}, el("strong", {}, step ? step.verb : ""),
-      ` ${running.what} `, running.total
-        ? el("progress", {value: running.done, max: running.total, "aria-label": "progress"})
-        : el("progress", {"aria-label": "progress"}),
-      el("div", {class: "soft"},
-        `${Math.round(running.seconds)} s${running.left ? `, ${running.left}` : ""}`)),
-    button("Cancel", () => app.act(() => post("/api/cancel"))));
+  if (node.hidden) {
+    node.replaceChildren(el("div", {class: "what"}, el("strong", {}), el("div", {class: "soft"})),
+      el("progress", {"aria-label": "progress"}),
+      button("Cancel", () => app.act(() => post("/api/cancel")), {id: "cancel"}));
+    node.hidden = false;
+  }
+  const what = WORK[step?.verb] ?? step?.verb ?? "";
+  if (what !== wasRunning) announce(`${what} …`);
+  wasRunning = what;
+  node.querySelector("strong").textContent = what;
+  const count = running.total ? `${running.done} of ${running.total}` : "";
+  node.querySelector(".soft").textContent = [running.what, count, `${Math.round(running.seconds)} s so far`,
+    running.left].filter(Boolean).join(", ");
+  const bar = node.querySelector("progress");
+  if (running.total) { bar.max = running.total; bar.value = running.done; }
+  else bar.removeAttribute("value");
+}
+
+function announce(text) {
+  document.getElementById("announced").textContent = text;
 }
 
 function drawTools() {
   document.getElementById("folder").textContent = `Session folder: ${state.folder}`;
+  const off = Boolean(state.running);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
-      {disabled: !state.undo || Boolean(state.running)}), " ",
+      {id: "undo", disabled: !state.undo || off, title: "Take the last change of data or model back"}),
     button("Redo", () => app.act(() => post("/api/redo")),
-      {disabled: !state.redo || Boolean(state.running)}));
+      {id: "redo", disabled: !state.redo || off, title: "Bring back what was undone"}));
+}
+
+// What to do after a step that did not end well.
+function trouble() {
+  const last = state.steps.at(-1);
+  if (!last || state.running) return null;
+  const words = {
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${last.message}\n`,
+    cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
+    interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
+  }[last.status];
+  return words ? el("div", {class: "error", role: "alert", id: "trouble"}, words, button("Run again",
+    () => app.act(() => post("/api/again", {step: last.number})), {class: "first"})) : null;
 }
 
 function draw() {
   const stage = current();
   // The page stays where it is: the next stage is opened by a click only.
   if (!location.hash) history.replaceState(null, "", `#${stage.id}`);
-  const key = `${stage.id} ${state.version}`;
   drawRunning();
-  document.documentElement.dataset.running = state.running ? state.running.step : "";
+  const running = state.running ? state.running.step : "";
+  document.documentElement.dataset.running = running;
   document.documentElement.dataset.version = state.version;
+  const key = `${stage.id} ${state.version} ${running}`;
   if (key === shown) return;
+  const focused = document.activeElement?.id, same = shown.split(" ")[0] === stage.id;
   shown = key;
   drawTools();
   drawStages(stage);
   document.documentElement.dataset.stage = stage.id;
-  const failed = state.steps.at(-1);
-  const trouble = failed && ["failed", "cancelled", "interrupted"].includes(failed.status)
-    ? el("div", {class: "error", role: "alert"}, `${failed.verb}: ${failed.status}. ${failed.message} `,
-      button("Run again", () => app.act(() => post("/api/again", {step: failed.number}))))
-    : null;
-  main.replaceChildren(el("h2", {}, stage.title), ...(trouble ? [trouble] : []));
+  document.title = `${stage.title} – ECM`;
+  if (marksOf !== JSON.stringify(state.data)) {
+    marksOf = JSON.stringify(state.data);
+    mark([]);
+  }
+  forget();
+  document.getElementById("tip").hidden = true;
   const body = el("div");
-  main.append(body);
+  main.replaceChildren(el("h2", {}, stage.title), el("p", {class: "purpose"}, stage.purpose),
+    ...[trouble()].filter(Boolean), body);
   if (stage.compares && !state.compare) {
-    body.append(state.running ? el("p", {class: "soft"}, "The errors are being computed …")
+    body.append(state.running ? waiting("The errors are being computed …")
       : button("Compute the errors", () => app.step("compare"), {class: "first", id: "compare"}));
     return;
   }
-  Promise.resolve(stage.draw(body, state, app)).catch(error =>
-    body.append(el("p", {class: "error", role: "alert"}, error.message)));
+  Promise.resolve(stage.draw(body, state, app)).catch(error => {
+    for (const node of body.querySelectorAll(".waiting")) node.remove();
+    body.append(el("div", {class: "error", role: "alert"}, error.message, " ",
+      button("Try again", () => { shown = ""; draw(); })));
+  });
+  if (focused && same) document.getElementById(focused)?.focus({preventScroll: true});
+  else if (!same) scrollTo(0, 0);
 }
 
 async function refresh() {
@@ -103,12 +150,14 @@ async function refresh() {
     const found = await get("/api/state");
     if (state && found.version < state.version) return;  // an older answer that came later
     state = found;
-    if (busy) { busy = ""; say(""); }
   } catch (error) {
-    busy = "lost";
-    say("The server does not answer. The session is kept: begin it again with ecm app.", true);
+    lost = true;
+    say("The server does not answer. The session is kept in its folder: start it again with ecm app "
+      + "and open the address that it prints.", true);
+    if (!state) main.replaceChildren(waiting("No session to show yet."));
     return;
   }
+  if (lost) { lost = false; say(""); }
   draw();
 }
 
@@ -117,9 +166,14 @@ async function poll() {
   setTimeout(poll, state && state.running ? 400 : 1500);
 }
 
-addEventListener("hashchange", () => state && draw());
+addEventListener("hashchange", () => {
+  if (!state) return;
+  draw();
+  main.focus({preventScroll: true});
+});
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   shown = "";
   if (state) draw();
 });
+document.body.append(el("div", {id: "announced", class: "hidden", "aria-live": "polite"}));
 poll();

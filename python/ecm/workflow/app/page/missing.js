@@ -1,67 +1,130 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
 import {view} from "./api.js";
-import {button, el, number} from "./dom.js";
-import {residualPanels} from "./fails.js";
-import {onMark} from "./selection.js";
+import {effectName, readable, unitText} from "./columns.js";
+import {button, el, number, waiting} from "./dom.js";
+import {term} from "./help.js";
+import {residualPanels} from "./panels.js";
+
+const FIRST = 8;
 
 export async function draw(root, state, app) {
   const found = state.diagnosis;
-  root.append(found
-    ? el("p", {class: "lead", id: "verdict", "data-verdict": found.verdict}, found.sentence)
-    : el("div", {class: "row"}, button("Diagnose", () => app.step("diagnose"),
-      {class: "first", id: "diagnose", disabled: Boolean(state.running)}),
-    el("span", {class: "soft"}, "tests every effect of the catalogue on these rows")));
-  if (found) for (const warning of found.warnings) root.append(el("p", {class: "error"}, warning));
-  const waiting = el("p", {class: "soft"}, "Computing what each effect would explain …");
-  root.append(waiting);
+  root.append(found ? verdict(found, state) : ask(state, app));
+  const wait = waiting("Computing what each effect would explain …");
+  root.append(wait);
   const [effects, residuals] = await Promise.all([view("effects", state), view("residuals", state)]);
-  waiting.remove();
+  wait.remove();
+  const panels = residualPanels(residuals, {explained: explanation(effects, residuals)});
+  const name = el("p", {class: "hint", "aria-live": "polite"}, "Point at an effect, or go there with the Tab "
+    + "key: orange crosses show what it would explain, before it is added.");
+  const look = (id, node) => {
+    for (const other of root.querySelectorAll(".effects li")) other.classList.toggle("seen", other === node);
+    name.textContent = `Orange: what ${effectName(id)} would explain of the residual.`;
+    panels.look(id);
+  };
+  root.append(el("div", {class: "split preview"},
+    el("section", {"aria-label": "Effects"}, el("h3", {}, "Effects that can be tested, by ", term("gain")),
+      list(effects, found, state, app, look)),
+    el("div", {class: "sticky"}, el("h3", {}, "Residual, and what the effect explains"), name, panels.node)));
+  root.append(...[untestable((found ?? state.check)?.not_testable)].filter(Boolean));
+  panels.show();
+}
 
-  let hovered = null;
-  const place = new Map(effects.row.map((row, i) => [row, i]));
-  const panels = residualPanels(residuals, state, (chosen, j) => {
-    if (hovered === null || chosen === residuals.kinds.pose) return null;
-    const values = effects.effects[hovered].values[j];
-    const scale = chosen === residuals.kinds.noise ? noiseOf(residuals, j) : null;
-    return residuals.row.map((row, i) => {
-      const at = place.get(row);
-      return at === undefined ? null : values[at] / (scale ? scale[i] : 1);
-    });
-  });
-  onMark(() => panels.show());
-  const look = id => { if (hovered !== id) { hovered = id; panels.show(); } };
+function ask(state, app) {
+  return el("div", {class: "lead"}, el("p", {}, "No verdict yet. The diagnosis tests every effect alone and "
+    + "in sets, on rows and on held-out poses."),
+  button("Diagnose", () => app.step("diagnose"),
+    {class: "first", id: "diagnose", disabled: Boolean(state.running)}));
+}
+
+function verdict(found, state) {
+  const {before, after} = found.held_out ?? {};
+  const rests = [
+    `${found.ranking.length} effects tested, ${found.not_testable.length} not testable with this table`,
+    found.noise?.source ? `noise from ${found.noise.source}` : null,
+    ...found.checks.filter(check => check.accepted).map(check =>
+      `${effectName(check.id)}: chance of this by accident ${number(check.p_holm, 2)}, chosen in `
+      + `${Math.round(100 * check.chosen_share)} % of repetitions`),
+    before && after && found.effects.length
+      ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise` : null,
+  ].filter(Boolean);
+  const unknown = found.unknown;
+  return el("div", {}, el("p", {class: "lead", id: "verdict", "data-verdict": found.verdict},
+    term("verdict", "Verdict"), " ", readable(found.sentence)),
+  el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
+  found.warnings.map(text => el("div", {class: "warning"}, text)),
+  (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
+    `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`)),
+  unknown ? own(unknown, state) : null);
+}
+
+// An unknown: what it follows, and a file to begin with.
+function own(unknown) {
+  const draft = unknown.skeleton ?? "";
+  const link = el("a", {download: "my_effect.py",
+    href: URL.createObjectURL(new Blob([draft], {type: "text/x-python"}))}, "Save as my_effect.py");
+  return el("section", {class: "card", id: "unknown"}, el("h3", {}, "No effect of the catalogue explains it"),
+    unknown.words ? el("p", {}, readable(unknown.words)) : null,
+    unknown.variables?.length ? el("p", {}, `It follows: ${unknown.variables.map(readable).join(", ")}.`) : null,
+    unknown.nearest ? el("p", {class: "soft"}, `Nearest effect: ${effectName(String(unknown.nearest.id ?? unknown.nearest))}.`) : null,
+    draft ? [el("p", {}, "A first draft of an effect of your own, which runs as it is:"),
+      el("pre", {tabindex: "0"}, draft), el("p", {}, link, ", install it as an entry point ecm.effects "
+        + "(docs/own_effect.md), and start ecm app again: it is then ranked like all others.")] : null);
+}
+
+function list(effects, found, state, app, look) {
   const named = new Set((found?.answer ?? []).flat());
   const ranks = new Map((found?.ranking ?? []).map(item => [item.id, item]));
-  const list = el("ul", {class: "effects", "aria-label": "Effects that can be tested"},
-    Object.entries(effects.effects).map(([id, item]) => {
-      const rank = ranks.get(id);
-      return el("li", {class: named.has(id) ? "named" : "", onmouseenter: () => look(id),
-        onfocusin: () => look(id)},
-      el("div", {}, el("strong", {}, id), named.has(id) ? " (the verdict)" : "",
-        el("div", {class: "soft"}, item.what),
-        rank ? el("small", {}, `${rank.parameter ?? "size"} ${number(rank.size)} ± ${number(rank.sd)} `
-          + `${rank.unit}, p = ${number(rank.p, 2)}`) : null),
-      el("meter", {min: 0, max: 1, value: Math.max(0, item.share), title: "share of the residual",
-        "aria-label": `${id} explains ${Math.round(100 * item.share)} % of the residual`}),
-      button("Add", () => { app.go("add"); return app.step("refit", {add: [id]}); },
-        {"data-add": id, "aria-label": `Add ${id} and fit again`, disabled: Boolean(state.running)}));
-    }));
-  root.append(
-    el("p", {}, "Point at an effect: the crosses show what it would explain, before it is added."),
-    panels.node, el("h3", {}, "Effects that can be tested"), list);
-  if (found) root.append(untestable(found));
-  await panels.show();
+  const inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
+  const items = Object.entries(effects.effects).map(([id, item], i) => [named.has(id) || i < FIRST, entry(id, item)]);
+  const few = items.filter(([large]) => large), rest = items.filter(([large]) => !large);
+  const group = (some, name) => el("ul", {class: "effects", "aria-label": name}, some.map(([, node]) => node));
+  return el("div", {}, group(few, "Effects that can be tested"),
+    rest.length ? el("details", {}, el("summary", {}, `${rest.length} more that explain less`),
+      group(rest, "Effects that explain less")) : null);
+
+  function entry(id, item) {
+    const rank = ranks.get(id), share = Math.max(0, item.share);
+    const fill = el("i");
+    fill.style.width = `${Math.min(100, 100 * share)}%`;
+    const node = el("li", {class: named.has(id) ? "named" : "", onmouseenter: () => look(id, node),
+      onfocusin: () => look(id, node)},
+    el("div", {}, el("strong", {}, effectName(id)),
+      named.has(id) ? el("span", {class: "tag verdict"}, "verdict") : null,
+      el("span", {class: "tag"}, item.side === "measurement"
+        ? "of the measurement" : "of the mechanism"),
+      el("div", {class: "soft"}, item.what),
+      rank ? el("small", {class: "soft"}, `${String(rank.parameter ?? "size").replaceAll("_", " ")} ${number(rank.size)} ± `
+        + `${[number(rank.sd), unitText(rank.unit)].filter(Boolean).join(" ")}; chance of this by accident ${number(rank.p, 2)}`) : null,
+      el("div", {class: "gain", role: "img",
+        "aria-label": `explains ${Math.round(100 * share)} percent of the squared residual`},
+      el("b", {}, fill), `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`)),
+    button(inside.has(id) ? "Added" : "Add", () => { app.go("add"); return app.step("refit", {add: [id]}); },
+      {"data-add": id, "aria-label": `Add ${effectName(id)} and fit again`, class: named.has(id) ? "first" : "",
+        disabled: Boolean(state.running) || inside.has(id)}));
+    return node;
+  }
 }
 
-// The noise of each row, from the residual in both units.
-function noiseOf(residuals, j) {
-  const {noise, wrench} = residuals.kinds;
-  return wrench.values[j].map((value, i) => value / noise.values[j][i]);
+// Values of an effect on the rows of the residuals, in the unit shown; null as a pose error.
+function explanation(effects, residuals) {
+  const place = new Map(effects.row.map((row, i) => [row, i])), {noise, wrench} = residuals.kinds;
+  return (id, kind, j) => {
+    if (kind === "pose") return null;
+    const values = effects.effects[id].values[j];
+    return residuals.row.map((row, i) => {
+      const at = place.get(row);
+      if (at === undefined) return null;
+      const scale = kind === "noise" ? wrench.values[j][i] / noise.values[j][i] : 1;
+      return values[at] / scale;
+    });
+  };
 }
 
-function untestable(found) {
-  return el("details", {}, el("summary", {}, `Not testable with these data (${found.not_testable.length})`),
-    el("ul", {}, found.not_testable.map(item =>
-      el("li", {}, el("strong", {}, item.id), `: ${item.reason}; record ${item.record}`))));
+function untestable(items) {
+  if (!items?.length) return null;
+  return el("details", {open: true}, el("summary", {}, el("strong", {}, `Not testable with this table (${items.length})`)),
+    el("ul", {}, items.map(item => el("li", {}, el("strong", {}, effectName(item.id)),
+      `: ${item.reason}. Record `, el("code", {}, item.record)))));
 }

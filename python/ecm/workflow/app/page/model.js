@@ -1,33 +1,72 @@
 // Stage 2: kind and size of the model, the fit and its report.
 
-import {button, el} from "./dom.js";
+import {chart} from "./chart.js";
+import {column, label, readable} from "./columns.js";
+import {button, el, number, table} from "./dom.js";
+import {help} from "./help.js";
 
 const KINDS = [
-  ["physics", "Physics: FEM of the described body, modulus and Poisson's ratio fitted"],
-  ["energy4", "Symmetric energy of degree 4"],
-  ["energy6", "Symmetric energy of degree 6"],
-  ["energy6-general", "Energy of degree 6 without symmetry"],
-  ["choose", "Choose: the one that predicts held-out poses best"],
-  ["linear", "Linear: one stiffness matrix"],
-  ["cubic", "Cubic polynomial"],
+  ["physics", "Physics", "Finite elements of the described body; its stiffness is fitted. Best where the body is known."],
+  ["energy4", "Symmetric energy, degree 4", "Few numbers, the symmetry of a round body built in. Small bending."],
+  ["energy6", "Symmetric energy, degree 6", "As degree 4, for large bending."],
+  ["energy6-general", "Energy of degree 6", "Without symmetry, for a body that is not round. Needs more poses."],
+  ["linear", "Linear", "One stiffness matrix. Small motions, or a first look."],
+  ["cubic", "Cubic polynomial", "Any smooth wrench, without an energy behind it."],
+  ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
 export function draw(root, state, app) {
-  const kind = el("select", {id: "kind"}, KINDS.map(([name, text]) =>
-    el("option", {value: name, selected: state.rungs[0]?.name === name}, text)));
+  const now = state.rungs[0]?.name ?? (state.check?.padding ? "energy6" : "linear");
   const curve = el("input", {type: "checkbox", id: "curve"});
-  root.append(
-    el("p", {}, "The model says which wrench holds the mechanism at a pose."),
-    el("div", {class: "row"}, el("label", {for: "kind"}, "Kind"), kind,
-      el("label", {for: "curve"}, curve, " also say how many poses are enough"),
-      button("Fit", () => app.step("fit", {model: kind.value, curve: curve.checked}),
-        {class: "first", id: "fit", disabled: Boolean(state.running)})));
-  if (state.fit) {
-    root.append(el("h3", {}, "Fit report"),
-      el("ul", {}, state.fit.sentences.map(text => el("li", {}, text))));
-  }
+  const kinds = el("div", {class: "cards", role: "radiogroup", "aria-label": "Kind of model"},
+    KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
+      el("input", {type: "radio", name: "kind", value: name, checked: name === now,
+        onchange: event => {
+          for (const card of kinds.children) card.classList.toggle("chosen", card === event.target.parentElement);
+        }}), " ", el("strong", {}, title), el("div", {class: "soft"}, what))));
+  const fit = () => app.step("fit",
+    {model: kinds.querySelector(":checked")?.value ?? now, curve: curve.checked});
+  root.append(kinds, el("div", {class: "row"},
+    button("Fit", fit, {class: "first", id: "fit", disabled: Boolean(state.running)}),
+    el("label", {for: "curve"}, curve, " also say how many poses are enough"), help("learning curve")));
   if (state.compare) {
-    root.append(el("p", {class: "lead"}, state.compare.sentence),
+    root.append(el("p", {class: "lead"}, readable(state.compare.sentence)),
       button("See where it fails", () => app.go("fails"), {class: "first", id: "to-fails"}));
   }
+  const base = state.rungs[0]?.report;  // a later fit with an effect has no report of its own
+  if (base) root.append(...report(base));
+}
+
+function report(fit) {
+  const parts = [el("h3", {}, `Fit report of the base model, ${fit.model}`),
+    ...(fit.warnings ?? []).map(text => el("div", {class: "warning"}, text))];
+  if (fit.components) parts.push(table("Error of each component on the fitted rows",
+    ["component", "root mean square", "unit", "of its spread [%]"],
+    Object.entries(fit.components).map(([name, item]) =>
+      [column(name).words, item.rmse, column(name).unit, 100 * item.rmse_over_spread])));
+  const {covariance, ...values} = fit.parameters ?? {};
+  if (Object.keys(values).length) parts.push(trusted(values, covariance));
+  if (fit.curve?.sizes) {
+    parts.push(el("h3", {}, "How many poses are enough?", help("learning curve")),
+      chart({title: "Error on held-out poses for growing numbers of poses", labels: fit.curve.sizes.map(String),
+        floor: 1, yTitle: "error on held-out poses [times the noise], over the number of poses",
+        lines: [{name: "held out", values: fit.curve.error, colour: "second", square: true}]}));
+  }
+  parts.push(el("details", {}, el("summary", {}, "All sentences of the report"),
+    el("ul", {}, (fit.sentences ?? []).map(text => el("li", {}, readable(text))))));
+  return parts;
+}
+
+// Values with their errors, and which to trust.
+function trusted(values, covariance) {
+  const names = Object.keys(values);
+  const correlated = (i, j) => covariance[i][j] / Math.sqrt(covariance[i][i] * covariance[j][j]);
+  const strongest = i => names.length < 2 || !covariance ? null
+    : names.flatMap((_, j) => j === i ? [] : [correlated(i, j)]).sort((a, b) => Math.abs(b) - Math.abs(a))[0];
+  return table("Fitted values, ± standard deviation", ["value of", "fitted", "±", "largest correlation", "trust"],
+    names.map((name, i) => {
+      const {value, sd} = values[name], share = Math.abs(sd / value);
+      return [label(name), number(value, 4), number(sd, 2), strongest(i),
+        share < 0.02 ? `well known (${number(100 * share, 2)} %)` : share < 0.2 ? "roughly known" : "hardly known"];
+    }));
 }

@@ -1,21 +1,37 @@
 // Stage 6: the experiments that would tell more, with their minutes and chances.
 
-import {button, el, table} from "./dom.js";
+import {effectName, readable} from "./columns.js";
+import {button, el} from "./dom.js";
+import {help} from "./help.js";
 
 export function draw(root, state, app) {
-  const found = state.diagnosis;
+  const found = state.diagnosis, running = Boolean(state.running);
   if (found.next_experiment.length) {
-    root.append(table("Experiments, the best first", ["what to do", "minutes", "chance to be right"],
-      found.next_experiment.map(item => [item.action, item.minutes, item.p_correct])));
+    root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
+      found.next_experiment.map((item, i) => experiment(item, i))));
   } else {
     root.append(el("p", {class: "lead"}, "No further experiment is needed for this verdict."));
   }
   for (const item of found.look_alikes ?? [])
-    root.append(el("p", {}, el("strong", {}, item.id), `: ${item.what}. To tell: ${item.apart}.`));
+    root.append(el("p", {class: "rests"}, `${effectName(item.id)} looks the same as ${item.what}. To tell them apart: ${item.apart}.`));
   if (state.next_plan) {
     root.append(el("div", {class: "row"},
-      el("a", {href: `/files/${state.next_plan}`, download: true}, "Download the plan"),
+      el("a", {href: `/files/${state.next_plan}`, download: true}, "Download the plan (CSV)"),
       state.simulated ? button("Run it on the simulated rig", () => app.step("campaign"),
-        {class: "first", id: "campaign", disabled: Boolean(state.running)}) : null));
+        {class: "first", id: "campaign", disabled: running}) : null));
   }
+  root.append(el("p", {class: "hint"}, state.simulated
+    ? "The rows of the rig are added to the table as they come; the bar below counts them. Then fit again."
+    : "Measure the plan on your rig, then drop the new table under “Data” as another run of the same data."),
+  button("To the results", () => app.go("out"), {id: "to-out"}));
+}
+
+function experiment(item, i) {
+  const chance = item.p_correct, fill = el("i");
+  fill.style.width = `${100 * (chance ?? 0)}%`;
+  return el("li", {class: i === 0 ? "named" : ""},
+    el("div", {}, el("strong", {}, readable(item.action)), i === 0 ? el("span", {class: "tag verdict"}, "best") : null,
+      chance === null || chance === undefined ? null
+        : el("div", {class: "gain"}, el("b", {}, fill), `${Math.round(100 * chance)} %`)),
+    el("div", {}, `${item.minutes} min`, help("chance")));
 }

@@ -1,24 +1,36 @@
 // Stage 7: files, the exported controller, and the commands that do the same.
 
-import {button, el} from "./dom.js";
+import {button, choices, el} from "./dom.js";
+import {help} from "./help.js";
+
+const WHAT = [[/^script\.sh$/, "the commands as a script"], [/^steps\.jsonl$/, "journal of all steps"],
+  [/^model-/, "model"], [/^compare-.*html$/, "report: where it fails"], [/^found-.*html$/, "report: what is missing"],
+  [/^(data|upload)-.*csv$/, "table"], [/^next-/, "plan of the next experiment"], [/^(fit|refit)-/, "fit report"],
+  [/^check-/, "check of the table"], [/^import-/, "import report"], [/^compare-/, "comparison"],
+  [/^found-/, "diagnosis"], [/^truth-/, "opened truth"], [/^export-/, "controller"]];
+const meaning = name => WHAT.find(([pattern]) => pattern.test(name))?.[1] ?? "";
 
 export async function draw(root, state, app) {
-  const language = el("select", {id: "language"},
-    [["c", "C"], ["rust", "Rust"], ["mujoco", "MuJoCo"]].map(([value, text]) => el("option", {value}, text)));
-  root.append(
-    el("h3", {}, "Controller"),
-    el("div", {class: "row"}, el("label", {for: "language"}, "Language"), language,
-      button("Export", () => app.step("export", {to: language.value}),
-        {class: "first", id: "export", disabled: Boolean(state.running)})),
-    el("ul", {}, (state.export?.sentences ?? []).map(text => el("li", {}, text))),
-    el("h3", {}, "Files of the session"),
-    el("ul", {}, state.files.map(name =>
-      el("li", {}, el("a", {href: `/files/${name.split("/").map(encodeURIComponent).join("/")}`},
-        name)))),
-    el("h3", {}, "The same as commands"),
-    el("p", {}, "sh script.sh NEW_FOLDER writes the same files, byte for byte."));
+  let to = "c";
+  const link = (name, text = name) => el("a", {href: address(name), target: name.endsWith(".html") ? "_blank" : null}, text);
+  const last = end => state.files.filter(name => end.test(name)).at(-1);
+  const cards = [["Report", last(/^found-.*html$/) ?? last(/^compare-.*html$/)], ["Model", state.model], ["Script", "script.sh"]];
   const script = el("pre", {tabindex: "0", id: "script"});
-  root.append(script);
+  root.append(
+    el("div", {class: "cards"}, cards.filter(([, name]) => name).map(([title, name]) =>
+      el("div", {class: "card"}, el("h3", {}, title), link(name), el("p", {class: "soft"}, meaning(name))))),
+    el("h3", {}, "Controller", help("controller")),
+    el("div", {class: "row"}, choices("Language", "language", [["c", "C"], ["rust", "Rust"], ["mujoco", "MuJoCo"]],
+      value => { to = value; }),
+    button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: Boolean(state.running)})),
+    el("ul", {}, (state.export?.sentences ?? []).map(text => el("li", {}, text))),
+    el("h3", {}, "The same as commands"),
+    el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), " writes the same files, byte for byte."), script,
+    button("Copy the commands", () => navigator.clipboard.writeText(script.textContent), {id: "copy-script"}),
+    el("details", {}, el("summary", {}, `All files of the session (${state.files.length})`),
+      el("ul", {}, state.files.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))))));
   const response = await fetch("/files/script.sh", {cache: "no-store"});
   script.textContent = await response.text();
 }
+
+const address = name => `/files/${name.split("/").map(encodeURIComponent).join("/")}`;

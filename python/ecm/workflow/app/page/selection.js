@@ -10,6 +10,10 @@ export function mark(rows) {
 }
 
 export function onMark(listener) {
-  listeners.clear();
   listeners.add(listener);
+}
+
+// A new stage draws new figures: those of the last one are told nothing any more.
+export function forget() {
+  listeners.clear();
 }

@@ -1,6 +1,7 @@
 // The seven stages in their order; each needs the one before.
 
 import * as add from "./add.js";
+import {effectName} from "./columns.js";
 import * as data from "./data.js";
 import * as fails from "./fails.js";
 import * as missing from "./missing.js";
@@ -10,22 +11,33 @@ import * as out from "./out.js";
 
 const checked = state => Boolean(state.check) && state.pending.length === 0;
 const fitted = state => Boolean(state.model);
+const verdict = state => !state.diagnosis ? "not asked yet"
+  : state.diagnosis.verdict === "named" ? state.diagnosis.answer.map(set => set.map(effectName).join(" + ")).join(" or ")
+    : state.diagnosis.verdict;
 
 export const stages = [
   {id: "data", title: "Data", draw: data.draw, open: () => true, needs: "",
-    brief: state => state.data.map(item => item.name).join(", ")},
+    purpose: "Bring in a table of measured poses and wrenches, and see that it is right.",
+    brief: state => !state.data.length ? "nothing yet" : state.check ? `${state.check.rows} rows` : "not checked yet"},
   {id: "model", title: "Model", draw: model.draw, open: checked, needs: "needs checked data",
-    brief: state => state.rungs[0]?.name ?? ""},
+    purpose: "Choose what predicts the wrench at a pose, and fit it.",
+    brief: state => state.rungs[0]?.name ?? "none yet"},
   {id: "fails", title: "Where it fails", draw: fails.draw, open: fitted, compares: true,
     needs: "needs a model",
-    brief: state => state.compare ? `${state.compare.whitened_rms.toFixed(2)} times the noise` : ""},
+    purpose: "See in which poses, and along which variable, the model and the measurement differ.",
+    brief: state => state.compare ? `${state.compare.whitened_rms.toFixed(2)} times the noise` : "not computed yet"},
   {id: "missing", title: "What is missing", draw: missing.draw, open: fitted, compares: true,
     needs: "needs a model", late: true,
-    brief: state => state.diagnosis ? state.diagnosis.verdict : "not asked yet"},
+    purpose: "Which physical effect, or which error of the measurement, would explain the rest.",
+    brief: verdict},
   {id: "add", title: "Add", draw: add.draw, open: fitted, needs: "needs a model", late: true,
-    brief: state => state.rungs.length > 1 ? `${state.rungs.length - 1} added` : ""},
+    purpose: "Add an effect, fit again, and watch the error on poses that the fit never saw.",
+    brief: state => state.rungs.length > 1 ? `${state.rungs.length - 1} added` : "the base only"},
   {id: "next", title: "Next experiment", draw: next.draw, open: state => Boolean(state.diagnosis),
-    needs: "needs a verdict", late: true, brief: () => ""},
+    purpose: "What to measure so that the verdict becomes sure.",
+    needs: "needs a verdict", late: true,
+    brief: state => `${state.diagnosis.next_experiment.length} proposed`},
   {id: "out", title: "Out", draw: out.draw, open: fitted,
-    needs: "needs a model", late: true, brief: () => ""},
+    purpose: "Take the report, the model, the controller, and the commands that do all this again.",
+    needs: "needs a model", late: true, brief: state => `${state.files.length} files`},
 ];

@@ -1,0 +1,33 @@
+// Columns as people write them: theta_x_rad is the angle θx in degrees, x_m a length in mm.
+
+const SHOWN = {m: ["mm", 1e3], rad: ["deg", 180 / Math.PI], N: ["N", 1], Nm: ["N m", 1],
+  s: ["s", 1], degC: ["°C", 1], Pa: ["Pa", 1]};
+const WORDS = {theta: "θ", tau: "τ"};
+const OWN = {bend: "bending angle", azimuth: "direction of bending", force: "size of the force",
+  torque: "size of the moment", row: "row of the table", dwell: "time at rest",
+  approach_side: "side of the approach", time: "time", repeat: "visit to this pose"};
+
+export function column(name) {
+  const at = name.lastIndexOf("_"), known = at > 0 ? SHOWN[name.slice(at + 1)] : null;
+  const bare = known ? name.slice(0, at) : name;
+  const [unit, scale] = known ?? ["", 1];
+  const words = OWN[bare] ?? bare.replace(/\b(theta|tau)_(?=[xyz]$)|(?<=^sd_)(theta|tau)_(?=[xyz]$)/,
+    name => WORDS[name.slice(0, -1)]).replace(/^sd_/, "spread of ").replaceAll("_", " ");
+  return {words, unit, scale};
+}
+
+export function label(name) {
+  const {words, unit} = column(name);
+  return unit ? `${words} [${unit}]` : words;
+}
+
+// Names of columns and effects in a sentence of the server, as words.
+export const readable = text => String(text ?? "").replace(
+  /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
+  .replace(/\b[a-z0-9-]+(?:[_+][a-z0-9_+-]+)+\b/g,
+    name => /^(tau|theta)_[xyz]$/.test(name) ? column(name).words : effectName(name));
+
+export const effectName = id => id.replace(/^fts_/, "sensor ").replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
+
+// A unit of the server; a bare number has none.
+export const unitText = unit => unit === "1" ? "" : unit.replaceAll("^2", "²");
