@@ -136,9 +136,9 @@ def _add_along_a_line(found: TimeEffects, model: Fitted, effect: Effect, values:
         return "it has no step along a single coordinate"
     linear = effect.overstress == "linear"
     stiffness = model.training.get("mean_stiffness")
-    if linear and stiffness is None:
-        return "its stiffness is not in the model file; ecm refit writes it"
     if linear:
+        if stiffness is None:
+            return "its stiffness is not in the model file; ecm refit writes it"
         found.document["stiffness"] = [float(np.ravel(stiffness)[0])] + [0.0] * 5
     else:
         found.warnings.append(_NOT_PASSIVE)
