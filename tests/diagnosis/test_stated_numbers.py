@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis.procedure import find_missing
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsMap, fit_model
@@ -76,6 +77,20 @@ def test_repeats_tell_that_the_noise_is_stated_wrongly(stated: float) -> None:
     said = [re.search(r"noise is ([\d.]+) times", words) for words in energy(table).warnings]
     factors = [float(match[1]) for match in said if match]
     assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.15)])
+
+
+def test_a_component_that_is_noisier_than_was_assumed_holds_no_structure() -> None:
+    """No repeats, no figures: force, torque and pose are assumed, each wrong by its own factor."""
+    poses, chances = workspace_poses(60, 7), []
+    for seed in range(6):
+        random = np.random.default_rng([seed, 5])
+        h = wrench(poses) + random.standard_normal((60, 6)) * NOISE * np.array([1, 1, 1, 6, 6, 6])
+        columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+        columns["time_s"] = 20.0 * np.arange(60.0)
+        table = as_table(columns, meta={"mechanism": {"length_m": L}})
+        found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+        chances.append(found.gate.p)
+    assert sum(p < 0.05 for p in chances) <= 1
 
 
 def test_a_length_that_is_a_tenth_too_large(neck_physics: PhysicsMap) -> None:

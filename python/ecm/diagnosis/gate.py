@@ -53,7 +53,7 @@ def gate(problem: Problem) -> Gate:
     smooth = omnibus_test(
         problem.response, problem.smooth_columns, problem.base_block, problem.weights
     )
-    tests = [smooth]
+    tests = [_by_component(problem) if problem.noise.source == "assumed" else smooth]
     rows = np.arange(len(problem.table))
     cells = lack_of_fit(
         problem.response,
@@ -67,6 +67,21 @@ def gate(problem: Problem) -> Gate:
     p = min(1.0, best.p * len(tests))
     structure = max(0.0, smooth.explained / problem.scale - smooth.dof)
     return Gate(best.F, p, p < problem.settings.level, smooth, structure)
+
+
+def _by_component(problem: Problem) -> FTest:
+    """Test for smooth functions with each component over its own scatter.
+
+    Nothing is known of the components' noise: what scatters more than was assumed is no structure.
+    """
+    spread = np.sqrt((problem.response**2).mean(axis=0))
+    spread = np.where(spread > 0.0, spread, 1.0)
+    return omnibus_test(
+        problem.response / spread,
+        problem.smooth_columns / spread[:, None],
+        problem.base_block / spread[:, None],
+        problem.weights,
+    )
 
 
 def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Leftover:
