@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/app.md: goes round the loop of `ecm app --demo` in a headless Chromium.
+"""Draws the pictures of docs/app.md: goes round `ecm app --demo` in a headless Chromium.
 
 .venv/bin/python docs/app_pictures.py docs
 """
