@@ -83,6 +83,8 @@ def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> 
         assert history[-1]["held_out"] < 0.9 * history[0]["held_out"]
         page.js("location.hash = 'out'")
         page.until("document.querySelector('#script').textContent.includes('--add fts_drift')")
+        page.js("document.querySelector('.skip').click()")
+        page.until("document.activeElement.id === 'main' && location.hash === '#out'")
         page.js("location.hash = 'data'")
         page.until(f"document.querySelector('#main').textContent.includes({json.dumps(HOSTILE)})")
         assert page.js("document.title") == "Data – ECM"

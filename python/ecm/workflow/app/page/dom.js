@@ -29,10 +29,10 @@ export function table(caption, header, rows, options = {}) {
 }
 
 // One of a few, as radio buttons: arrow keys move between them.
-export function choices(legend, id, entries, onchange) {
+export function choices(legend, id, entries, onchange, chosen = entries[0][0]) {
   const node = el("span", {class: "choices", role: "radiogroup", "aria-label": legend, id},
-    entries.map(([value, text], i) => el("label", {}, el("input", {type: "radio", name: id, value,
-      checked: i === 0, onchange: () => onchange(value)}), text)));
+    entries.map(([value, text]) => el("label", {}, el("input", {type: "radio", name: id, value,
+      checked: value === chosen, onchange: () => onchange(value)}), text)));
   return node;
 }
 

@@ -168,6 +168,8 @@ async function poll() {
 
 addEventListener("hashchange", () => {
   if (!state) return;
+  // The skip link names the content, which is no stage.
+  if (location.hash === "#main") history.replaceState(null, "", `#${shown.split(" ")[0]}`);
   draw();
   main.focus({preventScroll: true});
 });

@@ -15,13 +15,17 @@ const KINDS = [
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
+// What a person has picked stays picked when the page is drawn again.
+let picked = null;
+
 export function draw(root, state, app) {
-  const now = state.rungs[0]?.name ?? (state.check?.padding ? "energy6" : "linear");
+  const now = picked ?? state.rungs[0]?.name ?? (state.check?.padding ? "energy6" : "linear");
   const curve = el("input", {type: "checkbox", id: "curve"});
   const kinds = el("div", {class: "cards", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
       el("input", {type: "radio", name: "kind", value: name, checked: name === now,
         onchange: event => {
+          picked = name;
           for (const card of kinds.children) card.classList.toggle("chosen", card === event.target.parentElement);
         }}), " ", el("strong", {}, title), el("div", {class: "soft"}, what))));
   const fit = () => app.step("fit",

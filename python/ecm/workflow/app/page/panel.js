@@ -65,7 +65,7 @@ export function panel({onbrush, say}) {
       context.fillText(number(value), LEFT - 6, y + 4);
     }
     context.textAlign = "center";
-    for (const value of ticks(low[0], high[0], Math.max(2, (right - LEFT) / 70)))
+    for (const value of ticks(low[0], high[0], Math.max(3, (right - LEFT) / 70)))
       context.fillText(number(value), px(value), bottom + 14);
     context.fillText(data.xTitle, (LEFT + right) / 2, bottom + 29);
     context.textAlign = "right";

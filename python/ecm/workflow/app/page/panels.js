@@ -8,14 +8,17 @@ import {mark, marked, onMark} from "./selection.js";
 
 const KINDS = {noise: "over noise", wrench: "wrench", pose: "as pose error"};
 const LISTED = 400;
+// The variable and the kind stay chosen in the next stage.
+const last = {variable: null, kind: null};
 
 export function residualPanels(residuals, {explained = () => null} = {}) {
-  const variable = el("select", {id: "variable", onchange: show},
+  const variable = el("select", {id: "variable", onchange: () => { last.variable = variable.value; show(); }},
     residuals.strongest.map((name, i) => el("option", {value: name},
       label(name) + (i === 0 && residuals.follows.length ? " (strongest)" : ""))));
-  let kind = Object.keys(residuals.kinds)[0], panels = [], effect = null;
+  if (residuals.strongest.includes(last.variable)) variable.value = last.variable;
+  let kind = last.kind in residuals.kinds ? last.kind : Object.keys(residuals.kinds)[0], panels = [], effect = null;
   const kinds = choices("Show the error", "kind-of-residual",
-    Object.keys(residuals.kinds).map(name => [name, KINDS[name]]), value => { kind = value; show(); });
+    Object.keys(residuals.kinds).map(name => [name, KINDS[name]]), value => { kind = last.kind = value; show(); }, kind);
   const grid = el("div", {class: "panels", role: "group", "aria-label": "Residuals of each component"});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const rows = el("div", {class: "row marked"});

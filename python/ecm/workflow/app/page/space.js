@@ -33,6 +33,12 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
     centre = low.map((v, i) => (v + high[i]) / 2);
     extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
+    // What is seen from the start lies in the middle of the picture.
+    const at = extent.map(projection(0, 0, START, 1)), middle = k =>
+      (Math.min(...at.map(point => point[k])) + Math.max(...at.map(point => point[k]))) / 2;
+    const [right, up] = [middle(0), -middle(1)], c = Math.cos(START.turn), s = Math.sin(START.turn);
+    const u = Math.cos(START.lift), v = Math.sin(START.lift);
+    centre = [centre[0] + u * up, centre[1] + c * right - v * s * up, centre[2] + s * right + v * c * up];
     ask();
   }
 
