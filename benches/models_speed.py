@@ -25,8 +25,10 @@ from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
-# Small matrices: threads of the BLAS only wait for each other. Before numpy is imported.
+# Small matrices: threads of the BLAS only wait for each other. The core has one thread, as C has.
+# Before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 from numpy.typing import NDArray
