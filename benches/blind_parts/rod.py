@@ -137,6 +137,13 @@ class Rod:
                 raise RuntimeError(f"rod: no equilibrium near by, error {np.abs(left).max():.2g}")
         return Solved(self._tip(base, mount_rad), base, inverse)
 
+    def loaded(self, base: F, mount_rad: F) -> tuple[F, Solved]:
+        """Poses (N, 6) under force and moment at the base, and what holds them there."""
+        end_r, end_turn, _ = self._shoot(base, mount_rad)
+        inverse = self._linear(base, end_r, end_turn, mount_rad)[1]
+        poses = np.concatenate([end_r, turn_back(end_turn)], axis=1)
+        return poses, Solved(self._tip(base, mount_rad), base, inverse)
+
     def stiffness(self, poses: F, mount_rad: F, solved: Solved) -> F:
         """(N, 6, 6) change of the wrench per translation and rotation increment in base axes."""
         want_turn = turn(poses[:, 3:])

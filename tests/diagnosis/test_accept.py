@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ecm.diagnosis import DiagnosisSettings, diagnose
+from ecm.diagnosis import accept as accept_module
 from ecm.diagnosis.accept import AcceptanceCheck, acceptance_check
 from ecm.diagnosis.base import choose_base
 from ecm.diagnosis.problem import Problem, assemble
@@ -189,3 +190,18 @@ def test_runs_of_a_continuous_test_are_held_out_one_at_a_time() -> None:
         assert held_out_by(table, kind) == "run"
     parts = folds(table, table.poses, row_groups(table), "run")
     assert np.array_equal(parts, run - 1.0)
+
+
+def test_a_rival_that_wins_one_resampling_in_ten_joins_the_class(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However far it is in BIC: with few rows it may be the truth."""
+    problem = assembled(campaign("payload", 1.0, 4), "payload", "cable_drag", "fts_drift")
+    first = rank(problem)[0].candidate
+    assert first.id == "payload"
+    won = {"payload": 0.87, "cable_drag": 0.12, "fts_drift": 0.01}
+    monkeypatch.setattr(accept_module, "selection_shares", lambda *given: won)
+    accepted = accept_module.accept(problem, [first], 0)
+    assert accepted.classes == (("payload", "cable_drag"),)
+    won |= {"payload": 0.92, "cable_drag": 0.07}
+    assert accept_module.accept(problem, [first], 0).classes == (("payload",),)

@@ -17,7 +17,7 @@ from ecm.io.columns import POSE, WRENCH
 from ecm.models import load_model
 from ecm.regression.derived import derived_columns
 from support.campaigns import campaign
-from support.one_angle import NOISE_NM, bouc_wen, one_angle
+from support.one_angle import NOISE_NM, bouc_wen, one_angle, spring
 
 NAMED = (
     "hysteresis", "backlash", "stress_relaxation", "kink", "higher_degree", "mullins_softening",
@@ -30,6 +30,20 @@ def test_what_is_hidden_is_named(kind: str) -> None:
     table = one_angle(kind)
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.answer == ((kind,),)
+
+
+@pytest.mark.parametrize("place", [0.35, 0.55, 0.6, 0.65])
+def test_a_kink_is_found_wherever_it_is(place: float) -> None:
+    """Few rows: a slack or a higher degree would explain most of it."""
+    random = np.random.default_rng(7)
+    angle = random.uniform(-0.13, 0.13, 80)
+    at = -0.13 + 0.26 * place
+    torque = spring(angle) + 2.0 * np.maximum(0.0, angle - at)
+    torque = torque + 0.003 * random.standard_normal(80)
+    meta = {"instrument": {"torque_sd_Nm": 0.003, "pose_rotation_sd_rad": 1e-6}}
+    table = ecm.Table({"theta_z_rad": angle, "tau_z_Nm": torque}, meta)
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.answer == (("kink",),)
 
 
 @pytest.mark.parametrize("kind", ["viscous_damping", "dead_zone"])

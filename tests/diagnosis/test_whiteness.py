@@ -16,6 +16,8 @@ from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import fit_model
 from support.campaigns import campaign, model, workspace_poses
+from support.one_angle import META as ONE_ANGLE
+from support.one_angle import cycles, spring
 from support.stand_in import L, wrench
 
 META = Meta(
@@ -97,3 +99,15 @@ def test_white_noise_has_no_pattern() -> None:
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_a_campaign_without_an_effect_stays_none(seed: int) -> None:
     assert diagnose(model(), campaign("", 1.0, seed)).verdict == "none"
+
+
+def test_a_stiffness_by_the_hour_is_said_in_place_of_what_imitates_a_part_of_it() -> None:
+    """One angle, whose stiffness comes and goes with the time of day."""
+    time, angle = cycles()
+    torque = spring(angle) * (1.0 + 0.05 * np.sin(2.0 * np.pi * time / 100.0))
+    torque = torque + 0.01 * np.random.default_rng(1).standard_normal(len(time))
+    table = Table({"theta_z_rad": angle, "tau_z_Nm": torque, "time_s": time}, ONE_ANGLE)
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert found.verdict == "unknown"
+    assert found.effects == ()
+    assert "the stiffness follows time_s with period" in found.sentence()

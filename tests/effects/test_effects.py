@@ -462,3 +462,9 @@ def test_every_effect_says_what_outside_the_catalogue_looks_like_it() -> None:
         assert item.outside.what.startswith("any"), item.id
         assert item.outside.apart, item.id
     assert not EffectBase().outside
+
+
+def test_nothing_weighs_less_than_nothing() -> None:
+    mass = get_effect("own_weight").parameters[0]
+    assert mass.allows(0.05)
+    assert not mass.allows(-0.05)

@@ -135,6 +135,46 @@ def test_a_failed_write_leaves_the_old_file_and_no_rubbish(tmp_path: Path) -> No
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 
 
+WRITES = """
+import sys
+from pathlib import Path
+from ecm.io.cache import atomic
+with atomic(Path(sys.argv[1])) as file:
+    file.write(b"half")
+    file.flush()
+    if sys.argv[2] == "wait":
+        print("half", flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_what_a_killed_process_left_goes_when_the_file_is_written_again(tmp_path: Path) -> None:
+    path, other = tmp_path / "file.txt", tmp_path / "file.txt.csv"
+
+    def write(target: Path, then: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-c", WRITES, str(target), then]
+        return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    killed, alive, elsewhere = (write(target, "wait") for target in (path, path, other))
+    for process in (killed, alive, elsewhere):
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"half\n"
+    for process in (killed, elsewhere):
+        process.kill()
+        process.communicate()
+    foreign = tmp_path / f".file.txt.{killed.pid}.tmp"
+    foreign.write_bytes(b"of another program, or of another machine")
+    left = {p.name for p in tmp_path.iterdir()}
+    write(path, "end").communicate()
+    gone = left - {p.name for p in tmp_path.iterdir()}
+    assert len(gone) == 1
+    assert gone.pop().endswith(f".{killed.pid}.tmp")
+    assert foreign.exists()
+    alive.communicate()
+    assert alive.returncode == 0
+    assert path.read_bytes() == b"half"
+
+
 LONG_JOB = """
 import sys, time
 from pathlib import Path

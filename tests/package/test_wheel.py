@@ -25,7 +25,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
         timeout=900,
     )
     (wheel,) = (tmp_path / "dist").glob("ecm_stiffness-*-cp310-abi3-*.whl")
-    assert wheel.stat().st_size < 30e6
+    assert wheel.stat().st_size < 6e6  # three times that with the symbols of the core
     with ZipFile(wheel) as archive:
         files = set(archive.namelist())
     templates = {path.name for path in (ROOT / "python/ecm/io/templates").glob("*.*")}

@@ -133,12 +133,23 @@ def _checked(
     members = class_of(problem, chosen, item)
     check = acceptance_check(problem, chosen, item, members, seed)
     room = settings.most_in_class - len(members)
-    if check.chosen_share < settings.chosen_share and room > 0:
+    if room <= 0:
+        return check, tuple(members)
+    if check.chosen_share < settings.chosen_share:
         # A close rival that wins among resampled rows belongs to the class as well.
         close = class_of(problem, chosen, item, settings.close_bic)
         wins = {id for id, share in check.winners.items() if share > settings.some_bootstraps}
-        members = [*members, *[id for id in close if id not in members and id in wins][:room]]
-        check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
+        joining = [id for id in close if id in wins]
+    else:
+        # So does one that wins often, however far it is in BIC: with few rows it may be the truth.
+        others = {other.id for other in chosen}
+        joining = [
+            id
+            for id, share in sorted(check.winners.items(), key=lambda won: -won[1])
+            if share > settings.rival_bootstraps and id not in others
+        ]
+    members = [*members, *[id for id in joining if id not in members][:room]]
+    check = acceptance_check(problem, chosen, item, members, seed, winners=check.winners)
     return check, tuple(members)
 
 

@@ -12,9 +12,10 @@ from ecm.diagnosis.accept import Accepted
 from ecm.diagnosis.confusion import widened_class
 from ecm.diagnosis.gate import Gate, Leftover, residual_after
 from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.statements import WrongStatement, find_wrong_statement, reversed_sign
 from ecm.diagnosis.unexplained import Unknown, describe_residual
-from ecm.diagnosis.whiteness import Pattern, find_pattern
+from ecm.diagnosis.whiteness import Pattern, explains_more, find_pattern
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.physics.map import PhysicsMap
@@ -69,7 +70,7 @@ def verdict(
     describe
         Function that puts what is left into words.
     white
-        Function that looks for a pattern before `none` is said.
+        Function that looks for a pattern before `none` or a name is said.
     """
     wrong = _wrong_statement(problem, accepted) if gate.rejected else None
     if wrong is not None:
@@ -83,25 +84,24 @@ def verdict(
             template="",
         )
         return Verdict("unknown", Accepted(checks=accepted.checks), said)
-    strange = modulus_warning(problem) or sign_warning(problem)
+    strange = modulus_warning(problem) or ratio_warning(problem) or sign_warning(problem)
     if strange:
         unknown = describe(problem, problem.response, (), gate.structure)
         nothing = Accepted(checks=accepted.checks)
         said = replace(unknown, words=strange, nearest=None, misread=True, template="")
         return Verdict("unknown", nothing, said)
     noisy, mountain = is_noisy(problem), what_towers(problem, accepted)
+    pattern = _pattern_instead(problem, gate, accepted, left, white)
+    if pattern is not None:
+        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
+        seen = replace(unknown, words=pattern.words, variables=(pattern.variable,), nearest=None)
+        seen = replace(seen, relevance={}, template="", pattern=pattern)
+        return Verdict("unknown", Accepted(checks=accepted.checks), seen)
     if accepted.effects and not left.remains and not noisy and not mountain:
         single = all(len(members) == 1 for members in accepted.classes)
         return Verdict("named" if single else "ambiguous", accepted, None)
     if not accepted.effects and not (left.remains and gate.rejected):
-        pattern = white(problem)
-        if pattern is None:
-            return Verdict("none", accepted, None)
-        unknown = describe(problem, residual_after(problem, ()), (), gate.structure)
-        seen = replace(unknown, words=pattern.words, variables=(pattern.variable,), nearest=None)
-        return Verdict(
-            "unknown", accepted, replace(seen, relevance={}, template="", pattern=pattern)
-        )
+        return Verdict("none", accepted, None)
     residual = residual_after(problem, accepted.effects)
     unknown = describe(problem, residual, accepted.effects, gate.structure)
     if noisy:
@@ -110,6 +110,22 @@ def verdict(
     elif mountain:
         unknown = replace(unknown, words=f"{mountain}; {unknown.words}")
     return Verdict("unknown", accepted, unknown)
+
+
+def _pattern_instead(
+    problem: Problem,
+    gate: Gate,
+    accepted: Accepted,
+    left: Leftover,
+    white: Callable[[Problem], Pattern | None],
+) -> Pattern | None:
+    """Return a pattern where nothing is accepted and no function of the pose is left, or where a
+    period in time explains more than what is accepted: names would imitate a part of it.
+    """
+    if not accepted.effects:
+        return None if left.remains and gate.rejected else white(problem)
+    pattern = white(problem)
+    return pattern if explains_more(pattern, problem, accepted.effects) else None
 
 
 def what_towers(problem: Problem, accepted: Accepted) -> str:

@@ -33,6 +33,7 @@ from ecm.diagnosis.report import report
 from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
 from ecm.effects import Effect
@@ -280,7 +281,9 @@ def may_be_another_body(decision: Decision) -> bool:
     problem, table = decision.problem, decision.prepared.unexplained
     settings = problem.settings
     known = table.has(*POSE, *WRENCH) and table.meta.length_m is not None
-    if not isinstance(problem.base, PhysicsMap) or not known or modulus_warning(problem):
+    if not isinstance(problem.base, PhysicsMap) or not known:
+        return False
+    if modulus_warning(problem) or ratio_warning(problem):
         return False
     single = len(decision.accepted.effects) == 1 and decision.verdict != "unknown"
     least = settings.other_body_single if single else settings.other_body_several

@@ -33,6 +33,7 @@ from ecm.diagnosis.result import (
     RunError,
 )
 from ecm.diagnosis.search import Ranked, estimate
+from ecm.diagnosis.stated_numbers import stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
@@ -241,6 +242,7 @@ def _warnings(problem: Problem, prepared: Prepared) -> tuple[str, ...]:
         warnings.append(late)
     if strange := modulus_warning(problem) or reversed_sign(*own):
         warnings.append(strange)
+    warnings += stated_numbers(problem)
     if problem.noise.is_residual:
         warnings.append(
             "nothing is known of the noise: the spread of the base's own residual weighs the "

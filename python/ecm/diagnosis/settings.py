@@ -29,6 +29,12 @@ class DiagnosisSettings(Checked):
         high=100_000,
         doc="Rows that are used of a larger table, spread over runs, time and poses.",
     )
+    least_rows_of_log: int = setting(
+        100,
+        low=20,
+        doc="Least rows used of a log whose neighbours err alike; else as many as would tell as "
+        "much if they were independent.",
+    )
     # The linearised problem
     most_base_columns: int = setting(
         80, low=0, doc="Columns of a base that are carried along; a larger base is projected out."
@@ -136,6 +142,9 @@ class DiagnosisSettings(Checked):
     )
     some_bootstraps: float = setting(
         0.02, low=0.0, high=1.0, doc="Some bootstraps: more than this share of them."
+    )
+    rival_bootstraps: float = setting(
+        0.1, low=0.0, high=1.0, doc="A rival that wins more than this share of them is a member."
     )
     # What is left, and the verdict
     left_share: tuple[float, ...] = setting(

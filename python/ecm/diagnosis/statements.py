@@ -16,7 +16,8 @@ import numpy as np
 
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.restated import Restatement, restatements
-from ecm.errors import EcmError
+from ecm.diagnosis.restated_points import moved_points
+from ecm.errors import EcmError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.models.joint_fit import joint_fit
@@ -99,8 +100,16 @@ def _best_readings(problem: Problem, length_m: float) -> list[Restatement]:
     if as_stated is None:
         return []
     now = _misfit(as_stated, wrench)
+
+    def left_by(poses: F, wrench: F) -> F:
+        columns = _columns(base, poses)
+        if columns is None:
+            raise ModelError("no such pose")
+        return _rest(columns, wrench)
+
     left: list[tuple[float, Restatement]] = []
-    for item in restatements(length_m):
+    listed = [*restatements(length_m), *moved_points(length_m, poses, wrench, left_by)]
+    for item in listed:
         try:
             own_poses, own_wrench = item.change(poses, wrench)
         except EcmError:
@@ -126,6 +135,11 @@ def _columns(base: StiffnessMap, poses: F) -> tuple[F, F] | None:
 
 def _misfit(base: tuple[F, F], wrench: F) -> float:
     """Return the share of the squares of force and of torque that the base leaves."""
+    return float((_rest(base, wrench) ** 2).mean())
+
+
+def _rest(base: tuple[F, F], wrench: F) -> F:
+    """Return (6 n,) what the fitted base leaves, over the rms of force and of torque."""
     predicted, columns = base
     size = np.repeat([np.sqrt((part**2).mean()) for part in (wrench[:, :3], wrench[:, 3:])], 3)
     size = np.where(size > 0.0, size, 1.0)
@@ -134,7 +148,7 @@ def _misfit(base: tuple[F, F], wrench: F) -> float:
     norms = np.sqrt((z**2).sum(axis=0))
     z = z / np.where(norms > 0.0, norms, 1.0)
     theta = np.linalg.lstsq(z, y, rcond=1e-10)[0]
-    return float(((y - z @ theta) ** 2).mean())
+    return np.asarray(y - z @ theta)
 
 
 def reversed_sign(table: Table, inputs: Sequence[str], outputs: Sequence[str]) -> str:

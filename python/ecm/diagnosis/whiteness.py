@@ -8,14 +8,16 @@ step), decides, so that the rate of false alarms is held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import special
 
 from ecm.comparison.dependence import dependence_variables
 from ecm.comparison.structure import other_columns
-from ecm.diagnosis.problem import Problem
+from ecm.diagnosis.problem import Candidate, Problem
+from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import B, F
 from ecm.regression.approach import order_of_visits
 from ecm.regression.f_test import omnibus_test
@@ -40,6 +42,8 @@ class Pattern:
     """Root mean square, in units of the noise."""
     period: float | None = field(default=None, metadata={"optional": True})
     """Period in the unit of the column."""
+    explained: float = field(default=0.0, metadata={"json": ""})
+    """Sum of squares that the period explains, over the noise scale."""
 
 
 def find_pattern(problem: Problem) -> Pattern | None:
@@ -62,7 +66,12 @@ def find_pattern(problem: Problem) -> Pattern | None:
     least = max(settings.least_strength, 1.5 * problem.base_error)
     if p >= settings.white_level or best.strength < least:
         return None
-    return Pattern(best.variable, best.words, p, best.strength, best.period)
+    return replace(best, p=p)
+
+
+def explains_more(pattern: Pattern | None, problem: Problem, effects: Sequence[Candidate]) -> bool:
+    """Whether a period in time explains more than the effects: then they imitate a part of it."""
+    return pattern is not None and pattern.explained > delta_chi2(problem, effects)
 
 
 def _when(problem: Problem) -> tuple[str, F]:
@@ -108,6 +117,7 @@ def _periods(problem: Problem, left: F, counted: B) -> list[Pattern]:
                 min(1.0, single * len(turns)),
                 float(strength),
                 period,
+                float(explained[best]),
             )
         )
     return found

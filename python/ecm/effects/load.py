@@ -99,7 +99,7 @@ class OwnWeight(LinearEffect):
 
     id = "own_weight"
     physics = "The mechanism's own weight loads the platform and the clamp, about half of it each."
-    parameters = (Parameter("mass", "kg", 0.05, -5.0, 20.0),)
+    parameters = (Parameter("mass", "kg", 0.05, 0.0, 20.0),)
     outside = LookAlike(
         "anything along gravity that grows with the mechanism: a hose along it, water in it",
         "weigh it, or turn the rig",

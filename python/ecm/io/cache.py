@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from ecm.errors import ComputationError
 from ecm.io.arrays import F
 from ecm.io.interrupts import uninterrupted
+from ecm.io.temporary import temporary_beside
 
 Arrays = Mapping[str, NDArray[Any]]
 _KEY_LENGTH = 16
@@ -116,7 +117,7 @@ def _replacing(path: Path) -> Iterator[IO[bytes]]:
     # A link stays one: the file that it leads to is replaced.
     path = path.resolve() if path.is_symlink() else path
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = temporary_beside(path)
     try:
         with temporary.open("wb") as file:
             yield file

@@ -13,6 +13,8 @@ from ecm.regression.folds import is_continuous
 
 _MANY = 2**17
 """Longer runs are taken in every so many rows: their correlation time has many steps."""
+_ALIKE = 0.5
+"""Correlation of neighbours above which the rows of a log are no independent readings."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,38 @@ def correlation_time(table: Table) -> CorrelationTime | None:
     return CorrelationTime(
         float(np.average(times, weights=weights)), float(np.median(steps)), len(table)
     )
+
+
+def correlation_of_rest(table: Table) -> CorrelationTime | None:
+    """Return how long what no smooth function of the pose explains stays alike; None: not at all.
+
+    Neighbours that share less than half of it are taken as independent: then most is the noise of
+    each sample.
+    """
+    if not is_continuous(table):
+        return None
+    poses = table.matrix(table.pose_columns)
+    spread = poses.std(axis=0)
+    scaled = ((poses - poses.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))[:, spread > 0.0]
+    design = np.hstack([np.ones((len(poses), 1)), scaled, scaled**2, scaled**3])
+    wrench = table.matrix(table.wrench_columns)
+    rest = wrench - design @ np.linalg.lstsq(design, wrench, rcond=1e-10)[0]
+    times, steps = [], []
+    for rows in order_of_visits(table):
+        gaps = np.diff(table.column("time_s")[rows])
+        step = float(np.median(gaps)) if len(gaps) else 0.0
+        stride = 1 + len(rows) // _MANY
+        found = [
+            _integral(own[::stride])
+            for own in rest[rows].T
+            if own.std() > 0.0 and own[1:] @ own[:-1] > _ALIKE * (own @ own)
+        ]
+        if step > 0.0:
+            times.append(max([value or 1.0 for value in found], default=1.0) * step * stride)
+            steps.append(step)
+    if not times or max(times) <= 2.0 * max(steps):
+        return None
+    return CorrelationTime(float(np.mean(times)), float(np.median(steps)), len(table))
 
 
 def _integral(values: F) -> float | None:

@@ -14,7 +14,7 @@ from ecm.io.table import Table
 from ecm.regression.derived import derived_columns
 from ecm.regression.rows import Rows
 
-_PLACES = (0.15, 0.3, 0.5, 0.7, 0.85)
+_PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Places of a kink that are tried, in the range of its pose column."""
 _WIDTHS = (0.05, 0.12, 0.25)
 """Half widths of a dead zone that are tried, over the range of its pose column."""
@@ -65,7 +65,7 @@ class Kink(PairEffect):
             )
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Five places for each pair."""
+        """Nine places for each pair: beside a cubic a kink has zeros and peaks close together."""
         made = []
         for pair in pairs(table):
             low, high = _range(table, split(pair)[0])

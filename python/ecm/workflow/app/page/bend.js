@@ -2,7 +2,7 @@
 // The curve leaves and arrives along the x axes of the two frames; the twist grows evenly. It is a
 // sketch of the shape: no equation of the material is solved for it.
 
-const AROUND = 20, ALONG = 14;
+const AROUND = 18, ALONG = 10;
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const unit = a => { const n = Math.hypot(...a) || 1; return a.map(v => v / n); };

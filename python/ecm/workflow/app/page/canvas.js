@@ -16,6 +16,24 @@ export function sized(canvas, draw) {
   return fit;
 }
 
+// Squares of `size` CSS pixels written into a layer directly: a few ms for 20,000 of them, where
+// one call for each would take half a second. x(i), y(i): CSS pixels; ink(i): [r, g, b].
+export function stamp(context, indices, {x, y, ink, size}) {
+  const {canvas} = context, ratio = context.getTransform().a, {width, height} = canvas;
+  const layer = new OffscreenCanvas(width, height), on = layer.getContext("2d", {willReadFrequently: true});
+  const picture = on.createImageData(width, height), pixels = new Uint32Array(picture.data.buffer);
+  const side = Math.max(2, Math.round(size * ratio));
+  for (const i of indices) {
+    const left = Math.round(x(i) * ratio) - (side >> 1), top = Math.round(y(i) * ratio) - (side >> 1);
+    if (!(left > -side && top > -side)) continue;
+    const [r, g, b] = ink(i), value = (255 << 24 | b << 16 | g << 8 | r) >>> 0;
+    for (let v = Math.max(0, top); v < Math.min(height, top + side); v += 1)
+      for (let u = Math.max(0, left); u < Math.min(width, left + side); u += 1) pixels[v * width + u] = value;
+  }
+  on.putImageData(picture, 0, 0);
+  context.drawImage(layer, 0, 0, width / ratio, height / ratio);
+}
+
 export function tip(text, event) {
   const node = document.getElementById("tip");
   node.hidden = !text;

@@ -23,8 +23,9 @@ export function label(name) {
 
 // Names of columns and effects in a sentence of the server, as words.
 export const readable = text => String(text ?? "").replace(
-  /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC)\b/g, name => column(name).words)
-  .replace(/\b[a-z0-9-]+(?:[_+][a-z0-9_+-]+)+\b/g, effectName);
+  /\b[a-z][a-z0-9_]*_(?:Nm|N|m|rad|s|degC|Pa)\b/g, name => column(name).words)
+  .replace(/\b[a-z0-9-]+(?:[_+][a-z0-9_+-]+)+\b/g,
+    name => /^(tau|theta)_[xyz]$/.test(name) ? column(name).words : effectName(name));
 
 export const effectName = id => id.replace(/^fts_/, "sensor ").replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
 

@@ -6,11 +6,16 @@ import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {workspace} from "./scene.js";
 
+const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
+  ["xyz", "angles about fixed x, y, z"], ["XYZ", "angles about turning x, y, z"], ["zyx", "angles about fixed z, y, x"],
+  ["ZYX", "angles about turning z, y, x"]];
+
 export async function draw(root, state, app) {
   if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
   if (!state.check && (state.data.length || state.dropped)) root.append(mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
+  if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
   if (state.data.length && state.check) await picture(root, state);
   if (state.data.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
 }
@@ -96,8 +101,8 @@ function columns(check) {
 
 function imported(found) {
   return el("details", {open: true}, el("summary", {}, `How the columns of ${found.source} were read`),
-    table("Guessed mapping; state your own below to change it", ["column", "read from"],
-      Object.entries(found.columns).map(([name, from]) => [label(name), from])),
+    table("The table of the session, in metres, radians, N and N m", ["column", "read from"],
+      Object.entries(found.columns).map(([name, from]) => [name, from])),
     el("ul", {}, (found.notes ?? []).map(text => el("li", {}, readable(text)))));
 }
 
@@ -105,14 +110,15 @@ function mapping(state, app) {
   const field = (id, text, hint) => [el("label", {for: id}, text), el("input", {id, placeholder: hint})];
   const map = el("textarea", {id: "map", rows: 4, cols: 40, placeholder: "x_m=Position X:mm\nfx_N=Force 1"});
   const value = id => document.getElementById(id).value.trim();
+  const rotation = el("select", {id: "rotation"}, ROTATIONS.map(([name, text]) => el("option", {value: name}, text)));
   const run = () => app.step("import", {
     map: map.value.split("\n").map(line => line.trim()).filter(Boolean),
-    units: value("units"), rotation: value("rotation"),
+    units: value("units"), rotation: rotation.value,
   });
   return el("section", {"aria-label": "Columns of your own"}, el("h3", {}, "Read the columns"),
     el("p", {}, "Names and units are guessed. What you state here goes first: one column a line, as NAME=COLUMN:UNIT."),
     el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map),
     el("div", {class: "row"}, ...field("units", "Units where unstated", "mm,deg,N,N mm"),
-      ...field("rotation", "Order of the rotation", "wxyz, xyzw, rotvec, ZYX, xyz")),
+      el("label", {for: "rotation"}, "Rotation"), rotation),
     button("Import", run, {class: "first", id: "import", disabled: Boolean(state.running)}));
 }

@@ -14,7 +14,7 @@ export async function draw(root, state, app) {
   root.append(wait);
   const [residuals, poses] = await Promise.all([view("residuals", state), view("poses", state)]);
   wait.remove();
-  root.append(el("p", {class: "rests"}, readable(residuals.sentence), " ", residuals.said),
+  root.append(el("p", {class: "rests"}, readable(residuals.sentence), help("signature"), " ", residuals.said),
     figures(state, residuals));
   const panels = residualPanels(residuals);
   const place = el("section", {"aria-label": "The mechanism in its measured poses"},

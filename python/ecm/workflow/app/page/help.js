@@ -13,6 +13,8 @@ const TERMS = {
     + "times the residual, in mm and degrees.",
   "held out": "Poses that the fit never saw. An error that falls only on fitted rows means that the "
     + "model learns the noise.",
+  "signature": "Shapes that a residual may have: constant, proportional to the wrench, even (the same for a pose "
+    + "and its mirror image), odd (opposite), or a curve over a column. The percentage is its share.",
   "gain": "Share of the squared residual over noise that this effect alone would take away.",
   "verdict": "What the test of all effects says: one is named, several look alike, an unknown one, "
     + "or nothing is missing.",

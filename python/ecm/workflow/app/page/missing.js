@@ -6,7 +6,7 @@ import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {residualPanels} from "./panels.js";
 
-const SMALL = 0.01;
+const FIRST = 8;
 
 export async function draw(root, state, app) {
   const found = state.diagnosis;
@@ -77,13 +77,12 @@ function list(effects, found, state, app, look) {
   const named = new Set((found?.answer ?? []).flat());
   const ranks = new Map((found?.ranking ?? []).map(item => [item.id, item]));
   const inside = new Set((state.fit?.effects ?? []).map(effect => effect.id));
-  const items = Object.entries(effects.effects).map(([id, item]) => [named.has(id) || item.share >= SMALL, entry(id, item)]);
+  const items = Object.entries(effects.effects).map(([id, item], i) => [named.has(id) || i < FIRST, entry(id, item)]);
   const few = items.filter(([large]) => large), rest = items.filter(([large]) => !large);
   const group = (some, name) => el("ul", {class: "effects", "aria-label": name}, some.map(([, node]) => node));
   return el("div", {}, group(few, "Effects that can be tested"),
-    few.length ? null : el("p", {class: "soft"}, "No effect explains 1 % of the residual or more."),
-    rest.length ? el("details", {}, el("summary", {}, `${rest.length} more, each below ${100 * SMALL} %`),
-      group(rest, "Effects that explain little")) : null);
+    rest.length ? el("details", {}, el("summary", {}, `${rest.length} more that explain less`),
+      group(rest, "Effects that explain less")) : null);
 
   function entry(id, item) {
     const rank = ranks.get(id), share = Math.max(0, item.share);

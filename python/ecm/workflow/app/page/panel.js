@@ -1,6 +1,6 @@
 // One scatter panel: points over a variable, the noise band, a histogram at its right side, a brush.
 
-import {sized, ticks, tip} from "./canvas.js";
+import {sized, stamp, ticks, tip} from "./canvas.js";
 import {colours, rgb} from "./colours.js";
 import {el, number} from "./dom.js";
 
@@ -75,10 +75,15 @@ export function panel({onbrush, say}) {
     line(context, LEFT, bottom, right, bottom);
   }
 
-  // Points; many are written into the picture directly, which takes a few ms for 20,000.
+  // Points, of the indices `which` or all.
   function dots(context, x, y, which, colour, r) {
     const n = which ? which.length : x.length;
-    if (n > MANY) { pixels(context, x, y, which, colour); return; }
+    if (n > MANY) {
+      const ink = rgb(colour), seen = which ?? x.map((_, i) => i);
+      stamp(context, seen.filter(i => x[i] !== null && y[i] !== null),
+        {x: i => px(x[i]), y: i => py(y[i]), ink: () => ink, size: which ? 2.2 : 1.6});
+      return;
+    }
     context.strokeStyle = context.fillStyle = colour;
     context.lineWidth = 1.3;
     for (let k = 0; k < n; k += 1) {
@@ -88,22 +93,6 @@ export function panel({onbrush, say}) {
       context.arc(px(x[i]), py(y[i]), r, 0, 7);
       if (which) context.fill(); else context.stroke();
     }
-  }
-
-  function pixels(context, x, y, which, colour) {
-    const {canvas} = context, ratio = canvas.width / width, [r, g, b] = rgb(colour);
-    const picture = context.getImageData(0, 0, canvas.width, canvas.height);
-    const ink = new Uint32Array(picture.data.buffer), value = (255 << 24 | b << 16 | g << 8 | r) >>> 0;
-    const size = Math.max(2, Math.round(1.6 * ratio)), n = which ? which.length : x.length;
-    for (let k = 0; k < n; k += 1) {
-      const i = which ? which[k] : k;
-      if (x[i] === null || y[i] === null) continue;
-      const left = Math.round(px(x[i]) * ratio) - (size >> 1), top = Math.round(py(y[i]) * ratio) - (size >> 1);
-      for (let v = Math.max(0, top); v < Math.min(canvas.height, top + size); v += 1)
-        for (let u = Math.max(0, left); u < Math.min(canvas.width, left + size); u += 1)
-          ink[v * canvas.width + u] = value;
-    }
-    context.putImageData(picture, 0, 0);
   }
 
   // Counts of y in even bins, beside the panel.
@@ -125,7 +114,7 @@ export function panel({onbrush, say}) {
     const palette = colours();
     context.font = FONT;
     if (preview) {
-      if (preview.length > MANY) pixels(context, data.x, preview, null, palette.second);
+      if (preview.length > MANY) dots(context, data.x, preview, null, palette.second, 0);
       else {
         context.strokeStyle = palette.second;
         context.lineWidth = 1.4;

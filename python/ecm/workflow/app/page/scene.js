@@ -39,7 +39,7 @@ export function workspace(view, rows, columns, values, {title, unit, forces = nu
         to: [x, y, z].map((values_, k) => values_[i] + forces.scale * forces.columns[k][i])});
     }
     drawn.set({bodies, frames, lines, points: {x, y, z, row: rows,
-      colour: values.map(v => css(scale(v))),
+      colour: values.map(scale),
       text: i => `row ${rows[i]}: ${title} ${number(values[i])} ${unit}; at ${number(x[i])}, `
         + `${number(y[i])}, ${number(z[i])} mm`}});
   }

@@ -1,12 +1,12 @@
 // Bodies, frames and points in space on a canvas: turned by drag or arrow keys, nearest last drawn.
 
 import {colours, css, rgb} from "./colours.js";
-import {sized, tip} from "./canvas.js";
+import {sized, stamp, tip} from "./canvas.js";
 import {el} from "./dom.js";
 import {marked} from "./selection.js";
 
 const AXES = ["#d0460f", "#008f67", "#2a78c2"];
-const WHILE_TURNING = 4000;
+const WHILE_TURNING = 4000, MANY = 3000;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
@@ -16,7 +16,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     + "plus and minus zoom, Home looks from the start."});
   const node = el("div", {class: "space"}, canvas);
   let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
-  let centre = [0, 0, 0], reach = 1, shown = [], turning = false, box = null, asked = false;
+  let centre = [0, 0, 0], extent = [], shown = [], turning = false, box = null, asked = false;
 
   const redraw = sized(canvas, draw);
   const ask = () => {
@@ -25,25 +25,32 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
 
   function set(next) {
     scene = {bodies: [], frames: [], lines: [], ...next};
-    const all = [...scene.bodies.flatMap(body => body.points), ...scene.frames.map(f => f.origin)];
+    const all = [...scene.bodies.flatMap(body => body.points), 
+      ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
     const {points} = scene;
     if (points) for (let i = 0; i < points.x.length; i += 1) all.push([points.x[i], points.y[i], points.z[i]]);
     const low = [0, 1, 2].map(i => all.reduce((m, p) => Math.min(m, p[i]), Infinity));
     const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
     centre = low.map((v, i) => (v + high[i]) / 2);
-    reach = Math.max(1e-6, Math.hypot(...low.map((v, i) => high[i] - v)) / 2);
+    extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
     ask();
   }
 
   // The x axis of the base points up: the mechanism stands on its clamped face.
-  function projection(width, height) {
-    const c = Math.cos(eye.turn), s = Math.sin(eye.turn), u = Math.cos(eye.lift), v = Math.sin(eye.lift);
-    const size = eye.zoom * 0.5 * Math.min(width, height) / (0.68 * reach);
+  function projection(width, height, {turn, lift, zoom} = eye, size = zoom * fit(width, height)) {
+    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
     return ([x, y, z]) => {
       const up = x - centre[0], a = y - centre[1], b = z - centre[2];
       const right = c * a + s * b, away = -s * a + c * b;
       return [width / 2 + size * right, height / 2 - size * (u * up + v * away), u * away - v * up];
     };
+  }
+
+  // Pixels a mm with which all is seen from the start, with room at the edges.
+  function fit(width, height) {
+    const look = projection(0, 0, START, 1);
+    const at = extent.map(look), side = k => Math.max(1e-6, ...at.map(point => Math.abs(point[k])));
+    return 0.44 * Math.min(width / side(0), height / side(1));
   }
 
   function draw(context, width, height) {
@@ -76,29 +83,18 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     const {points} = scene;
     shown = [];
     if (!points) return;
-    const n = points.x.length, step = turning ? Math.ceil(n / WHILE_TURNING) : 1, late = [];
-    for (let i = 0; i < n; i += step) {
-      const [x, y] = project([points.x[i], points.y[i], points.z[i]]);
-      shown.push([x, y, i]);
-      if (marked.has(points.row[i])) late.push(shown.at(-1));
-      else dot(context, shown.at(-1), palette, false, n > 3000);
+    const n = points.x.length, step = turning ? Math.ceil(n / WHILE_TURNING) : 1, few = n <= MANY;
+    for (let i = 0; i < n; i += step) shown.push([...project([points.x[i], points.y[i], points.z[i]]).slice(0, 2), i]);
+    const on = shown.filter(([, , i]) => marked.has(points.row[i]));
+    const off = on.length ? shown.filter(([, , i]) => !marked.has(points.row[i])) : shown;
+    if (few) {
+      for (const [x, y, i] of off) dot(context, x, y, css(points.colour[i]), palette.wash, 3.6);
+      for (const [x, y] of on) dot(context, x, y, palette.second, palette.ink, 5.5);
+    } else {
+      const at = {x: item => item[0], y: item => item[1]}, second = rgb(palette.second);
+      stamp(context, off, {...at, ink: item => points.colour[item[2]], size: 2.2});
+      if (on.length) stamp(context, on, {...at, ink: () => second, size: 3.4});
     }
-    for (const item of late) dot(context, item, palette, true, false);
-  }
-
-  function dot(context, [x, y, i], palette, on, small) {
-    const {points} = scene, r = on ? 5.5 : small ? 1.6 : 3.6;
-    context.fillStyle = on ? palette.second : points.colour[i];
-    if (small) {
-      context.fillRect(x - r, y - r, 2 * r, 2 * r);
-      return;
-    }
-    context.beginPath();
-    context.arc(x, y, r, 0, 7);
-    context.fill();
-    context.lineWidth = on ? 2 : 0.8;
-    context.strokeStyle = on ? palette.ink : palette.wash;
-    context.stroke();
   }
 
   // The nearest point within 12 pixels, or null.
@@ -218,6 +214,16 @@ function drawFrame(context, project, {origin, axes, name, size}, palette) {
     context.strokeText(text, to[0] + 5, to[1] + 4);
     context.fillText(text, to[0] + 5, to[1] + 4);
   });
+}
+
+function dot(context, x, y, fill, edge, r) {
+  context.beginPath();
+  context.arc(x, y, r, 0, 7);
+  context.fillStyle = fill;
+  context.fill();
+  context.lineWidth = 1;
+  context.strokeStyle = edge;
+  context.stroke();
 }
 
 export const bodyColour = () => rgb(colours().body);

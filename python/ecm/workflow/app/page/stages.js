@@ -18,7 +18,7 @@ const verdict = state => !state.diagnosis ? "not asked yet"
 export const stages = [
   {id: "data", title: "Data", draw: data.draw, open: () => true, needs: "",
     purpose: "Bring in a table of measured poses and wrenches, and see that it is right.",
-    brief: state => state.data.length ? `${state.check?.rows ?? "…"} rows` : "nothing yet"},
+    brief: state => !state.data.length ? "nothing yet" : state.check ? `${state.check.rows} rows` : "not checked yet"},
   {id: "model", title: "Model", draw: model.draw, open: checked, needs: "needs checked data",
     purpose: "Choose what predicts the wrench at a pose, and fit it.",
     brief: state => state.rungs[0]?.name ?? "none yet"},

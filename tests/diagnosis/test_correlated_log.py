@@ -1,0 +1,43 @@
+"""A log at a hundred hertz whose noise is slow: its rows are not that many readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import ecm
+from ecm.diagnosis.procedure import find_missing
+
+ROWS, STEP_S = 12000, 0.01
+
+
+def slow_log(seed: int, correlation_s: float) -> ecm.Table:
+    """A cubic spring; noise that forgets itself after some tenths of a second."""
+    time = STEP_S * np.arange(ROWS)
+    angle = 0.4 * np.sin(2.0 * np.pi * time / 17.0) * (0.6 + 0.4 * np.sin(0.13 * time + 1.0))
+    keep = np.exp(-STEP_S / correlation_s)
+    shocks = np.random.default_rng(seed).standard_normal(ROWS) * np.sqrt(1.0 - keep**2)
+    torque = 2.0 * angle + 1.5 * angle**3 + 0.01 * lfilter([1.0], [1.0, -keep], shocks)
+    return ecm.Table(
+        {"theta_z_rad": angle, "tau_z_Nm": torque, "time_s": time},
+        {
+            "file": {"kind": "continuous"},
+            "instrument": {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-6},
+        },
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slow_noise_is_no_effect(seed: int) -> None:
+    table = slow_log(seed, 0.3)
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.verdict == "none"
+    assert 100 <= len(found.problem.table) < 500
+
+
+def test_rows_of_white_noise_are_as_many_as_before() -> None:
+    table = slow_log(0, 1e-4)
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.verdict == "none"
+    assert len(found.problem.table) == 3000

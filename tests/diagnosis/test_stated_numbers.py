@@ -1,0 +1,103 @@
+"""E, nu, a length and the noise that are stated wrongly are said with their values."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from ecm.diagnosis import Diagnosis, diagnose
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import Table, as_table
+from ecm.models import Model, PhysicsMap, fit_model
+from support.campaigns import workspace_poses
+from support.stand_in import L, wrench
+
+F = np.ndarray
+NOISE = np.array([0.3, 0.3, 0.3, 0.01, 0.01, 0.01])
+EFFECTS = ("base_frame_misalignment", "payload", "fts_frame")
+
+
+def measured(poses: F, h: F, *, stated: float = 1.0, length_m: float = L) -> Table:
+    """Rows with noise, the noise and the length as stated."""
+    h = h + np.random.default_rng(8).standard_normal(h.shape) * NOISE
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    instrument = {
+        "pose_position_sd_m": 1e-9, "pose_rotation_sd_rad": 1e-9,
+        "force_sd_N": 0.3 * stated, "torque_sd_Nm": 0.01 * stated,
+    }  # fmt: skip
+    return as_table(columns, meta={"mechanism": {"length_m": length_m}, "instrument": instrument})
+
+
+def energy(table: Table) -> Diagnosis:
+    return diagnose(fit_model(table, "linear"), table, effects=EFFECTS)
+
+
+def test_another_modulus_and_poisson_ratio_are_said(neck_physics: PhysicsMap) -> None:
+    poses = workspace_poses(60, 7)
+    truth = neck_physics.at(young_modulus_Pa=1.7 * 0.65e6, poisson_ratio=0.44)
+    found = diagnose(Model(base=neck_physics), measured(poses, truth.predict(poses)))
+    assert found.verdict == "none"
+    said = next(words for words in found.warnings if "times the stated" in words)
+    modulus, nu = re.findall(r"is (\d[\d.]+)", said)
+    assert float(modulus) == pytest.approx(1.7, rel=0.01)
+    assert float(nu) == pytest.approx(0.44, abs=0.005)
+    right = diagnose(
+        Model(base=neck_physics), measured(poses, neck_physics.predict(poses)), effects=EFFECTS
+    )
+    assert not any("times the stated" in words for words in right.warnings)
+
+
+def test_a_ratio_that_no_poisson_ratio_gives_is_no_effect(neck_physics: PhysicsMap) -> None:
+    poses = workspace_poses(60, 7)
+    soft, hard = (neck_physics.at(poisson_ratio=nu).predict(poses) for nu in (0.5, 0.42))
+    found = diagnose(Model(base=neck_physics), measured(poses, soft + 2.0 * (soft - hard)))
+    assert found.answer == ()
+    assert "no Poisson's ratio from" in found.sentence()
+    assert found.model.answer == "table"
+
+
+@pytest.mark.parametrize("stated", [0.5, 1.0, 2.0])
+def test_noise_that_is_stated_wrongly(stated: float) -> None:
+    poses = workspace_poses(90, 7)
+    found = energy(measured(poses, wrench(poses), stated=stated))
+    said = [re.search(r"noise is ([\d.]+) times as large", words) for words in found.warnings]
+    factors = [float(match[1]) for match in said if match]
+    assert found.verdict == "none"
+    assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.1)])
+
+
+@pytest.mark.parametrize("stated", [0.5, 1.0, 2.0])
+def test_repeats_tell_that_the_noise_is_stated_wrongly(stated: float) -> None:
+    again = np.r_[np.arange(70), np.arange(20)]
+    poses = workspace_poses(70, 7)[again]
+    table = measured(poses, wrench(poses), stated=stated).with_columns({"pose_id": again})
+    said = [re.search(r"noise is ([\d.]+) times", words) for words in energy(table).warnings]
+    factors = [float(match[1]) for match in said if match]
+    assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.15)])
+
+
+def test_a_length_that_is_a_tenth_too_large(neck_physics: PhysicsMap) -> None:
+    """Only with a stated body: an energy of a few terms fits with either length."""
+    poses = workspace_poses(60, 7) + np.r_[0.0103, np.zeros(5)]
+    h = neck_physics.predict(workspace_poses(60, 7))
+    found = diagnose(Model(base=neck_physics), measured(poses, h), effects=["payload"])
+    assert found.answer == ()
+    assert "or the length looks 0.1137 m, not 0.1034 m" in found.sentence()
+
+
+@pytest.mark.parametrize("what", ["positions", "torque"])
+def test_an_origin_ten_millimetres_off(what: str) -> None:
+    poses = workspace_poses(90, 7)
+    h, off = wrench(poses), np.array([0.0, 0.0, 0.01])
+    if what == "torque":
+        h = np.hstack([h[:, :3], h[:, 3:] - np.cross(off, h[:, :3])])
+    else:
+        poses = poses + np.r_[off, 0.0, 0.0, 0.0]
+    found = energy(measured(poses, h))
+    assert found.answer == ()
+    assert f"the {what} look" in found.sentence()
+    point = re.search(r"point \(([-\d.]+), ([-\d.]+), ([-\d.]+)\) mm", found.sentence())
+    assert point is not None
+    assert [float(part) for part in point.groups()] == pytest.approx([0.0, 0.0, 10.0], abs=0.3)
