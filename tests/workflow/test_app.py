@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
 from ecm.errors import InputError
+from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.journal import Journal
-from ecm.workflow.app.serve import begin
+from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App, application
 from ecm.workflow.app.session import Session
+from ecm.workflow.app.views import Views
 from support.neck import ROOT
 
 PORT, TOKEN = 8000, "a-secret"
@@ -144,7 +150,150 @@ def test_undo_takes_the_data_back_and_a_new_step_ends_redo(app: App, tmp_path: P
         assert names() == ["a.csv", "c.csv"]
 
 
+def test_a_table_in_the_session_folder_is_copied_with_its_description(tmp_path: Path) -> None:
+    data = table(tmp_path / "stage.csv")
+    data.with_suffix(".toml").write_text("# nothing\n", encoding="utf-8")
+    Session(tmp_path).add_table(data, "stage.csv")
+    assert data.is_file()
+    assert (tmp_path / "upload-1.toml").is_file()
+
+
+def test_the_demo_writes_over_no_file_of_another_kind(tmp_path: Path) -> None:
+    (tmp_path / PLAN).write_text("my own plan", encoding="utf-8")
+    with pytest.raises(InputError, match="is there already"):
+        write_demo(tmp_path)
+    assert (tmp_path / PLAN).read_text(encoding="utf-8") == "my own plan"
+
+
+def test_a_log_begins_a_session_and_waits_for_its_import(app: App, tmp_path: Path) -> None:
+    log = tmp_path / "log.txt"
+    log.write_text("a b\n1 2\n", encoding="utf-8")
+    with pytest.raises(InputError, match="expected a table or a log"):
+        begin(app, [log, tmp_path / "picture.png"])
+    begin(app, [log], model="linear")
+    assert app.session.state()["dropped"] == "log.txt"
+    assert app.jobs.progress() is None
+
+
+def test_the_script_outside_its_folder_says_so(app: App, tmp_path: Path) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    script, again = tmp_path / "script.sh", tmp_path / "again"
+    script.write_text(app.session.script(), encoding="utf-8")
+    done = subprocess.run(
+        ["sh", str(script), str(again)], check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (1, "put this script into the session folder\n")
+    assert not again.exists()
+
+
 # --- long work ---------------------------------------------------------
+def test_nothing_changes_while_a_step_begins(app: App, tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        app.session.add_table(table(tmp_path / name), name)
+    begins, goes_on, begin_now = threading.Event(), threading.Event(), app.session.begin
+
+    def slowly(*given: Any) -> Any:
+        begins.set()
+        goes_on.wait(10)
+        return begin_now(*given)
+
+    app.session.begin = slowly  # type: ignore[assignment, method-assign]
+    beginning = threading.Thread(target=app.jobs.start, args=("check", {}))
+    beginning.start()
+    begins.wait(10)
+    threading.Timer(0.3, goes_on.set).start()
+    with client_of(app) as client:
+        assert client.post("/api/undo", json={}).status_code == 409
+        beginning.join()
+        state = finished(client, app)
+    assert [item["name"] for item in state["data"]] == ["b.csv"]
+
+
+def test_an_upload_that_a_step_overtakes_changes_nothing(app: App, tmp_path: Path) -> None:
+    def body() -> Iterator[bytes]:
+        yield b"x_m,fx_N\n"
+        app.jobs.start("check", {})
+        yield b"1,2\n"
+
+    app.session.add_table(table(tmp_path / "a.csv"), "a.csv")
+    with client_of(app) as client:
+        answer = client.post("/api/upload", params={"name": "b.csv"}, content=body())
+        assert answer.status_code == 409
+        assert [item["name"] for item in finished(client, app)["data"]] == ["a.csv"]
+
+
+def test_a_command_that_cannot_be_run_is_a_failed_step(app: App, tmp_path: Path) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    with client_of(app) as client:
+        answer = client.post("/api/step", json={"verb": "import", "map": ["x_m=a\0"]})
+        assert answer.status_code == 400
+        assert finished(client, app)["steps"][-1]["status"] == "failed"
+
+
+def test_ctrl_c_in_a_terminal_reaches_no_worker(app: App, tmp_path: Path) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    app.jobs.start("check", {})
+    assert os.getpgid(app.jobs._job.process.pid) != os.getpgid(0)  # type: ignore[union-attr]
+
+
+def test_the_end_of_the_server_ends_a_view(tmp_path: Path) -> None:
+    views = Views(tmp_path)
+    work = views._process().submit(time.sleep, 60)
+    while not work.running():
+        time.sleep(0.01)
+    begun = time.monotonic()
+    views.close()
+    assert time.monotonic() - begun < 10
+    with pytest.raises(InputError, match="is being ended"):
+        views.file("poses", ["a.csv"], None)
+
+
+_VIEWS = """
+import os, signal, sys
+from pathlib import Path
+from ecm.workflow.app.views import Views
+if __name__ == "__main__":
+    print(Views(Path("."))._process().submit(os.getpid).result(), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
+    script = tmp_path / "server.py"
+    script.write_text(_VIEWS, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)], check=False, stdout=subprocess.PIPE, text=True
+    )
+    worker = int(done.stdout)
+    for _ in range(1000):
+        if not _alive(worker):
+            break
+        time.sleep(0.01)
+    if _alive(worker):
+        os.kill(worker, signal.SIGKILL)
+        pytest.fail("the process of the views lives on")
+
+
+def test_an_upload_that_a_kill_has_cut_is_removed(tmp_path: Path) -> None:
+    (tmp_path / ".incoming-1").write_bytes(b"1")
+    App.of(tmp_path).close()
+    assert not list(tmp_path.glob(".incoming-*"))
+
+
+def test_the_address_is_given_when_it_answers_and_an_error_lets_the_folder_go(
+    tmp_path: Path,
+) -> None:
+    def ready(address: str) -> None:
+        port = urlsplit(address).port or 0
+        socket.create_connection(("127.0.0.1", port)).close()
+        raise InputError("enough")
+
+    with pytest.raises(InputError, match="enough") as kept:
+        serve(tmp_path / "session", ready=ready)
+    App.of(tmp_path / "session").close()
+    assert kept.value
+
+
 def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_path: Path) -> None:
     with client_of(app) as client:
         upload(client, table(tmp_path / "stage.csv"))
@@ -164,7 +313,8 @@ def test_cancel_kills_the_process_and_the_step_can_be_run_again(app: App, tmp_pa
 _SERVER = """
 import sys
 from pathlib import Path
-from ecm.workflow.app.serve import begin
+from ecm.workflow.app.demo import PLAN, write_demo
+from ecm.workflow.app.serve import begin, serve
 from ecm.workflow.app.server import App
 app = App.of(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
@@ -347,6 +497,46 @@ def test_a_form_of_another_page_is_no_request(app: App) -> None:
         assert client.post("/api/undo", content=b"[1]").status_code == 400
 
 
+@pytest.mark.parametrize(
+    ("action", "content"),
+    [
+        ("again", b"[" * 90_000),
+        ("again", b'{"step": [1]}'),
+        ("step", rb'{"verb": "check", "a": "\ud800"}'),
+    ],
+)
+def test_a_request_of_another_form_is_refused(
+    app: App, tmp_path: Path, action: str, content: bytes
+) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    json_type = {"content-type": "application/json"}
+    with client_of(app) as client:
+        assert client.post(f"/api/{action}", content=content, headers=json_type).status_code == 400
+        assert client.get(f"/api/log/{10**300}").json() == {"out": "", "err": ""}
+
+
+def test_a_page_that_is_closed_in_an_upload_leaves_nothing(app: App) -> None:
+    sent: list[Any] = []
+
+    async def receive() -> Any:
+        return {"type": "http.disconnect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers = [(b"host", b"127.0.0.1:8000"), (b"x-ecm-token", TOKEN.encode())]
+    scope: dict[str, Any] = {
+        "type": "http",
+        "method": "POST",
+        "path": "/api/upload",
+        "headers": headers,
+    }
+    scope |= {"query_string": b"name=a.csv", "root_path": ""}
+    asyncio.run(application(app, port=PORT, token=TOKEN)(scope, receive, send))
+    assert sent[0]["status"] == 400
+    assert not list(app.session.folder.glob(".incoming-*"))
+
+
 def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
     app.most_bytes = 1000
     with client_of(app) as client:
@@ -354,7 +544,7 @@ def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
         assert answer.status_code == 400
         assert "1000 bytes" in answer.json()["error"]
         assert client.get("/api/state").json()["data"] == []
-    assert not list(app.session.folder.glob("incoming-*"))
+    assert not list(app.session.folder.glob(".incoming-*"))
 
 
 def test_a_warning_is_open_until_a_person_takes_it_on(app: App, tmp_path: Path) -> None:

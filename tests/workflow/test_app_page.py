@@ -92,6 +92,34 @@ def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> 
     assert page.problems() == []
 
 
+_DROP = """
+const given = new DataTransfer();
+const rows = [...Array(20).keys()].map(i => `${i * 1e-4},${i + 0.01 * (i % 3)}`);
+const text = ["x_m,fx_N", ...rows, ""].join("\\n");
+for (const name of ["length.toml", "a.csv", "b.csv"])
+  given.items.add(new File([name.endsWith(".csv") ? text : "# nothing"], name));
+const input = document.querySelector("#file");
+input.files = given.files;
+input.dispatchEvent(new Event("change"));
+"""
+
+
+def test_files_that_are_dropped_together_become_runs_with_their_description(
+    page: Page, tmp_path: Path
+) -> None:
+    with served("--session", tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#file')")
+        page.js(f"(() => {{{_DROP}}})()")
+        page.until(
+            "fetch('/api/state').then(r => r.json()).then(s => !s.running"
+            " && s.check && s.data.length === 2 && s.data[1].name === 'length.toml')"
+        )
+        state = _state(page)
+        assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
+        assert state["check"]["rows"] == 40
+
+
 def _state(page: Page) -> dict:  # type: ignore[type-arg]
     text = page.js("fetch('/api/state').then(r => r.text())")
     return dict(json.loads(text))

@@ -13,7 +13,7 @@ from ecm.workflow.app.serve import serve as serve_session
 def serve(options: Options, session: Session) -> None:
     """Run `ecm app`."""
     check_output_directory(options.folder)
-    session.on_interrupt(f"the session is kept in {options.folder}. The same command goes on.")
+    session.on_interrupt(f"ecm app --session {options.folder} goes on with the session.")
 
     def ready(address: str) -> None:
         session.print(f"{address}\nCtrl-C ends the server; the session stays in {options.folder}.")

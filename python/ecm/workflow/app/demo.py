@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ecm.errors import InputError
 from ecm.io.cache import write_atomically
 
 PLAN, RIG = "plan.csv", "rig.toml"
@@ -14,6 +15,11 @@ _FILES = Path(__file__).parent / "demo"
 def write_demo(folder: Path) -> None:
     """Write plan and rig into a session folder; the campaign is a step.
 
+    Raises
+    ------
+    InputError
+        Where the folder has other files of these names.
+
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
@@ -22,5 +28,12 @@ def write_demo(folder: Path) -> None:
     ...     sorted(path.name for path in Path(name).iterdir())
     ['plan.csv', 'plan.toml', 'rig.toml']
     """
-    for name in DEMO_FILES:
-        write_atomically(folder / name, (_FILES / name).read_bytes())
+    files = {folder / name: (_FILES / name).read_bytes() for name in DEMO_FILES}
+    for path, content in files.items():
+        if path.exists() and path.read_bytes() != content:
+            raise InputError(
+                f"{path} is there already, and not that of the demo: name another folder with "
+                "--session"
+            )
+    for path, content in files.items():
+        write_atomically(path, content)

@@ -8,9 +8,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from ecm.errors import InputError
 from ecm.workflow.app.session import INTERRUPTED, Session
@@ -25,6 +26,7 @@ _FOLLOWED_BY = {
 """What is computed next without a click: the page shows it beside the result."""
 _PROGRESS = re.compile(r"^(?P<what>.*): (?P<done>\d+)(?: of (?P<total>\d+))?(?P<left>, .* left)?$")
 _TAIL = 4000
+T = TypeVar("T")
 
 
 @dataclass
@@ -45,7 +47,7 @@ class Jobs:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._job: _Job | None = None
         self._threads: list[threading.Thread] = []
         self._closed = False
@@ -71,9 +73,26 @@ class Jobs:
             Where the step is not possible now.
         """
         with self._lock:
-            if self._job is not None:
-                raise Busy("another step is being computed: wait for it, or cancel it")
+            self._require_none()
             return self._begin(verb, request, then)
+
+    def alone(self, change: Callable[[], T]) -> T:
+        """Change the session while no step is computed, and none can begin.
+
+        Raises
+        ------
+        Busy
+            While a step is being computed.
+        """
+        with self._lock:
+            self._require_none()
+            return change()
+
+    def _require_none(self) -> None:
+        if self._job is not None:
+            raise Busy("another step is being computed: wait for it, or cancel it")
+        if self._closed:
+            raise Busy("the server is being ended")
 
     def cancel(self) -> bool:
         """Kill the process of the step that is being computed; False where there is none."""
@@ -127,14 +146,19 @@ class Jobs:
             (logs / f"{step.number}.out").open("wb") as out,
             (logs / f"{step.number}.err").open("wb") as err,
         ):
-            process = subprocess.Popen(
-                [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
-                cwd=self.session.folder,
-                stdin=subprocess.PIPE,
-                stdout=out,
-                stderr=err,
-                env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
-            )
+            try:
+                process = subprocess.Popen(
+                    [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
+                    cwd=self.session.folder,
+                    stdin=subprocess.PIPE,
+                    stdout=out,
+                    stderr=err,
+                    env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
+                    start_new_session=True,  # Ctrl-C is for the server, which ends this process
+                )
+            except (OSError, ValueError) as error:  # no memory, or a text that is no argument
+                self.session.end(step.number, "failed", str(error), 0.0)
+                raise InputError(f"the command cannot be run: {error}") from None
         self._job = job = _Job(step.number, process, time.time())
         if then is None and verb in _FOLLOWED_BY:
             then = _FOLLOWED_BY[verb], {}
@@ -164,8 +188,12 @@ class Jobs:
             self.session.end(job.number, status, message, time.time() - job.begun_s)
         finally:
             with self._lock:
-                if not self._follow(status, then):
-                    self._job = None
+                following = False
+                try:
+                    following = self._follow(status, then)
+                finally:
+                    if not following:
+                        self._job = None
 
     def _follow(self, status: str, then: tuple[str, dict[str, Any]] | None) -> bool:
         """Begin the step that follows; False where there is none, or a warning is open."""

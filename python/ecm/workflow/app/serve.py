@@ -5,12 +5,14 @@ from __future__ import annotations
 import secrets
 import socket
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
 from ecm.io.extras import require
 from ecm.workflow.app.server import App, application
+from ecm.workflow.app.session import suffix_of
 
 _HOST = "127.0.0.1"
 
@@ -62,20 +64,20 @@ def serve(
     uvicorn = require("uvicorn", "app", "The server of `ecm app`")
     listening = _listen(port)
     port = listening.getsockname()[1]
-    app = App.of(Path(folder))
-    begin(app, given, model=model, demo=demo)
-    token = secrets.token_urlsafe(24)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            application(app, port=port, token=token),
-            log_level="error",
-            server_header=False,
-            date_header=False,
-            timeout_graceful_shutdown=2,
+    with listening, closing(App.of(Path(folder))) as app:
+        begin(app, given, model=model, demo=demo)
+        token = secrets.token_urlsafe(24)
+        server = uvicorn.Server(
+            uvicorn.Config(
+                application(app, port=port, token=token),
+                log_level="error",
+                server_header=False,
+                date_header=False,
+                timeout_graceful_shutdown=2,
+            )
         )
-    )
-    ready(f"http://{_HOST}:{port}/?token={token}")
-    server.run(sockets=[listening])
+        ready(f"http://{_HOST}:{port}/?token={token}")
+        server.run(sockets=[listening])
 
 
 def begin(
@@ -93,9 +95,11 @@ def begin(
     if demo:
         app.jobs.start("example", {"name": "neck"})
         return
+    for table in tables:
+        suffix_of(table.name)  # all of them before the first one is taken
     for i, table in enumerate(tables):
         app.session.add_table(table, table.name, more=i > 0)
-    if tables:
+    if app.session.files(app.session.journal.read()).data:  # a log is to be imported first
         app.jobs.start("check", {}, None if model is None else ("fit", {"model": model}))
 
 
@@ -104,6 +108,7 @@ def _listen(port: int) -> Any:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((_HOST, port))
+        listening.listen()  # a browser that is faster than the server waits
     except (OSError, OverflowError) as error:
         listening.close()
         raise InputError(f"--port {port}: cannot be used ({error}). Choose another one") from None

@@ -7,8 +7,9 @@ import contextlib
 import json
 import os
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from ecm.io.extras import require
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.lock import FolderLock
-from ecm.workflow.app.session import Session
+from ecm.workflow.app.session import INCOMING, Session
 from ecm.workflow.app.views import NEED_MODEL, VIEWS, Views
 
 MOST_BYTES = 2_000_000_000
@@ -98,14 +99,20 @@ def application(app: App, *, port: int, token: str) -> Any:
         yield
         app.close()
 
+    gone = require("starlette.requests", "app", _PURPOSE).ClientDisconnect
     inner = starlette.Starlette(
-        routes=paths, lifespan=lifespan, exception_handlers={EcmError: _refused}
+        routes=paths, lifespan=lifespan, exception_handlers={EcmError: _refused, gone: _left}
     )
     return Guard(inner, port=port, token=token)
 
 
 async def _refused(_request: Any, error: Exception) -> Any:
     return _json({"error": str(error)}, 409 if isinstance(error, Busy) else 400)
+
+
+async def _left(_request: Any, _error: Exception) -> Any:
+    """The page was closed in the middle of an upload: nobody reads this."""
+    return _json({"error": "the file did not come to its end"}, 400)
 
 
 class _Routes:
@@ -161,21 +168,22 @@ class _Routes:
             number = await asyncio.to_thread(app.jobs.start, str(verb), body)
             return _json({"step": number})
         if action == "again":
-            step = app.session.journal.read().steps.get(body.get("step", 0))
+            wanted, steps = body.get("step"), app.session.journal.read().steps
+            step = steps.get(wanted) if isinstance(wanted, int) else None
             if step is None or not step.argv:
                 raise InputError("no such step with a command in this session")
             number = await asyncio.to_thread(app.jobs.start, step.verb, step.request)
             return _json({"step": number})
         if action == "cancel":
             return _json({"cancelled": await asyncio.to_thread(app.jobs.cancel)})
-        if app.jobs.progress() is not None:
-            raise Busy("a step is being computed: wait for it, or cancel it")
-        if action in ("undo", "redo"):
-            getattr(app.session, action)()
-        elif action == "accept":
-            app.session.accept(str(body.get("warning", "")))
-        else:
+        changes: dict[str, Callable[[], None]] = {
+            "undo": app.session.undo,
+            "redo": app.session.redo,
+            "accept": lambda: app.session.accept(str(body.get("warning", ""))),
+        }
+        if action not in changes:
             return _json({"error": "no such action"}, 404)
+        await asyncio.to_thread(app.jobs.alone, changes[action])
         return _json(await asyncio.to_thread(app.state))
 
     async def upload(self, request: Any) -> Any:
@@ -186,7 +194,7 @@ class _Routes:
         if self.app.jobs.progress() is not None:
             raise Busy("a step is being computed: wait for it, or cancel it")
         session, size = self.app.session, 0
-        handle, temporary = tempfile.mkstemp(prefix="incoming-", dir=session.folder)
+        handle, temporary = tempfile.mkstemp(prefix=INCOMING, dir=session.folder)
         path = Path(temporary)
         try:
             with os.fdopen(handle, "wb") as file:
@@ -196,16 +204,23 @@ class _Routes:
                         most = self.app.most_bytes
                         raise InputError(f"{name}: more than {most} bytes, the limit of this page")
                     file.write(chunk)
-            if name.lower().endswith(".toml"):
-                step = session.add_description(path, name)
-            else:
-                more = request.query_params.get("more") == "1"
-                step = session.add_table(path, name, more=more)
+            more = request.query_params.get("more") == "1"
+            # Another tab may have begun a step while the file came in.
+            take = partial(self._take, path, name, more=more)
+            number = await asyncio.to_thread(self.app.jobs.alone, take)
         finally:
             path.unlink(missing_ok=True)
+        return _json({"step": number})
+
+    def _take(self, path: Path, name: str, *, more: bool) -> int:
+        session = self.app.session
+        if name.lower().endswith(".toml"):
+            step = session.add_description(path, name)
+        else:
+            step = session.add_table(path, name, more=more, move=True)
         if step.outputs[0] in session.files(session.journal.read()).data:
-            await asyncio.to_thread(self.app.jobs.start, "check", {})
-        return _json({"step": step.number})
+            self.app.jobs.start("check", {})
+        return step.number
 
 
 async def _body(request: Any) -> dict[str, Any]:
@@ -219,7 +234,8 @@ async def _body(request: Any) -> dict[str, Any]:
             raise InputError(f"a request of more than {_MOST_REQUEST} bytes")
     try:
         body = json.loads(content)
-    except ValueError:
+        json.dumps(body, ensure_ascii=False).encode()  # half a surrogate cannot be kept
+    except (ValueError, RecursionError):
         body = None
     if not isinstance(body, dict):
         raise InputError("expected a JSON object")

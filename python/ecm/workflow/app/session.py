@@ -27,6 +27,8 @@ LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap",
 """Suffixes of files that `ecm import` makes a table of."""
 BESIDE = (".toml", ".truth.json", ".raw.parquet")
 """What belongs to a table, by suffix."""
+INCOMING = ".incoming-"
+"""Begin of the name of a file that is on its way here."""
 INTERRUPTED = "the server was stopped in the middle of it"
 _SCRIPT = """#!/bin/sh
 # The steps of this session as commands. They write the same files, byte for byte:
@@ -34,6 +36,7 @@ _SCRIPT = """#!/bin/sh
 set -e
 from=$(cd "$(dirname "$0")" && pwd)
 to=${1:?"give a new folder: sh script.sh NEW_FOLDER"}
+[ -f "$from/steps.jsonl" ] || { echo "put this script into the session folder" >&2; exit 1; }
 mkdir "$to"
 """
 
@@ -59,6 +62,8 @@ class Session:
         left = [s.number for s in self.journal.read().steps.values() if s.status == "running"]
         for number in left:
             self.end(number, "interrupted", INTERRUPTED, 0.0)
+        for path in self.folder.glob(f"{INCOMING}*"):
+            path.unlink(missing_ok=True)
         return left
 
     def begin(self, verb: str, request: dict[str, Any]) -> Step:
@@ -89,24 +94,26 @@ class Session:
             event="end", number=number, status=status, message=message, seconds=round(seconds, 3)
         )
 
-    def add_table(self, source: Path, name: str, *, more: bool = False) -> Step:
+    def add_table(self, source: Path, name: str, *, more: bool = False, move: bool = False) -> Step:
         """Take a table into the session; it replaces the data, or adds a run to them.
 
         Parameters
         ----------
         source
-            File in the session folder (moved) or outside it (copied, with what belongs to it).
+            The file; it is copied, with what belongs to it.
         name
             Its own name: a text that is shown, and never a path.
+        more
+            Add it as a run.
+        move
+            The file is of this session: it is moved.
         """
         history = self.journal.read()
-        suffix = Path(name).suffix.lower()
-        if suffix not in TABLES + LOGS:
-            raise InputError(f"{name}: expected a table or a log: {' '.join(TABLES + LOGS)}")
+        suffix = suffix_of(name)
         number = _next_number(history)
         target = self.folder / f"upload-{number}{suffix}"
         outputs = [target.name]
-        if source.parent == self.folder:
+        if move:
             source.replace(target)
         else:
             shutil.copyfile(source, target)
@@ -244,7 +251,7 @@ class Session:
         """Return what the command of a step printed: `out` or `err`."""
         try:
             return (self.folder / "logs" / f"{number}.{kind}").read_bytes()
-        except FileNotFoundError:
+        except OSError:
             return b""
 
     # --- parts -------------------------------------------------------------
@@ -353,6 +360,20 @@ class Session:
 
     def _beside(self, table: str, suffix: str) -> Path:
         return (self.folder / table).with_suffix(suffix)
+
+
+def suffix_of(name: str) -> str:
+    """Return the suffix of a table or a log, in small letters.
+
+    Raises
+    ------
+    InputError
+        For any other file.
+    """
+    suffix = Path(name).suffix.lower()
+    if suffix not in TABLES + LOGS:
+        raise InputError(f"{name}: expected a table or a log: {' '.join(TABLES + LOGS)}")
+    return suffix
 
 
 def _next_number(history: History) -> int:

@@ -6,20 +6,27 @@ and computed once.
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import hash_of, write_json
 
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
+_INTERRUPTED = 130
 
 
 class Views:
@@ -27,7 +34,11 @@ class Views:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._lock = threading.Lock()
         self._pool: ProcessPoolExecutor | None = None
+        self._life: Connection | None = None
+        """End of a pipe: when it closes, so does the process."""
+        self._closed = False
 
     def file(self, name: str, data: Sequence[str], model: str | None) -> Path:
         """Return the file of a view; computes it where it is not there yet.
@@ -41,22 +52,51 @@ class Views:
         if not path.is_file():
             tables = [self.folder / table for table in data]
             of_model = None if model is None else self.folder / model
+            broken: ProcessPoolExecutor | None = None
             for again in (True, False):
-                if self._pool is None:
-                    self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+                pool = self._process(broken)
                 try:
-                    self._pool.submit(compute_view, name, path, tables, of_model).result()
+                    pool.submit(compute_view, name, path, tables, of_model).result()
                     break
                 except BrokenProcessPool:  # killed, or out of memory
-                    self._pool = None
+                    broken = pool
                     if not again:
                         raise
         return path
 
     def close(self) -> None:
-        """End the process."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+        """End the process, also in the middle of a view."""
+        with self._lock:
+            self._closed = True
+            if self._life is not None:
+                self._life.close()
+            if self._pool is not None:
+                self._pool.shutdown(cancel_futures=True)
+
+    def _process(self, broken: ProcessPoolExecutor | None = None) -> ProcessPoolExecutor:
+        """Return the process that is there; a new one in place of a broken one."""
+        with self._lock:
+            if self._closed:
+                raise InputError("the server is being ended")
+            if self._pool is None or self._pool is broken:
+                context = get_context("spawn")
+                life, self._life = context.Pipe(duplex=False)
+                self._pool = ProcessPoolExecutor(
+                    1, mp_context=context, initializer=_end_with, initargs=(life,)
+                )
+            return self._pool
+
+
+def _end_with(life: Connection) -> None:
+    """End this process with the server, however that ends; Ctrl-C is for the server."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        with suppress(EOFError, OSError):
+            life.recv()
+        os._exit(_INTERRUPTED)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | None) -> None:

@@ -18,6 +18,11 @@ export const upload = (file, more) =>
   fetch(`/api/upload?name=${encodeURIComponent(file.name)}${more ? "&more=1" : ""}`,
     {method: "POST", body: file}).then(answer);
 
+// Resolves when nothing is computed: a table is checked as soon as it is here.
+export async function idle() {
+  while ((await get("/api/state")).running) await new Promise(resolve => setTimeout(resolve, 200));
+}
+
 // A view depends on the tables and the model only: it is fetched once for each of them.
 const views = new Map();
 

@@ -1,6 +1,6 @@
 // Stage 1: a table is dropped, read, drawn beside the mechanism, and checked.
 
-import {post, upload, view} from "./api.js";
+import {idle, post, upload, view} from "./api.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
@@ -40,7 +40,12 @@ function dropZone(state, app) {
   const input = el("input", {type: "file", id: "file", multiple: true, class: "hidden", tabindex: "-1", "aria-hidden": "true",
     onchange: () => take(input.files)});
   const take = files => app.act(async () => {
-    for (const file of files) await upload(file, more.checked);
+    // Tables dropped together are runs of one; a description belongs to the table before it.
+    const last = file => /\.toml$/i.test(file.name), given = [...files].sort((a, b) => last(a) - last(b));
+    for (const [i, file] of given.entries()) {
+      if (i) await idle();
+      await upload(file, more.checked || i > 0);
+    }
   });
   const zone = el("div", {class: "drop",
     ondragover: event => { event.preventDefault(); zone.classList.add("over"); },

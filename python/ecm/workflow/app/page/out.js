@@ -25,7 +25,7 @@ export async function draw(root, state, app) {
     button("Export", () => app.step("export", {to}), {class: "first", id: "export", disabled: Boolean(state.running)})),
     el("ul", {}, (state.export?.sentences ?? []).map(text => el("li", {}, text))),
     el("h3", {}, "The same as commands"),
-    el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), " writes the same files, byte for byte."), script,
+    el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), ", saved in the session folder, writes the same files, byte for byte."), script,
     button("Copy the commands", () => navigator.clipboard.writeText(script.textContent), {id: "copy-script"}),
     el("details", {}, el("summary", {}, `All files of the session (${state.files.length})`),
       el("ul", {}, state.files.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))))));
