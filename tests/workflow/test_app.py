@@ -258,6 +258,14 @@ if __name__ == "__main__":
 """
 
 
+def test_a_tab_gets_no_view_of_other_tables_than_it_asks_for(app: App, tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        app.session.add_table(table(tmp_path / name), name)
+    with client_of(app) as client:
+        assert client.get("/api/view/poses?of=upload-1.csv").status_code == 409
+        assert client.get("/api/view/poses?of=upload-2.csv").status_code == 200
+
+
 def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
     script = tmp_path / "server.py"
     script.write_text(_VIEWS, encoding="utf-8")

@@ -139,6 +139,9 @@ class _Routes:
         if not files.data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
         model = files.model if name in NEED_MODEL else None
+        now = ",".join([*files.data, *([] if model is None else [model])])
+        if request.query_params.get("of", now) != now:
+            raise Busy("the session has changed in the meantime")
         path = await asyncio.to_thread(self.app.views.file, name, files.data, model)
         return _file(path)
 

@@ -197,7 +197,7 @@ class Session:
         return {
             "schema": 1,
             "version": history.records,
-            "folder": self.folder.name,
+            "folder": self.folder.resolve().name,
             "simulated": files.simulated,
             "sealed": files.sealed is not None,
             "next_plan": files.next_plan,

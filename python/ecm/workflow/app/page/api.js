@@ -30,7 +30,9 @@ export function view(name, state) {
   const key = JSON.stringify([name, state.data, name === "poses" ? null : state.model]);
   if (!views.has(key)) {
     if (views.size > 12) views.delete(views.keys().next().value);
-    const promise = get(`/api/view/${name}`);
+    // The server refuses where another tab has changed tables or model in the meantime.
+    const of = [...state.data.map(item => item.file), ...(name === "poses" ? [] : [state.model])].join();
+    const promise = get(`/api/view/${name}?of=${encodeURIComponent(of)}`);
     promise.catch(() => views.delete(key));
     views.set(key, promise);
   }
