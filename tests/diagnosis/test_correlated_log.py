@@ -7,7 +7,11 @@ import pytest
 from scipy.signal import lfilter
 
 import ecm
+from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.procedure import find_missing
+from ecm.diagnosis.settings import DEFAULTS
+from ecm.io.columns import POSE, WRENCH
+from support.stand_in import L, wrench
 
 ROWS, STEP_S = 12000, 0.01
 
@@ -34,6 +38,9 @@ def test_slow_noise_is_no_effect(seed: int) -> None:
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.verdict == "none"
     assert 100 <= len(found.problem.table) < 500
+    used = ecm.diagnose(ecm.fit(table, "cubic"), table).rows_used
+    assert used is not None
+    assert "since neighbours err alike" in used.sentence()
 
 
 def test_rows_of_white_noise_are_as_many_as_before() -> None:
@@ -41,3 +48,23 @@ def test_rows_of_white_noise_are_as_many_as_before() -> None:
     found = find_missing(ecm.fit(table, "cubic"), table)
     assert found.verdict == "none"
     assert len(found.problem.table) == 3000
+
+
+def test_what_the_model_explains_is_no_slow_noise() -> None:
+    """Six coordinates: no sum of cubics of each is the wrench, but the model is."""
+    time, poses = 0.02 * np.arange(6000.0), np.zeros((6000, 6))
+    random = np.random.default_rng(0)
+    for j, size in enumerate((0.001, 0.012, 0.012, 0.25, 0.25, 0.25)):
+        for _ in range(3):
+            turn, phase = 0.03 + 0.12 * random.random(), 6.0 * random.random()
+            poses[:, j] += size / 2.0 * np.sin(2.0 * np.pi * turn * time + phase)
+    poses[:, 0] += L
+    sd = np.array([0.3] * 3 + [0.01] * 3)
+    loads = wrench(poses) + sd * random.standard_normal((6000, 6))
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, loads.T, strict=True))
+    table = ecm.Table(
+        columns | {"time_s": time},
+        {"file": {"kind": "continuous"}, "mechanism": {"length_m": L}},
+    )
+    prepared = prepare(ecm.fit_model(table, "energy4"), table, None, DEFAULTS)
+    assert len(prepared.table) == 3000

@@ -165,3 +165,17 @@ def test_a_setting_that_acts_strongly_is_still_a_cause(size: float) -> None:
     assert derived_columns(table, *pair) == ("reading",)
     found = ecm.diagnose(ecm.fit(table.drop("reading"), "linear"), table)
     assert found.answer == (("unused_column",),), found.sentence()
+
+
+@pytest.mark.parametrize("rows", [30, 40])
+def test_three_columns_and_few_rows_lack_nothing(rows: int) -> None:
+    """A cubic of three coordinates has 60 coefficients; a line would leave 270 times the noise."""
+    random = np.random.default_rng(rows)
+    at = random.uniform(-0.02, 0.02, (rows, 3))
+    force = at @ np.diag([2e4, 3e3, 3e3]) + 1e8 * at**3 * np.array([1.0, 0.3, 0.3])
+    force += 0.3 * random.standard_normal(force.shape)
+    columns = dict(zip(("x_m", "y_m", "z_m"), at.T, strict=True))
+    columns |= dict(zip(("fx_N", "fy_N", "fz_N"), force.T, strict=True))
+    instrument = {"force_sd_N": 0.3, "pose_position_sd_m": 1e-9}
+    table = ecm.Table(columns, {"instrument": instrument})
+    assert find_missing(ecm.fit(table, "cubic"), table).verdict == "none"

@@ -79,6 +79,20 @@ def test_repeats_tell_that_the_noise_is_stated_wrongly(stated: float) -> None:
     assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.15)])
 
 
+def test_a_drift_between_repeats_is_no_noise_that_is_stated_wrongly() -> None:
+    random = np.random.default_rng(0)
+    pose = random.permutation(np.repeat(np.arange(30), 2))
+    angle, time = np.linspace(-0.4, 0.4, 30)[pose], 20.0 * np.arange(60.0)
+    torque = 2.0 * angle + 1.5 * angle**3 + 2e-4 * time + 0.01 * random.standard_normal(60)
+    table = as_table(
+        {"theta_z_rad": angle, "tau_z_Nm": torque, "time_s": time, "pose_id": pose},
+        meta={"instrument": {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-6}},
+    )
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert found.answer == (("fts_drift",),)
+    assert not any("[instrument]" in words for words in found.warnings)
+
+
 def test_a_component_that_is_noisier_than_was_assumed_holds_no_structure() -> None:
     """No repeats, no figures: force, torque and pose are assumed, each wrong by its own factor."""
     poses, chances = workspace_poses(60, 7), []

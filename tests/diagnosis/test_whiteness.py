@@ -111,3 +111,21 @@ def test_a_stiffness_by_the_hour_is_said_in_place_of_what_imitates_a_part_of_it(
     assert found.verdict == "unknown"
     assert found.effects == ()
     assert "the stiffness follows time_s with period" in found.sentence()
+
+
+@pytest.mark.parametrize("seed", [1, 3, 5, 7, 9, 11, 13])
+def test_a_periodic_motion_does_not_take_the_name_of_damping(seed: int) -> None:
+    """Beside a sine any damping is a period in time: it is no more than the effect."""
+    time = 0.1 * np.arange(400.0)
+    turn = 2.0 * np.pi / 8.0
+    angle, speed = 0.4 * np.sin(turn * time), 0.4 * turn * np.cos(turn * time)
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(len(time))
+    columns = {
+        "theta_z_rad": angle,
+        "tau_z_Nm": 2.0 * angle + 1.5 * angle**3 + 0.1 * speed + noise,
+        "time_s": time,
+    }
+    instrument = {"torque_sd_Nm": 0.01, "pose_rotation_sd_rad": 1e-6}
+    table = Table(columns, {"file": {"kind": "continuous"}, "instrument": instrument})
+    found = diagnose(fit_model(table, "cubic"), table)
+    assert "viscous_damping" in found.answer[0]

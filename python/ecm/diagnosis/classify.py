@@ -121,11 +121,16 @@ def _pattern_instead(
 ) -> Pattern | None:
     """Return a pattern where nothing is accepted and no function of the pose is left, or where a
     period in time explains more than what is accepted: names would imitate a part of it.
+
+    A periodic motion gives every effect its period: beside what is accepted a pattern must be left.
     """
     if not accepted.effects:
         return None if left.remains and gate.rejected else white(problem)
     pattern = white(problem)
-    return pattern if explains_more(pattern, problem, accepted.effects) else None
+    if not explains_more(pattern, problem, accepted.effects):
+        return None
+    beside = white(replace(problem, response=residual_after(problem, accepted.effects)))
+    return None if beside is None else pattern
 
 
 def what_towers(problem: Problem, accepted: Accepted) -> str:

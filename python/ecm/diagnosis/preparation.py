@@ -76,7 +76,7 @@ def prepare(
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
     unexplained = _without_effects(model, table)
-    most = _most_rows(unexplained, settings)
+    most = _most_rows(model, unexplained, settings)
     if len(table) > most:
         chosen = spread_rows(table, most)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
@@ -98,9 +98,9 @@ def prepare(
     )
 
 
-def _most_rows(table: Table, settings: DiagnosisSettings) -> int:
+def _most_rows(model: Model, table: Table, settings: DiagnosisSettings) -> int:
     """Return how many rows are used: of a log whose neighbours err alike, so many as tell more."""
-    alike = correlation_of_rest(table)
+    alike = correlation_of_rest(table, lambda: Rows(table, model.base).sensor_load)
     if alike is None:
         return settings.most_rows
     return min(settings.most_rows, max(settings.least_rows_of_log, alike.independent))

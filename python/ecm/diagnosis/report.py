@@ -141,7 +141,10 @@ def _rows_used(problem: Problem) -> RowsUsed | None:
         f"{problem.settings.power:g}; from {trusted:g} structure counts as more than the base's "
         "own error"
     )
-    return RowsUsed(len(problem.table.whole), len(problem.table), HOW, enough)
+    used = len(problem.table)
+    alike = "as many as tell more, since neighbours err alike; "
+    how = alike * (used < problem.settings.most_rows) + HOW
+    return RowsUsed(len(problem.table.whole), used, how, enough)
 
 
 def _outside_causes(decision: Decision) -> tuple[OutsideCause, ...]:

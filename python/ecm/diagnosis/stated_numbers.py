@@ -83,6 +83,9 @@ def _repeats(problem: Problem) -> str:
     chance = min(float(special.chdtr(dof, ratio * dof)), float(special.chdtrc(dof, ratio * dof)))
     if chance > _CHANCE or _QUIET < ratio < 1.0 / _QUIET:
         return ""
+    # A drift or a friction scatters repeats too: what columns explain of them is no noise.
+    if ratio > 1.0 and (problem.scale < _QUIET or ratio * min(1.0, problem.scale) < 1.0 / _QUIET):
+        return ""
     return (
         f"by the repeats the noise is {np.sqrt(ratio):.2f} times as large as declared: mend the "
         "figures in [instrument]"

@@ -14,6 +14,12 @@ from ecm.models.maps import StiffnessMap
 from ecm.models.polynomial import PolynomialModel
 from ecm.models.specification import ModelSpecification
 
+_HALF = 0.5
+"""Coefficients over equations from which a higher degree must be far better."""
+_MOST = 0.8
+_FAR_BETTER = 0.1
+"""Its error over that of the lower degrees: these would leave structure that has no other name."""
+
 
 def symmetric_energy(table: Table) -> StiffnessMap:
     """The symmetric energy of the degree that the rows can carry."""
@@ -40,7 +46,9 @@ def _by_degree(table: Table, models: Sequence[ModelSpecification]) -> StiffnessM
         except ModelError:
             # More coefficients than equations: so are they for every degree above.
             break
-        if len(base.coefficients) < 0.5 * len(measured) * len(base.outputs):
+        share = len(base.coefficients) / (len(measured) * len(base.outputs))
+        least = min(_score(other, measured) for other in tried)
+        if share < _HALF or (share < _MOST and _score(base, measured) < _FAR_BETTER * least):
             tried.append(base)
     return min(tried, key=lambda base: _score(base, measured))
 
