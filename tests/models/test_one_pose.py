@@ -58,6 +58,14 @@ def test_one_pose_is_as_one_of_many(name: str, kind: str) -> None:
         np.testing.assert_array_equal(model.stiffness(pose, kind)[:3], one[1][:3])
 
 
+def test_poses_may_be_lists() -> None:
+    model = Model(base=physics())
+    for poses in (POSES, POSES[0]):
+        stiffness = model.stiffness(poses)
+        np.testing.assert_array_equal(model.stiffness(poses.tolist()), stiffness)
+        np.testing.assert_array_equal(model.wrench_and_stiffness(poses.tolist())[1], stiffness)
+
+
 def test_few_columns_and_other_number_types() -> None:
     y = np.linspace(-0.01, 0.01, 9)
     model = fit_model({"y_m": y, "fy_N": 3000.0 * y}, "linear")

@@ -17,6 +17,7 @@ from ecm.io.table import Table
 from ecm.models import Model, PhysicsMap, fit_model
 from ecm.models.pose_error import pose_error
 from ecm.regression.noise import Noise
+from ecm.regression.rows import BaseMap
 from support.neck import Done
 
 F = np.ndarray
@@ -109,6 +110,26 @@ def test_a_model_that_determines_no_pose_says_so() -> None:
     document = found.to_dict()
     assert document["position_mm"] is None
     assert document["worst_rows"] == []
+
+
+def test_an_axis_without_stiffness_leaves_its_rows_out() -> None:
+    table = ecm.as_table({name: np.linspace(-1e-2, 1e-2, 20) for name in Floating.columns})
+    found = pose_error(Floating(), table, np.zeros((20, 2)))
+    assert (len(found.row), len(found.left_out)) == (0, 20)
+
+
+class Floating:
+    """Held along z, free along y."""
+
+    columns = ("y_m", "z_m", "fy_N", "fz_N")
+    inputs, outputs = columns[:2], columns[2:]
+
+    @property
+    def base(self) -> BaseMap:
+        raise NotImplementedError
+
+    def stiffness(self, poses: F, kind: str = "partial") -> F:
+        return np.tile(np.diag([0.0, 3000.0]), (len(poses), 1, 1))
 
 
 @pytest.mark.parametrize(

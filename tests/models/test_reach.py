@@ -11,12 +11,13 @@ import pytest
 
 from ecm.comparison import compare
 from ecm.errors import ComputationError
+from ecm.io.cache import Stage
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.mechanism import Mechanism
 from ecm.io.table import Table, as_table
 from ecm.models import Model
 from ecm.models.physics.body_fits import Solved
-from ecm.models.physics.build import BuildSettings, held_by_loads
+from ecm.models.physics.build import BuildSettings, held_by_loads, shape_of
 from ecm.models.physics.family import PhysicsFamily
 from ecm.models.physics.map import PhysicsMap, physics_map
 from ecm.models.prediction import predict
@@ -89,6 +90,26 @@ def test_a_wide_family_has_the_poses_that_its_energy_needs(
     assert far.poses == 160
     assert 1.1 * far.rotation_limit_rad >= 2.3
     assert farthest == far
+
+
+def test_a_wide_family_of_other_poses_is_not_taken_from_the_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of the same settings, but of poses that a load does not hold; nor are its finished bodies."""
+    keys: list[str] = []
+
+    def built(*_: Any, stage: Stage, **__: Any) -> PhysicsFamily:
+        keys.append(stage.key)
+        raise ComputationError("stop here")
+
+    monkeypatch.setattr("ecm.models.physics.map.build_family", built)
+    for limit in (0.8, 1.2):
+        settings = BuildSettings(poses=160, rotation_limit_rad=limit)
+        with pytest.raises(ComputationError, match="stop here"):
+            physics_map(Mechanism(), cache=tmp_path, settings=settings)
+        key = {"version": 4, "shape": shape_of(Mechanism()).key(), "settings": settings}
+        before = Stage(tmp_path, "physics-bodies", key).key
+        assert (keys[-1] == before) == (limit == 0.8)
 
 
 def test_poses_beyond_the_fem_are_said(neck_physics: PhysicsMap, tmp_path: Path) -> None:

@@ -215,6 +215,15 @@ def test_forms_that_may_give_energy_are_flagged_and_replaced_where_nobody_can_te
                    for note in exported.notes)  # fmt: skip
 
 
+def test_factors_of_opposite_sign_do_not_hide_that_the_forms_differ(plain: Model) -> None:
+    """Their sum is zero, what they do a second after a move is not."""
+    branches = StressRelaxation(0.1, "elastic", 100.0, frame="middle")
+    controller = with_effects(plain, (branches, [0.5, -0.5])).controller()
+    (said,) = controller.effects.warnings
+    assert "replaced" not in said
+    assert said.startswith("stress_relaxation is not passive")
+
+
 def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model) -> None:
     controller = with_effects(plain, ONE_BY_ONE[2]).controller()
     poses = poses_in_domain(plain, 10)

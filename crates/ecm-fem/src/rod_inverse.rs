@@ -73,11 +73,12 @@ impl Rod {
         for _ in 0..ITERATIONS {
             let left = target - self.about(tip, &wrench);
             let at_tip = self.at_fixed_tip(tip, &wrench);
-            let size = left.fixed_rows::<3>(0).amax() / scale;
-            let size = size.max(left.fixed_rows::<3>(3).amax());
-            if !size.is_finite() {
+            // Before the largest is taken, which passes over NaN.
+            if !left.iter().all(|x| x.is_finite()) {
                 return None;
             }
+            let size = left.fixed_rows::<3>(0).amax() / scale;
+            let size = size.max(left.fixed_rows::<3>(3).amax());
             if size < TOLERANCE {
                 return Some((wrench, self.slope(tip, &wrench, &at_tip)?));
             }
@@ -179,7 +180,10 @@ mod tests {
 
     #[test]
     fn no_wrench_holds_a_pose_that_is_no_number() {
-        let pose = [f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert!(ROD.wrench(&pose, &[0.0; 6]).is_none());
+        for k in 0..6 {
+            let mut pose = [ROD.length_m, 0.0, 0.0, 0.0, 0.0, 0.0];
+            pose[k] = f64::NAN;
+            assert!(ROD.wrench(&pose, &[0.0; 6]).is_none(), "{k}");
+        }
     }
 }

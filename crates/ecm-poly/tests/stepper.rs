@@ -329,3 +329,23 @@ fn slow_branches_fade_in_single_precision_as_well() {
     let fallen = 1.0 - f64::from(last.force[0]) / f64::from(sudden.force[0]);
     assert!((fallen / 1e-3 - 1.0).abs() < 0.01, "{fallen}");
 }
+
+/// A clock that ticks twice at once gives a dt whose inverse overflows.
+#[test]
+fn a_dt_that_is_hardly_any_is_a_sudden_move() {
+    let model = neck();
+    let stepper = Stepper {
+        model: &model,
+        effects: effects(true),
+    };
+    let rest = Pose::at_rest(LENGTH);
+    let bent = Pose::from_array(&[0.1, 0.005, 0.0, 0.0, 0.0, 0.1]).unwrap();
+    let inputs = stepper.effects.default_inputs();
+    let mut sudden = stepper.init(&rest).unwrap();
+    let mut short = sudden;
+    for pose in [&bent, &bent] {
+        let expected = stepper.step(&mut sudden, pose, 0.0, &inputs);
+        let found = stepper.step(&mut short, pose, 1e-320, &inputs);
+        assert_eq!(found, expected);
+    }
+}

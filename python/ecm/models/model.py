@@ -226,6 +226,7 @@ class Model:
 
         One pose (n,) gives one stiffness (m, n).
         """
+        poses = np.asarray(poses, dtype=np.float64)
         rows = _rows_of_poses(poses)
         acting = self._acting_at_poses()
         found = self._changed_stiffness(rows, kind) if acting else self.base.stiffness(rows, kind)
@@ -243,6 +244,7 @@ class Model:
         >>> wrench.round(6), stiffness.round(6)
         (array([15.]), array([[3000.]]))
         """
+        poses = np.asarray(poses, dtype=np.float64)
         rows = _rows_of_poses(poses)
         if self._acting_at_poses():
             wrench, stiffness = self._at_poses(rows), self._changed_stiffness(rows, kind)

@@ -289,7 +289,8 @@ def _of_block(
 ) -> tuple[B, F, F, F]:
     """Which rows hold (N,), dp (N, 6), its mm and degrees (N, 2), and those of the noise alone."""
     partial, screw = _stiffness(model, table, axes)
-    scaled = screw / np.sqrt(np.where(typical > 0.0, np.outer(typical, typical), np.inf))
+    products = np.outer(typical, typical)
+    scaled = screw / np.sqrt(np.where(products > 0.0, products, np.inf))
     held = np.linalg.eigvalsh(0.5 * (scaled + np.swapaxes(scaled, 1, 2)))[:, 0] > _LEAST_STIFFNESS
     to_pose = np.zeros((len(table), 6, len(axes)))
     to_pose[np.ix_(np.flatnonzero(held), np.array(axes))] = np.linalg.inv(partial[held])

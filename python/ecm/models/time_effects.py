@@ -168,7 +168,7 @@ def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, val
         poses = poses_in_domain(model, 500)
         wrench = model.base.predict(poses)
         more = generalised(poses, wrench) - mid_frame(poses, model.known_length_m or 0.0) * along
-        change = np.sqrt((wrench_of(poses, values.sum() * more) ** 2).mean(axis=0))
+        change = np.sqrt((wrench_of(poses, np.abs(values).sum() * more) ** 2).mean(axis=0))
         share = float(np.max(change / noise_sd(model)))
         linear = share <= _ALIKE and bool((along >= 0.0).all())
         found.warnings.append(

@@ -201,9 +201,14 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 }
             }
         }
-        if dt > R::ZERO {
-            for j in 0..6 {
-                let damping = effects.damping[j / 3] / dt;
+        for j in 0..6 {
+            let damping = if dt > R::ZERO {
+                effects.damping[j / 3] / dt
+            } else {
+                R::ZERO
+            };
+            // A dt so short that this overflows is a sudden move as well.
+            if damping.is_finite() {
                 let more = damping * (here.pose[j] - state.pose[j]);
                 match j {
                     0..3 => wrench.force[j] += more,

@@ -116,6 +116,22 @@ fn exported_c_steps_through_a_golden_history() {
         let files = c::export_with_effects(&document, name, precision, Some(&effects()));
         write(&folder, &files.unwrap());
         assert_eq!(built(&folder, name, "-O2"), Some(0), "{name}");
+        // Arduino and others take the sources as C++.
+        if installed("g++", "exported C as C++") {
+            let (code, said) = run(Command::new("g++")
+                .args([
+                    "-x",
+                    "c++",
+                    "-std=c++11",
+                    "-Wall",
+                    "-Wextra",
+                    "-Werror",
+                    "-c",
+                ])
+                .arg(format!("{name}.c"))
+                .current_dir(&folder));
+            assert_eq!(code, Some(0), "{name}: {said}");
+        }
         if name != "alike4" {
             continue;
         }

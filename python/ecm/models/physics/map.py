@@ -27,12 +27,14 @@ from ecm.io.table import Table
 from ecm.models.maps import EnergyMap, SixAxisMap, Symmetry
 from ecm.models.physics.build import BuildSettings, Progress, build_family, shape_of
 from ecm.models.physics.family import PARAMETERS, PhysicsFamily, check_parameters
-from ecm.models.physics.poses import MARGIN
+from ecm.models.physics.poses import MARGIN, ROTATION_LIMIT_RAD
 from ecm.models.physics.rod import stated_rod
 from ecm.regression.rows import BodyChange
 
 _DEGREE = 6
 _VERSION = 4
+_WIDE_VERSION = 2
+"""Version of the poses of wide families: those that a load holds."""
 _REACH_STEP = 0.2
 _MOST_REACH = 2.4
 """The neck reaches 2.4 rad in the whole box of Table I."""
@@ -333,6 +335,8 @@ def physics_map(
         settings = replace(settings, rotation_limit_rad=wider, poses=poses)
     shape = shape_of(mechanism)
     key = {"version": _VERSION, "shape": shape.key(), "settings": settings}
+    if settings.rotation_limit_rad > ROTATION_LIMIT_RAD:
+        key["wide"] = _WIDE_VERSION
     directory = cache_directory() if cache is None else cache
     path = directory / f"physics-{hash_of(key)[:32]}.json"
     family = _read(path)

@@ -141,11 +141,11 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
             const real x = linear_of[b] > R(0) ? stiffness_at_rest[j] * along : driven;
             const real old = state->memory[b][j];
             const real change = (left[b] * x - lost[b] * old) + state->carry[b][j];
-            const real new = old + change;
+            const real now = old + change;
             /* What rounding left out: else slow branches would stand still in single precision. */
-            state->carry[b][j] = change - (new - old);
-            state->memory[b][j] = new;
-            total[j] += share_of[b] * new;
+            state->carry[b][j] = change - (now - old);
+            state->memory[b][j] = now;
+            total[j] += share_of[b] * now;
             steep[7 * j] += linear_of[b] * share_of[b] * left[b] * stiffness_at_rest[j];
         }
         if (wanted > slip_of[j]) {
@@ -176,8 +176,9 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
         soften(p, &here, softening / state->largest, k);
     }
     for (int32_t j = 0; j < 6; j++) {
-        if (dt > R(0)) {
-            const real damping = damping_of[j / 3] / dt;
+        const real damping = dt > R(0) ? damping_of[j / 3] / dt : R(0);
+        /* A dt so short that this overflows is a sudden move as well. */
+        if (is_finite(damping)) {
             h[j] += damping * (p[j] - state->pose[j]);
             k[7 * j] += damping;
         }
