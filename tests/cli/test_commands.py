@@ -44,7 +44,7 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "effects", "export", "import", "new"]) == COMMANDS
+    assert sorted([*names.split(), "app", "effects", "export", "import", "new"]) == COMMANDS
 
 
 def test_help_of_all_loads_no_command() -> None:
@@ -102,8 +102,8 @@ def test_help_is_one_screen(name: str, ecm_command: Command) -> None:
     assert len(lines) <= 24, done.out
     assert max(len(line) for line in lines) <= 80, done.out
     assert "..." not in done.out.replace("...}", "").replace("ARGS]...", "").replace(
-        "DATA...", ""
-    ).replace("k_fx_x ...", "").replace("}...", ""), done.out
+        "TABLE]...", ""
+    ).replace("DATA...", "").replace("k_fx_x ...", "").replace("}...", ""), done.out
 
 
 @pytest.mark.parametrize("name", COMMANDS)

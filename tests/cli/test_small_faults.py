@@ -112,7 +112,7 @@ def test_a_model_that_folding_changes_beyond_the_noise_is_not_exported(
     model = ecm.fit(table, "linear")
     folded = export_module.__globals__["_mechanism_alone"]
     monkeypatch.setitem(
-        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:3], 36.0)
+        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)
     )
     with pytest.raises(InputError, match=r"36 times the measurement noise.*--force"):
         ecm.export(model, "c", tmp_path)
@@ -130,7 +130,7 @@ def test_a_folded_model_without_a_control_loop_is_refused_as_well(
     model = ecm.fit(ecm.as_table(dict(zip((*POSE, *WRENCH), columns, strict=True))), "linear")
     folded = export_module.__globals__["_mechanism_alone"]
     monkeypatch.setitem(
-        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:3], 36.0)
+        export_module.__globals__, "_mechanism_alone", lambda m: (*folded(m)[:2], 36.0)
     )
     with pytest.raises(InputError, match="36 times the measurement noise"):
         ecm.export(model, "c", tmp_path)

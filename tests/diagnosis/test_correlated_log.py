@@ -7,9 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import ecm
-from ecm.diagnosis.preparation import prepare
 from ecm.diagnosis.procedure import find_missing
-from ecm.diagnosis.settings import DEFAULTS
 from ecm.io.columns import POSE, WRENCH
 from support.stand_in import L, wrench
 
@@ -66,5 +64,5 @@ def test_what_the_model_explains_is_no_slow_noise() -> None:
         columns | {"time_s": time},
         {"file": {"kind": "continuous"}, "mechanism": {"length_m": L}},
     )
-    prepared = prepare(ecm.fit_model(table, "energy4"), table, None, DEFAULTS)
-    assert len(prepared.table) == 3000
+    found = find_missing(ecm.fit_model(table, "energy4"), table, effects=["fts_offset"])
+    assert len(found.problem.table) == 3000

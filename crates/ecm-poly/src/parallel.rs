@@ -18,7 +18,9 @@ where
 {
     let mut results = std::vec![zero; rows.len()];
     if rows.len() <= PIECE || rayon::current_num_threads() == 1 {
-        of_piece(rows, &mut results);
+        // The same pieces without handing them to another thread.
+        let pieces = results.chunks_mut(PIECE).zip(rows.chunks(PIECE));
+        pieces.for_each(|(results, rows)| of_piece(rows, results));
     } else {
         let pieces = results.par_chunks_mut(PIECE).zip(rows.par_chunks(PIECE));
         pieces.for_each(|(results, rows)| of_piece(rows, results));
@@ -45,4 +47,25 @@ where
         .par_chunks_mut((PIECE * result_width).max(1))
         .zip(rows.par_chunks((PIECE * width).max(1)))
         .try_for_each(|(results, rows)| of_piece(rows, results))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn pieces_are_the_same_on_one_thread() {
+        let rows = std::vec![1.0; 3 * PIECE + 7];
+        let fill_rows = || {
+            fill(&rows, 0, |piece, results: &mut [usize]| {
+                results.fill(piece.len());
+            })
+        };
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let found = one.unwrap().install(fill_rows);
+        assert!(found.iter().all(|&length| length <= PIECE));
+        let two = rayon::ThreadPoolBuilder::new().num_threads(2).build();
+        assert_eq!(found, two.unwrap().install(fill_rows));
+    }
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -163,7 +164,7 @@ class Comparison:
             name, unit = c.name.rsplit("_", 1)[0], unit_of(c.name)
             interval = f"{c.excess_low:.3g} to {c.excess_high:.3g} {unit}"
             lines.append(f"{name:<10}{c.rmse:>10.3g}{c.floor:>10.3g}{c.excess:>10.3g}  {interval}")
-        lines.append(self.pose_error.sentence())
+        lines += textwrap.wrap(self.pose_error.sentence(), 99)
         outside = f", {self.outside_domain} outside the poses of the fit" * (
             self.outside_domain > 0
         )

@@ -13,7 +13,6 @@ from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
 from ecm.errors import InputError
 from ecm.io.arrays import I
-from ecm.regression.correlation import correlation_of_rest
 from ecm.regression.folds import distinct_rows, rows_without_zero_readings
 from ecm.regression.sensor_zero import zero_times
 from ecm.regression.thinning import spread_rows
@@ -76,9 +75,8 @@ def prepare(
     copies, rows = len(rows) - len(distinct), rows[distinct]
     table = replace(table.select(rows), zeros_s=zero_times(table))
     unexplained = _without_effects(model, table)
-    most = _most_rows(model, unexplained, settings)
-    if len(table) > most:
-        chosen = spread_rows(table, most)
+    if len(table) > settings.most_rows:
+        chosen = spread_rows(table, settings.most_rows)
         rows, table, unexplained = rows[chosen], table.thinned(chosen), unexplained.thinned(chosen)
     padded = () if model.base.kind == "physics" else padding(table)
     unexplained = unexplained.drop(*padded)
@@ -96,14 +94,6 @@ def prepare(
         carried={effect.id: why for effect in given if effect.id in of_model},
         padding=padded,
     )
-
-
-def _most_rows(model: Model, table: Table, settings: DiagnosisSettings) -> int:
-    """Return how many rows are used: of a log whose neighbours err alike, so many as tell more."""
-    alike = correlation_of_rest(table, lambda: Rows(table, model.base).sensor_load)
-    if alike is None:
-        return settings.most_rows
-    return min(settings.most_rows, max(settings.least_rows_of_log, alike.independent))
 
 
 def _without_effects(model: Model, table: Table) -> Table:

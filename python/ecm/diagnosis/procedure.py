@@ -25,7 +25,7 @@ from ecm.diagnosis.accept import Accepted, accept, fullest_forms
 from ecm.diagnosis.base import base_of_unlike_ends, choose_base, leaves_far_less
 from ecm.diagnosis.classify import Verdict, classify, modulus_warning, verdict
 from ecm.diagnosis.decision import Decision
-from ecm.diagnosis.gate import Gate, Leftover, gate, leftover
+from ecm.diagnosis.gate import Gate, Leftover, gate, leftover, residual_after
 from ecm.diagnosis.noise_effects import NoiseFinding, noise_findings, with_load_growth
 from ecm.diagnosis.preparation import Prepared, prepare
 from ecm.diagnosis.problem import Candidate, Problem, assemble
@@ -42,6 +42,7 @@ from ecm.io.table import as_table
 from ecm.models.by_degree import symmetric_energy
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
+from ecm.regression.correlation import correlation_of_rest
 from ecm.regression.noise import Noise
 
 if TYPE_CHECKING:
@@ -189,7 +190,10 @@ def find_missing(
     """Go through the stages up to the verdict, without the parts of the report.
 
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
-    effects are named against the symmetric energy model instead.
+    effects are named against the symmetric energy model instead. Where the effects found leave
+    a residual in which neighbours are alike, the rows are not that many readings: fewer of them
+    are asked again, and where they answer otherwise they decide, so that slow noise is not taken
+    for an effect.
 
     Examples
     --------
@@ -200,7 +204,44 @@ def find_missing(
     >>> find_missing(ecm.fit_model(table, "linear"), table, effects=[]).answer
     ()
     """
-    prepared = prepare(model, table, effects, settings)
+
+    def of_rows(limits: DiagnosisSettings) -> Decision:
+        prepared = prepare(model, table, effects, limits)
+        return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
+
+    decision = of_rows(settings)
+    most = _independent_rows(decision)
+    if most is None:
+        return decision
+    again = of_rows(replace(settings, most_rows=most))
+    if (again.verdict, again.answer) == (decision.verdict, decision.answer):
+        return decision
+    return replace(again, neighbours_alike=True)
+
+
+def _independent_rows(decision: Decision) -> int | None:
+    """Return how many rows to use where what is left makes neighbours alike; None: all."""
+    problem = decision.problem
+    if decision.verdict == "none":
+        return None
+    rest = residual_after(problem, decision.accepted.effects)
+    alike = correlation_of_rest(problem.table, rest)
+    if alike is None:
+        return None
+    most = max(problem.settings.least_rows_of_log, alike.independent)
+    return most if most < len(problem.table) else None
+
+
+def _of_rows(
+    model: Model,
+    prepared: Prepared,
+    *,
+    seed: int,
+    noise: Noise | None,
+    settings: DiagnosisSettings,
+    stages: Stages,
+) -> Decision:
+    """Go through the stages with the rows that were selected, against the bases that may fit."""
 
     def against(base: StiffnessMap) -> Decision:
         return decide(base, prepared, seed=seed, noise=noise, settings=settings, stages=stages)

@@ -25,7 +25,7 @@ class DiagnosisSettings(Checked):
     # Rows
     most_rows: int = setting(
         3000,
-        low=200,
+        low=20,
         high=100_000,
         doc="Rows that are used of a larger table, spread over runs, time and poses.",
     )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -15,8 +13,6 @@ from ecm.regression.folds import is_continuous
 
 _MANY = 2**17
 """Longer runs are taken in every so many rows: their correlation time has many steps."""
-_FITTED = 20_000
-"""Rows on which a cubic is fitted, and that are held as its columns at a time."""
 _ALIKE = 0.5
 """Correlation of neighbours above which the rows of a log are no independent readings."""
 
@@ -88,56 +84,28 @@ def correlation_time(table: Table) -> CorrelationTime | None:
     )
 
 
-def correlation_of_rest(
-    table: Table, predict: Callable[[], F] | None = None
-) -> CorrelationTime | None:
-    """Return how long what no cubic of the pose explains stays alike; None: not at all.
+def correlation_of_rest(table: Table, rest: F) -> CorrelationTime | None:
+    """Return how long the residual of a continuous test stays alike; None: not at all.
 
     Neighbours that share less than half of it are taken as independent: then most is the noise of
     each sample.
 
     Parameters
     ----------
-    predict
-        Returns the (N, k) wrench of a model; it is asked where a cubic leaves neighbours alike, and
-        explains its part as well.
+    rest
+        (N, m) residual of the rows of the table.
+
+    Examples
+    --------
+    >>> import ecm
+    >>> time = 0.01 * np.arange(100)
+    >>> meta = {"file": {"kind": "continuous"}}
+    >>> table = ecm.Table({"x_m": time, "fx_N": time, "time_s": time}, meta)
+    >>> correlation_of_rest(table, np.cos(time / 0.05)[:, None]).independent < 50
+    True
     """
     if not is_continuous(table):
         return None
-    poses = table.matrix(table.pose_columns)
-    spread = poses.std(axis=0)
-    scaled = ((poses - poses.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))[:, spread > 0.0]
-    rest = _rest(table, scaled, np.zeros((len(table), 0)))
-    found = _time_of(table, rest)
-    if found is None or predict is None:
-        return found
-    return _time_of(table, _rest(table, scaled, predict()))
-
-
-def _rest(table: Table, scaled: F, predicted: F) -> F:
-    """(N, m) what a cubic of the pose with all products, and a prediction, leave of the wrench."""
-    wrench = table.matrix(table.wrench_columns)
-    size = np.abs(predicted).max(axis=0, initial=0.0)
-    predicted = predicted / np.where(size > 0.0, size, 1.0)
-    seen = slice(None, None, 1 + len(wrench) // _FITTED)
-    theta = np.linalg.lstsq(_cubic(scaled[seen], predicted[seen]), wrench[seen], rcond=1e-10)[0]
-    rest = wrench.copy()
-    for first in range(0, len(rest), _FITTED):
-        part = slice(first, first + _FITTED)
-        rest[part] -= _cubic(scaled[part], predicted[part]) @ theta
-    return np.asarray(rest)
-
-
-def _cubic(scaled: F, predicted: F) -> F:
-    products = [
-        scaled[:, list(chosen)].prod(axis=1)
-        for degree in range(4)
-        for chosen in combinations_with_replacement(range(scaled.shape[1]), degree)
-    ]
-    return np.column_stack([*products, predicted])
-
-
-def _time_of(table: Table, rest: F) -> CorrelationTime | None:
     times, steps = [], []
     for rows in order_of_visits(table):
         gaps = np.diff(table.column("time_s")[rows])

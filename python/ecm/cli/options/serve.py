@@ -16,7 +16,7 @@ class Options:
     """Go round the loop in a browser: data, model, where it fails, what is missing, add, next."""
 
     data: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TABLE]...", help="Tables of a new session.")
+        list[Path] | None, typer.Argument(metavar="TABLE", help="Tables of a new session.")
     ] = None
     model: Annotated[
         str | None, typer.Option("--model", metavar="NAME", help="Model to fit at once.")
