@@ -37,7 +37,7 @@ function figures(state, residuals) {
     value(error.toFixed(2), "times the noise", "error of the model", "over noise"),
     pose ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
     pose ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,
-    value(String(residuals.row.length), "rows", "measured poses compared", "pose"));
+    value(String(state.compare.rows), "rows", "measured poses compared", "pose"));
 }
 
 function worst(residuals) {
