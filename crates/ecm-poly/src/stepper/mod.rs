@@ -28,8 +28,8 @@
 //! let (fast, _) = stepper.step(&mut state, &bent, 0.01, &inputs).ok_or("refused")?;
 //! let (after_an_hour, _) = stepper.step(&mut state, &bent, 3600.0, &inputs).ok_or("refused")?;
 //! let (settled, _) = stepper.settled(&bent, &inputs).ok_or("refused")?;
-//! assert!(fast.force[1] > 1.05 * settled.force[1]);
-//! assert!((after_an_hour.force[1] - settled.force[1]).abs() < 1e-9);
+//! assert!(fast.torque[2] > 1.05 * settled.torque[2]);
+//! assert!((after_an_hour.torque[2] - settled.torque[2]).abs() < 1e-9);
 //! # Ok(()) }
 //! ```
 
