@@ -59,16 +59,7 @@ class Body:
         """What is stated under `[mechanism]`."""
         if self.section is None or not self.stated:
             return {"length_m": self.length_m} if len(self.axes) == 6 else {}
-        s = self.section
-        return {
-            "builtin": "rod",
-            "length_m": s.length_m,
-            "radius_m": s.radius_m,
-            "axial_stiffness_N": s.axial_N,
-            "shear_stiffness_N": s.shear_N,
-            "bending_stiffness_Nm2": s.bending_Nm2,
-            "torsion_stiffness_Nm2": s.torsion_Nm2,
-        }
+        return self.section.mechanism()
 
     def visited(self, count: int, random: np.random.Generator, folder: Path) -> Visited:
         """Poses and wrenches in the order of the visits."""

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind_parts.rod import Section
-from blind_parts.rod_tables import rod_mechanism
 from ecm import _native
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design
 from ecm.designs.plans import paper_plan
@@ -44,7 +43,7 @@ def fem_candidates(folder: Path) -> Table:
 def rod_candidates() -> Table:
     """Poses of the rod under random wrenches of the paper's size."""
     poses, _ = rod_samples(2 * PAPER_POSES, 100)
-    return _candidates(poses, rod_mechanism())
+    return _candidates(poses, Section().mechanism())
 
 
 def _candidates(poses: F, mechanism: dict[str, Any]) -> Table:
@@ -93,5 +92,5 @@ def rod_samples(count: int, seed: int) -> tuple[F, F]:
 
 def model_of(source: str) -> Model:
     """The physics model before any measurement, as `ecm diagnose body.toml` makes it."""
-    body = Mechanism.from_dict(rod_mechanism()) if source == "rod" else Mechanism()
+    body = Mechanism.from_dict(Section().mechanism()) if source == "rod" else Mechanism()
     return Model(base=physics_map(body))

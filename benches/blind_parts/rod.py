@@ -10,6 +10,7 @@ blind benchmark alone: nothing of the library is used.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +95,18 @@ class Section:
     """Own weight per length in base axes."""
     lift_off: float = 0.0
     """Share of the axial stiffness that is lost in tension."""
+
+    def mechanism(self) -> dict[str, Any]:
+        """What a table states of the ideal rod under `[mechanism]`."""
+        return {
+            "builtin": "rod",
+            "length_m": self.length_m,
+            "radius_m": self.radius_m,
+            "axial_stiffness_N": self.axial_N,
+            "shear_stiffness_N": self.shear_N,
+            "bending_stiffness_Nm2": self.bending_Nm2,
+            "torsion_stiffness_Nm2": self.torsion_Nm2,
+        }
 
 
 @dataclass

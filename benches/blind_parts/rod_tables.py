@@ -47,20 +47,6 @@ class Made:
     """(n, 6, 6) of the noise of rows that measure a pose, outliers aside."""
 
 
-def rod_mechanism() -> dict[str, Any]:
-    """The `[mechanism]` of the ideal rod."""
-    s = Section()
-    return {
-        "builtin": "rod",
-        "length_m": s.length_m,
-        "radius_m": s.radius_m,
-        "axial_stiffness_N": s.axial_N,
-        "shear_stiffness_N": s.shear_N,
-        "bending_stiffness_Nm2": s.bending_Nm2,
-        "torsion_stiffness_Nm2": s.torsion_Nm2,
-    }
-
-
 def rod_table(
     plan: Table,
     hidden: Sequence[tuple[str, float]],
