@@ -454,6 +454,7 @@ def export_model(
     target: Literal["c", "rust"],
     precision: Literal["double", "single"] = "double",
     effects: str | None = None,
+    adapt: str | None = None,
 ) -> dict[str, str]:
     """Source files by path: C with golden vectors, or a const Rust crate.
 
@@ -478,6 +479,38 @@ class Stepper:
 
     def settled(self, pose: _F, temperature_degc: float, age_s: float) -> tuple[_F, _F] | None:
         """Wrench (6,) and stiffness (6, 6) after a long rest; None where the pose is refused."""
+
+@final
+class Adapter:
+    """A model file's map with effects of time (JSON), whose parameters follow readings."""
+
+    state: _F
+    """Numbers of the estimate and of the mechanism."""
+
+    def __new__(cls, text: str, effects: str, settings: str) -> Adapter: ...
+    def reset(self) -> None:
+        """Back to the start."""
+
+    def resume(self) -> None:
+        """Goes on after a diagnosis."""
+
+    def observe(
+        self, pose: _F, wrench: _F, dt: float, temperature_degc: float, age_s: float
+    ) -> tuple[int, _F, _F]:
+        """Outcome, wrench (6,) that the robot feels, stiffness (6, 6)."""
+
+    def follow(
+        self, poses: _F, wrenches: _F, dts: _F, every: int
+    ) -> tuple[_F, _F, _F, NDArray[np.uint8]]:
+        """Readings expected (N, 6); parameters, standard deviations (M, 13); outcomes (N,)."""
+
+    @property
+    def values(self) -> _F:
+        """(13,) parameters."""
+
+    @property
+    def covariance(self) -> _F:
+        """(13, 13)."""
 
 # --- material ----------------------------------------------------------
 _Parameters = Mapping[str, float | Sequence[float]]

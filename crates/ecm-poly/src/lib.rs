@@ -11,6 +11,7 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+pub mod adapt;
 pub mod arithmetic;
 pub mod basis;
 pub mod cubic;

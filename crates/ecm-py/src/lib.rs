@@ -33,7 +33,7 @@ mod _native {
 
     #[pymodule_export]
     use crate::poly::{
-        EnergyModel, PolynomialModel, Stepper, export_model, merged_triangle, open_model,
+        Adapter, EnergyModel, PolynomialModel, Stepper, export_model, merged_triangle, open_model,
         polynomial_exponents, polynomial_regressor, seal_model,
     };
 

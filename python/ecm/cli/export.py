@@ -7,6 +7,7 @@ from ecm.cli.options.export import Options
 from ecm.cli.outputs import check_output_directory
 from ecm.cli.session import Session
 from ecm.effects import load_installed
+from ecm.models.adapt import AdaptSettings
 from ecm.models.control import LoopSettings
 from ecm.models.export import export as export_model
 
@@ -22,6 +23,7 @@ def export(options: Options, session: Session) -> None:
         name=options.name,
         precision=options.precision.value,
         loop=LoopSettings(options.mass, options.inertia, options.delay, options.dt),
+        adapt=None if options.adapt is None else AdaptSettings(tuple(options.adapt.split(","))),
         force=options.force,
     )
     session.on_interrupt(f"complete: {options.out}. Run the same command again for the rest.")

@@ -9,6 +9,7 @@ import numpy as np
 from ecm._native import Stepper, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
+from ecm.models.adapt import Adapter, AdaptSettings
 from ecm.models.time_effects import TimeEffects
 
 
@@ -45,6 +46,7 @@ class Controller:
 
     def __init__(self, document: str, effects: TimeEffects) -> None:
         self._native = Stepper(seal_model(document), json.dumps(effects.document))
+        self._document = document
         self._reference = float(effects.document.get("reference_degc", 0.0))
         self.effects = effects
         """What acts, what is left out, and why."""
@@ -80,6 +82,13 @@ class Controller:
         temperature = self._reference if temperature_degC is None else temperature_degC
         found = self._native.settled(_pose(pose), temperature, age_s)
         return _nothing() if found is None else found
+
+    def adapt(self, settings: AdaptSettings | None = None) -> Adapter:
+        """Return this model with parameters that follow measured wrenches (docs/adapt.md).
+
+        It has a state of its own; this controller is not changed.
+        """
+        return Adapter(self._document, self.effects, settings or AdaptSettings())
 
     @property
     def state(self) -> F:

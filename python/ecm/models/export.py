@@ -21,6 +21,7 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
+from ecm.models.adapt import AdaptSettings
 from ecm.models.control import ControlLoop, LoopSettings, design_loop
 from ecm.models.control.code import loop_file
 from ecm.models.folding import folded, noise_sd, poses_in_domain
@@ -66,6 +67,7 @@ def export(
     name: str = "ecm_model",
     precision: Precision = "double",
     loop: LoopSettings | None = None,
+    adapt: AdaptSettings | None = None,
     force: bool = False,
 ) -> Exported:
     """Write a model as source code for a controller, or as a MuJoCo file.
@@ -84,6 +86,8 @@ def export(
         Floating-point type of the code, `c` and `rust` only: `double` or `single`.
     loop
         Mass, inertia and delay of the robot, for the example of a control loop.
+    adapt
+        Parameters that follow measured wrenches (docs/adapt.md), `c` and `rust` only; None: none.
     force
         Write also where folding the effects into the base changes the model by more than the noise.
 
@@ -107,7 +111,7 @@ def export(
     >>> sorted(exported.files)[:2]
     ['spring.c', 'spring.h']
     """
-    exported = export_files(model, to, name, precision, loop)
+    exported = export_files(model, to, name, precision, loop, adapt)
     if exported.folding > _MOST_FOLDING and not force:
         raise InputError(
             f"{model.name}: with its effects folded into one map the model changes by "
@@ -127,6 +131,7 @@ def export_files(
     name: str = "ecm_model",
     precision: Precision = "double",
     loop: LoopSettings | None = None,
+    adapt: AdaptSettings | None = None,
 ) -> Exported:
     """Return the files that `export` writes, without writing them."""
     if re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name) is None:
@@ -137,12 +142,24 @@ def export_files(
     timed = time_effects(model, target)
     left_out = tuple(timed.left_out)
     notes = [*timed.sentences(), *notes]
+    if adapt is not None and (
+        target == "mujoco" or (model.inputs, model.outputs) != (POSE, WRENCH)
+    ):
+        raise InputError(
+            "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
+            "wrench columns; leave it out here"
+        )
     if target == "mujoco":
         text, lost = _mujoco(inside, name)
         return Exported({f"{name}.xml": text}, (*notes, *lost), left_out, folding=folding)
     sealed = seal_model(json.dumps(inside.document()))
     steps = json.dumps(timed.document) if timed.acting else None
-    files = dict(export_model(sealed, name, target=target, precision=precision, effects=steps))
+    follows = None if adapt is None else json.dumps(adapt.document(timed))
+    files = dict(
+        export_model(sealed, name, target=target, precision=precision, effects=steps, adapt=follows)
+    )
+    if adapt is not None:
+        notes.append(f"Follow readings: {', '.join(adapt.names)}; docs/adapt.md.")
     if (inside.inputs, inside.outputs) != (POSE, WRENCH):
         return Exported(files, tuple(notes), left_out, folding=folding)
     poses = poses_to_hold(model)

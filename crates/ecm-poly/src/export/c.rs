@@ -353,7 +353,7 @@ fn turns(inputs: &str) -> String {
 }
 
 /// The limit of [`ecm_se3::Pose::checked`].
-fn half_turn_squared<R: Real>() -> R {
+pub(super) fn half_turn_squared<R: Real>() -> R {
     R::PI * R::PI * (R::ONE + R::from_u16(8) * R::EPSILON)
 }
 

@@ -2,6 +2,7 @@
 //!
 //! The code needs no heap and no libm, and costs the same at every pose.
 
+pub mod adapt;
 pub mod c;
 mod golden;
 mod history;

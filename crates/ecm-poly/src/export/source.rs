@@ -34,6 +34,37 @@ const STEPPER: &[(&str, &str)] = &[
     ("stepper/effects.rs", include_str!("../stepper/effects.rs")),
 ];
 
+/// The line of `lib.rs` that declares [`ADAPT`].
+const ADAPT_DECLARED: &str = "pub mod adapt;\n";
+
+/// Parameters that follow readings; they need [`STEPPER`].
+const ADAPT: &[(&str, &str)] = &[
+    ("adapt/mod.rs", include_str!("../adapt/mod.rs")),
+    ("adapt/block.rs", include_str!("../adapt/block.rs")),
+    (
+        "adapt/parameters.rs",
+        include_str!("../adapt/parameters.rs"),
+    ),
+    ("adapt/update.rs", include_str!("../adapt/update.rs")),
+];
+
+/// Adds [`ADAPT`] to an exported crate.
+pub fn with_adapt(files: &mut Vec<SourceFile>) {
+    for (path, text) in STEPPER.iter().chain(ADAPT) {
+        let path = format!("src/evaluation/poly/{path}");
+        if files.iter().all(|file| file.path != path) {
+            let text = as_module(text, "poly");
+            files.push(SourceFile { path, text });
+        }
+    }
+    let root = "src/evaluation/poly/mod.rs";
+    if let Some(file) = files.iter_mut().find(|file| file.path == root) {
+        let rest = file.text.replace(DECLARED, "");
+        let first = "pub mod arithmetic;\n";
+        file.text = rest.replacen(first, &format!("{ADAPT_DECLARED}{first}{DECLARED}"), 1);
+    }
+}
+
 /// The module `evaluation` of an exported crate, with `se3` and `poly` below it.
 pub fn evaluation(with_stepper: bool) -> Vec<SourceFile> {
     let stepper = if with_stepper { STEPPER } else { &[] };
@@ -50,6 +81,10 @@ pub fn evaluation(with_stepper: bool) -> Vec<SourceFile> {
         files.extend(sources.iter().map(|(path, text)| {
             let root = *path == "lib.rs";
             let text = as_module(text, module);
+            let text = match root {
+                true => text.replace(ADAPT_DECLARED, ""),
+                false => text,
+            };
             SourceFile {
                 path: format!(
                     "src/evaluation/{module}/{}",
@@ -155,7 +190,9 @@ mod tests {
 
     #[test]
     fn nothing_in_the_modules_names_a_feature_or_another_crate() {
-        for file in evaluation(true) {
+        let mut files = evaluation(true);
+        with_adapt(&mut files);
+        for file in files {
             for forbidden in ["feature =", "ecm_se3::", "ecm_poly::", "std::", "#[test]"] {
                 assert!(!file.text.contains(forbidden), "{}: {forbidden}", file.path);
             }

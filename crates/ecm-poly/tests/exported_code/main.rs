@@ -1,6 +1,7 @@
 //! Exported C and Rust compile without warnings and give the model's golden vectors.
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
+mod adapt;
 mod c;
 mod models;
 mod programs;

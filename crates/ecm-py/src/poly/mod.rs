@@ -1,11 +1,13 @@
 //! Polynomial and energy models, and model files: what their bindings share.
 
+mod adapter;
 mod energy;
 mod model_file;
 mod polynomial;
 mod stepper;
 mod triangle;
 
+pub use adapter::Adapter;
 pub use energy::EnergyModel;
 pub use model_file::{export_model, open_model, seal_model};
 pub use polynomial::{PolynomialModel, polynomial_exponents, polynomial_regressor};

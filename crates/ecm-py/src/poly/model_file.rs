@@ -1,9 +1,10 @@
 //! Model files, and models as source code.
 
-use ecm_poly::export::{Precision, c, rust};
+use ecm_poly::export::{Precision, adapt as adapter, c, rust};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use super::adapter::settings_of;
 use super::error;
 use super::stepper::effects_of;
 use crate::errors::ModelError;
@@ -30,8 +31,9 @@ pub(super) fn parsed<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, Py
 /// Source files, by path, of a model file's map: C with golden vectors, or a const Rust crate.
 ///
 /// effects: JSON of effects of time (`Effects::from_document`), exported as steps with a state.
+/// adapt: JSON of all parameters that follow readings (`Adapter::from_document`).
 #[pyfunction]
-#[pyo3(signature = (text, name, *, target, precision = "double", effects = None))]
+#[pyo3(signature = (text, name, *, target, precision = "double", effects = None, adapt = None))]
 pub fn export_model<'py>(
     py: Python<'py>,
     text: &str,
@@ -39,6 +41,7 @@ pub fn export_model<'py>(
     target: &str,
     precision: &str,
     effects: Option<&str>,
+    adapt: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let precision = match precision {
         "double" => Precision::Double,
@@ -52,6 +55,7 @@ pub fn export_model<'py>(
     let document = ecm_poly::open_model(text).map_err(error)?;
     let effects = effects.map(effects_of).transpose()?;
     let effects = effects.as_ref();
+    let adapt = adapt.map(settings_of).transpose()?;
     let files = match target {
         "c" => c::export_with_effects(&document, name, precision, effects),
         "rust" => rust::export_with_effects(&document, name, precision, effects),
@@ -61,8 +65,17 @@ pub fn export_model<'py>(
             )));
         }
     };
+    let mut files = files.map_err(error)?;
+    if let Some(settings) = &adapt {
+        if target == "c" {
+            let more = adapter::c(&document, name, precision, settings);
+            files.extend(more.map_err(error)?);
+        } else {
+            files = adapter::rust(files, &document, name, precision, settings).map_err(error)?;
+        }
+    }
     let paths = PyDict::new(py);
-    for file in files.map_err(error)? {
+    for file in files {
         paths.set_item(file.path, file.text)?;
     }
     Ok(paths)

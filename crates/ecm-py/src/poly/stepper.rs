@@ -7,7 +7,7 @@ use ecm_se3::{Mat6, Wrench};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::error;
+use super::{error, vector};
 use crate::errors::ModelError;
 
 type Pair<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
@@ -92,49 +92,56 @@ impl Stepper {
     /// (49,) numbers of the state; None before `init`.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        self.state.map(|s| {
-            let parts = [&s.pose, &s.coordinates, &s.force, &s.stretch].into_iter();
-            let parts = parts.chain(&s.memory).chain(&s.carry);
-            let mut numbers: Vec<f64> = parts.flatten().copied().collect();
-            numbers.push(s.largest);
-            PyArray1::from_vec(py, numbers)
-        })
+        self.state.map(|s| PyArray1::from_vec(py, numbers_of(&s)))
     }
 
     #[setter]
     fn set_state(&mut self, state: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
-        let numbers: Vec<f64> = state.as_array().iter().copied().collect();
-        let (rows, rest) = numbers.as_chunks::<6>();
-        let (
-            [
-                pose,
-                coordinates,
-                force,
-                stretch,
-                first,
-                second,
-                carry,
-                other,
-            ],
-            [largest],
-        ) = (rows, rest)
-        else {
-            return Err(ModelError::new_err(format!(
-                "state has {} numbers, expected {STATE_NUMBERS}",
-                numbers.len()
-            )));
-        };
-        self.state = Some(State {
-            pose: *pose,
-            coordinates: *coordinates,
-            force: *force,
-            stretch: *stretch,
-            memory: [*first, *second],
-            carry: [*carry, *other],
-            largest: *largest,
-        });
+        self.state = Some(state_of(&vector(&state))?);
         Ok(())
     }
+}
+
+/// A state as plain numbers.
+pub(super) fn numbers_of(s: &State<f64>) -> Vec<f64> {
+    let parts = [&s.pose, &s.coordinates, &s.force, &s.stretch].into_iter();
+    let parts = parts.chain(&s.memory).chain(&s.carry);
+    let mut numbers: Vec<f64> = parts.flatten().copied().collect();
+    numbers.push(s.largest);
+    numbers
+}
+
+/// The state of such numbers.
+pub(super) fn state_of(numbers: &[f64]) -> PyResult<State<f64>> {
+    let (rows, rest) = numbers.as_chunks::<6>();
+    let (
+        [
+            pose,
+            coordinates,
+            force,
+            stretch,
+            first,
+            second,
+            carry,
+            other,
+        ],
+        [largest],
+    ) = (rows, rest)
+    else {
+        return Err(ModelError::new_err(format!(
+            "state has {} numbers, expected {STATE_NUMBERS}",
+            numbers.len()
+        )));
+    };
+    Ok(State {
+        pose: *pose,
+        coordinates: *coordinates,
+        force: *force,
+        stretch: *stretch,
+        memory: [*first, *second],
+        carry: [*carry, *other],
+        largest: *largest,
+    })
 }
 
 pub(super) fn effects_of(text: &str) -> PyResult<Effects<f64>> {

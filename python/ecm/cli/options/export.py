@@ -50,6 +50,12 @@ class Options:
         float, typer.Option("--delay", metavar="S", help="Longest, from pose to wrench.")
     ] = 0.003
     dt: Annotated[float, typer.Option("--dt", metavar="S", help="Step of the loop.")] = 0.001
+    adapt: Annotated[
+        str | None,
+        typer.Option(
+            "--adapt", metavar="LIST", help="Follow readings: modulus,payload,zero,shares."
+        ),
+    ] = None
     force: Annotated[
         bool, typer.Option("--force", help="Also where folding effects changes it beyond noise.")
     ] = False

@@ -1,0 +1,84 @@
+/* A model that keeps itself right (docs/adapt.md): @PARAMETERNAMES@.
+ *
+ * A Kalman filter over these parameters, from readings of pose and wrench. Each reading is averaged over
+ * an interval; an interval changes the parameters, unless it is beyond five standard deviations.
+ * @NAME@_adapt takes the measured pose and wrench, dt seconds after the reading before, with what the
+ * model says at that pose: wrench h and K = dh/dp (6 x 6, row by row) of @NAME@_step or
+ * @NAME@_value_and_stiffness, and of each relaxing branch its wrench with share 1 (0: none).
+ *
+ * State: @STATE@ bytes of plain numbers, to be copied, stored and loaded as they are.
+ * Reentrant: nothing static is written. Stack: at most @STACK@ bytes. No heap, no libm, no errno.
+ */
+#ifndef @GUARD@
+#define @GUARD@
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef @REAL@ @NAME@_adapt_real;
+
+/* Places of the parameters in values and covariance. */
+enum {
+@PLACES@    @NAME@_parameters = @COUNT@
+};
+
+/* What a reading did. */
+enum {
+    @NAME@_waiting = 0,  /* it waits for the end of its interval */
+    @NAME@_adapted = 1,  /* the interval changed the parameters */
+    @NAME@_left_out = 2, /* the interval was beyond the bound */
+    @NAME@_jumped = 3,   /* three such intervals: parameters that may jump are open again */
+    @NAME@_diagnose = 4, /* neither drift nor jump of these parameters: everything is held */
+    @NAME@_refused = 5   /* a number was not finite, or dt not above 0: nothing happened */
+};
+
+typedef struct {
+    @NAME@_adapt_real start, sd, low, high; /* sd: at the start, and the largest; 0 holds it */
+    @NAME@_adapt_real walk;                 /* standard deviation of its change in an hour */
+    @NAME@_adapt_real jumps;                /* 1: it may jump; 0: it only drifts */
+} @NAME@_prior;
+
+typedef struct {
+    @NAME@_prior priors[@COUNT@];
+    @NAME@_adapt_real wrench_sd[2], pose_sd[2];     /* of one reading: N and N m, m and rad */
+    @NAME@_adapt_real noise_time_s;                 /* over which noise stays alike */
+    @NAME@_adapt_real model_sd[2], reach[2];        /* error of the model, and the way it holds */
+    @NAME@_adapt_real gravity[3], interval_s;       /* base axes, m/s^2; s */
+} @NAME@_adapt_settings;
+
+typedef struct {
+    @NAME@_adapt_real pose[6], wrench[6], predicted[6], branches[12];
+    @NAME@_adapt_real time_s, read_s, readings;
+} @NAME@_adapt_block;
+
+typedef struct {
+    @NAME@_adapt_real values[@COUNT@], covariance[@COUNT@][@COUNT@];
+    @NAME@_adapt_block block, anchor;
+    @NAME@_adapt_real window[2];
+    uint32_t counts[4], held;
+} @NAME@_adapt_state;
+
+extern const @NAME@_adapt_settings @NAME@_adapt_defaults;
+
+/* The state at the start, which is also a reset. */
+void @NAME@_adapt_init(@NAME@_adapt_state *state, const @NAME@_adapt_settings *settings);
+/* Goes on after a diagnosis: values as they are, covariance of the start. */
+void @NAME@_adapt_resume(@NAME@_adapt_state *state, const @NAME@_adapt_settings *settings);
+int32_t @NAME@_adapt(@NAME@_adapt_state *state, const @NAME@_adapt_settings *settings,
+                     const @NAME@_adapt_real p[6], const @NAME@_adapt_real wrench[6],
+                     @NAME@_adapt_real dt, const @NAME@_adapt_real h[6],
+                     const @NAME@_adapt_real k[36], const @NAME@_adapt_real *branches);
+/* The wrench that is expected: of_sensor 1 with the sensor's zero, 0 what the robot feels. */
+void @NAME@_adapt_expected(const @NAME@_adapt_state *state, const @NAME@_adapt_settings *settings,
+                           const @NAME@_adapt_real p[6], const @NAME@_adapt_real h[6],
+                           const @NAME@_adapt_real *branches, int32_t of_sensor,
+                           @NAME@_adapt_real wrench[6]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

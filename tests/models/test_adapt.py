@@ -1,0 +1,143 @@
+"""A model that keeps itself right, beside a plant whose formulas it does not share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm._native import rotation_matrices
+from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.io.table import Table
+from ecm.models import Model, fit_model
+from ecm.models.adapt import OUTCOMES, Adapter, AdaptSettings
+from support.campaigns import workspace_poses
+from support.stand_in import L, wrench
+
+F = NDArray[np.float64]
+RATE = 20.0
+WRENCH_SD = np.repeat([0.3, 0.015], 3)
+POSE_SD = np.repeat([37e-6, 4e-4], 3)
+CENTRE = np.array([0.03, 0.01, -0.01])
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """An energy, fitted to noisy rows of the closed form."""
+    random = np.random.default_rng(5)
+    poses = workspace_poses(200, 4)
+    read = wrench(poses) + WRENCH_SD * random.standard_normal((200, 6))
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, read]).T, strict=True))
+    return fit_model(Table(columns, Meta(mechanism={"length_m": L}), "t"), "energy6")
+
+
+@pytest.fixture
+def adapter(model: Model) -> Adapter:
+    error = model.predict(workspace_poses(100, 6)) - wrench(workspace_poses(100, 6))
+    force, torque = np.sqrt((error[:, :3] ** 2).mean()), np.sqrt((error[:, 3:] ** 2).mean())
+    settings = AdaptSettings(
+        position_sd_m=37e-6, model_force_sd_N=float(force), model_torque_sd_Nm=float(torque)
+    )
+    return model.controller().adapt(settings)
+
+
+def moving(seconds: float, seed: int) -> F:
+    """(N, 6) smooth ways between poses like those of the training."""
+    corners = workspace_poses(int(seconds / 2.0) + 2, 100 + seed)
+    place, share = np.divmod(np.arange(int(seconds * RATE)) / (2.0 * RATE), 1.0)
+    i, s = place.astype(int), (0.5 - 0.5 * np.cos(np.pi * share))[:, None]
+    return np.asarray(corners[i] + s * (corners[i + 1] - corners[i]))
+
+
+def weight(poses: F, mass: float) -> F:
+    force = np.broadcast_to([9.81 * mass, 0.0, 0.0], (len(poses), 3))
+    arm = rotation_matrices(np.ascontiguousarray(poses[:, 3:])) @ CENTRE
+    return np.hstack([force, np.cross(arm, force)])
+
+
+def zero(poses: F, values: F) -> F:
+    turn = rotation_matrices(np.ascontiguousarray(poses[:, 3:]))
+    return np.hstack([turn @ values[:3], turn @ values[3:]])
+
+
+def read(poses: F, true: F, seed: int) -> tuple[F, F, F]:
+    random = np.random.default_rng(seed)
+    seen = poses + POSE_SD * random.standard_normal(poses.shape)
+    return (
+        seen,
+        true + WRENCH_SD * random.standard_normal(true.shape),
+        np.full(len(poses), 1 / RATE),
+    )
+
+
+def test_error_stays_at_the_floor_while_the_modulus_falls(adapter: Adapter) -> None:
+    poses = moving(600.0, 0)
+    scale = 1.0 - 0.1 * np.arange(len(poses)) / len(poses)  # an hour's fall in ten minutes
+    begin = np.array([0.4, -0.3, 0.2, 0.01, 0.0, -0.02])
+    seen, measured, dts = read(poses, scale[:, None] * wrench(poses) + zero(poses, begin), 1)
+    expected, values, sd, outcomes = adapter.follow(seen, measured, dts, 20)
+    floor = measured - scale[:, None] * wrench(seen) - zero(seen, begin)
+    late = slice(int(60 * RATE), None)
+    sizes = [np.square(e[late] / WRENCH_SD).mean() for e in (measured - expected, floor)]
+    assert np.sqrt(sizes[0] / sizes[1]) < 1.2
+    static = np.square((measured - wrench(seen))[-2000:] / WRENCH_SD).mean()
+    assert np.sqrt(static / sizes[1]) > 1.5
+    true = np.column_stack(
+        [scale[19::20], np.zeros((len(values), 4)), np.tile(begin, (len(values), 1))]
+    )
+    assert (np.abs(values - true) < 2.5758 * sd)[60:].mean() > 0.98
+    assert OUTCOMES.index("diagnose") not in outcomes
+
+
+@pytest.mark.parametrize("what", ["payload", "zero"])
+def test_half_a_kilogram_is_found_and_told_from_the_zero(adapter: Adapter, what: str) -> None:
+    poses = moving(42.0, 3)
+    true, on = wrench(poses), int(40 * RATE)
+    load = weight(poses, 0.5)
+    if (
+        what == "zero"
+    ):  # the same change of the reading at that moment, but it turns with the sensor
+        turn = rotation_matrices(np.ascontiguousarray(poses[on : on + 1, 3:]))[0]
+        load = zero(poses, np.concatenate([turn.T @ load[on, :3], turn.T @ load[on, 3:]]))
+    true[on:] += load[on:]
+    adapter.follow(*read(poses, true, 2))
+    mass, sd = adapter.values["mass"], adapter.sd["mass"]
+    exact = 0.5 if what == "payload" else 0.0
+    assert abs(mass - exact) < 2.5758 * sd
+    assert sd < 0.15
+    if what == "payload":
+        centre, spread = adapter.payload_centre or (np.full(3, np.nan), np.ones(3))
+        assert (np.abs(centre - CENTRE) < 3.0 * spread).all()
+
+
+def test_at_rest_the_direction_that_is_not_told_is_named(adapter: Adapter) -> None:
+    poses = np.tile(workspace_poses(1, 8), (100, 1))
+    adapter.follow(*read(poses, wrench(poses) + weight(poses, 0.5), 3))
+    weak = adapter.weak_directions()[0]
+    assert weak.share > 0.9
+    assert {"mass", "zero_fx"} <= {
+        name for found in adapter.weak_directions() for name in found.change
+    }
+    assert adapter.payload_centre is None
+
+
+def test_a_saved_state_goes_on_to_the_bit(model: Model) -> None:
+    poses = moving(10.0, 4)
+    seen, measured, dts = read(poses, wrench(poses), 4)
+    one, other = (model.controller().adapt() for _ in range(2))
+    one.follow(seen[:105], measured[:105], dts[:105])
+    other.state = one.state
+    for p, h in zip(seen[105:], measured[105:], strict=True):
+        assert one.observe(p, h, 0.05) == other.observe(p, h, 0.05)
+    assert (one.state == other.state).all()
+    before = one.state
+    assert one.observe(np.full(6, np.nan), measured[0], 0.05) == "refused"
+    assert one.observe(seen[0], measured[0], -1.0) == "refused"
+    assert (one.state == before).all()
+
+
+def test_wrong_settings_are_refused() -> None:
+    with pytest.raises(InputError, match="weight"):
+        AdaptSettings(("weight",))
