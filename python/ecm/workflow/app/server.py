@@ -111,8 +111,8 @@ def application(app: App, *, port: int, token: str) -> Any:
 
 
 async def _refused(_request: Any, error: Exception) -> Any:
-    status = {Busy: 409, DiskError: 507}.get(type(error), 400)
-    return _json({"error": str(error)}, status)
+    known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
+    return _json({"error": str(error)}, known.get(type(error), 400))
 
 
 async def _unwritten(_request: Any, error: Exception) -> Any:
