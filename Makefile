@@ -1,5 +1,6 @@
 # make demo   sets up, builds and runs the main job (the paper's three steps) into ./demo
 # make test   sets up, builds and runs every test
+# make docs   sets up, builds and writes the documentation as a site into ./site
 #
 # Needs a Rust toolchain, Python >= 3.10 and make. Programs that only some tests need
 # are listed in apt.txt; a missing one is one named line in the summary.
@@ -15,13 +16,17 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Processes that share the tests: one a core, at most four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
-.PHONY: demo test setup build build-demo test-rust test-python wheel deny semver bench-diagnose bench-blind clean
+.PHONY: demo test docs setup build build-demo test-rust test-python wheel deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
 	@echo "Open demo/report.html in a browser."
 
 test: test-rust test-python
+
+docs: build
+	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite
+	@echo "Open site/index.html in a browser."
 
 setup: $(VENV)/.ready
 
@@ -83,4 +88,4 @@ bench-blind: build
 	  $(if $(EVERY),--simple-every $(EVERY))
 
 clean:
-	rm -rf target $(VENV) dist demo out
+	rm -rf target $(VENV) dist demo out site
