@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 import yaml
-from release import check, foreign, version, wheels
 
+from release import check, foreign, version, wheels
 from support.neck import ROOT
 
 if sys.version_info >= (3, 11):
