@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 import yaml
-from release import wheels
 
+from release import wheels
 from support.neck import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
