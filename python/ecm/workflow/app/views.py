@@ -23,6 +23,7 @@ import numpy as np
 from ecm.errors import InputError
 from ecm.io.arrays import F, I
 from ecm.io.cache import hash_of, write_json
+from ecm.workflow.app.disk import writing
 
 MOST_ROWS = 20_000
 """Rows that a view holds; of more, every k-th, and the view says so."""
@@ -56,7 +57,8 @@ class Views:
             for again in (True, False):
                 pool = self._process(broken)
                 try:
-                    pool.submit(compute_view, name, path, tables, of_model).result()
+                    with writing(path, f"the view {name}"):
+                        pool.submit(compute_view, name, path, tables, of_model).result()
                     break
                 except BrokenProcessPool:  # killed, or out of memory
                     broken = pool
