@@ -9,6 +9,7 @@ both processors. Windows (MSVC) and macOS are built on their own systems.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -87,7 +88,11 @@ def audit(wheel: Path) -> None:
 
 
 def _run(command: list[str]) -> None:
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    # The wheel is stripped anyway: without debug information it is built in less time.
+    variables = {**os.environ, "CARGO_PROFILE_RELEASE_DEBUG": "false"}
+    done = subprocess.run(
+        command, cwd=ROOT, env=variables, capture_output=True, text=True, check=False
+    )
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
 

@@ -113,7 +113,7 @@ def test_a_wheel_is_refused_that_does_not_keep_its_tag(
 
 def test_figures_of_another_machine_that_differ_are_a_failure(tmp_path: Path) -> None:
     release = check.Release(tmp_path)
-    release.figures = "K = 1.00\n"
+    release.figures.write_text("K = 1.00\n", encoding="utf-8")
     assert release._same("K = 1.00\r\n") == "the same figures"
     with pytest.raises(RuntimeError, match=r"expected\nK = 1\.00"):
         release._same("K = 1.01\n")
