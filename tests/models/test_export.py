@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,15 +17,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.effects import Effect
-from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import TemperatureModulus
-from ecm.effects.relaxation import StressRelaxation
+from ecm.cli.options.export import Target
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
-from ecm.models.export import export_files
-from ecm.models.joint_fit import FittedEffect
+from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
+from support.exports import done, with_time, written
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
 
@@ -46,21 +42,6 @@ BOARDS = {
 def fitted() -> dict[str, Model]:
     table = campaign(seed=3)
     return {name: fit_model(table, name) for name in ("cubic", "energy4", "energy6")}
-
-
-def written(model: Model, folder: Path, target: str, precision: str = "double") -> Path:
-    files = export_files(model, target, "neck", precision).files  # type: ignore[arg-type]
-    for path, text in files.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
-    return folder
-
-
-def done(*command: object, **settings: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(part) for part in command],
-        capture_output=True, text=True, check=False, timeout=600, **settings,
-    )  # type: ignore[call-overload,no-any-return]  # fmt: skip
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
@@ -167,17 +148,6 @@ def test_cortex_m_gives_the_golden_vectors(
             # The time does not depend on the pose; ten calls are counted in steps of 40.
             assert value - least <= 8
             assert both - low <= 8
-
-
-def with_time(model: Model) -> Model:
-    """Two relaxing branches, springs that slip, and temperature."""
-    effects: list[tuple[Effect, list[float]]] = [
-        (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
-        (Hysteresis("middle", 2e-3), [3e-4]),
-        (TemperatureModulus(21.0), [0.004]),
-    ]
-    fitted = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
-    return replace(model, effects=tuple(fitted))
 
 
 def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
@@ -348,6 +318,7 @@ def test_the_command_writes_the_files(
         "--json", tmp_path / "j.json",
     )  # fmt: skip
     assert ran.code == 0, ran.err
+    assert f"Next: cc -O2 {out}/neck.c" in ran.out
     document = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
     names, loop = document["files"], document["control_loop"]
     assert loop["poses_held"] == loop["poses"] == 200
@@ -361,3 +332,11 @@ def test_the_command_writes_the_files(
     )
     with pytest.raises(InputError, match="lower-case"):
         export_files(fitted["cubic"], "c", "My Neck")
+
+
+def test_each_target_has_a_line_in_the_help() -> None:
+    assert [target.value for target in Target] == list(TARGETS)
+    with pytest.raises(InputError, match="expected one of c, rust, mujoco, fmu"):
+        export_files(fit_model(campaign(seed=3), "linear"), "lisp")
+    with pytest.raises(InputError, match="--to fmu is written in double"):
+        export_files(fit_model(campaign(seed=3), "linear"), "fmu", precision="single")

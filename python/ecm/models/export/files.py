@@ -1,0 +1,178 @@
+"""A model written for a controller or a simulator.
+
+What is exported is the mechanism: the base map, effects of physics that act through the pose, and
+as steps with a state those of time and temperature. Errors of the instruments stay out, and the
+result says which and why.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ecm.errors import InputError
+from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.interrupts import uninterrupted
+from ecm.models.adapt import AdaptSettings
+from ecm.models.control import ControlLoop, LoopSettings
+from ecm.models.export.registry import TARGETS
+from ecm.models.export.source import Precision, Source
+from ecm.models.folding import folded, noise_sd
+from ecm.models.model import Model
+from ecm.models.time_effects import time_effects
+
+_WHOLE = (POSE, WRENCH)
+_MOST_FOLDING = 1.0
+"""Largest change of a model by folding, over the noise, that is exported without `force`."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """An exported model.
+
+    Examples
+    --------
+    >>> Exported({"spring.h": "..."}, ("Left out: fts_drift.",), ("fts_drift",)).left_out
+    ('fts_drift',)
+    """
+
+    files: dict[str, str | bytes]
+    """Content of each file by its path."""
+    notes: tuple[str, ...]
+    """What a reader of the files must know."""
+    left_out: tuple[str, ...]
+    """Ids of the effects that are not in the files."""
+    loop: ControlLoop | None = None
+    """The control loop of the example, where the model takes a pose to a wrench."""
+    next_step: str = ""
+    """The command or line that uses the files."""
+    folding: float = 0.0
+    """Change of the model by folding its effects into the base, over the noise."""
+
+
+def export(
+    model: Model,
+    to: str,
+    directory: str | Path,
+    *,
+    name: str = "ecm_model",
+    precision: Precision = "double",
+    loop: LoopSettings | None = None,
+    adapt: AdaptSettings | None = None,
+    force: bool = False,
+) -> Exported:
+    """Write a model for a controller or a simulator.
+
+    Parameters
+    ----------
+    model
+        The model; effects of the instruments are left out.
+    to
+        A target of docs/export.md: `c`, `rust`, `mujoco`, `fmu`, ...
+    directory
+        Folder to write into; it is made where it does not exist.
+    name
+        Begins every public name: a lower-case letter, then at most 39 of a-z, 0-9 and _.
+    precision
+        Floating-point type of the code: `double`, or `single` for `c` and `rust` only.
+    loop
+        Mass, inertia and delay of the robot, for a control loop and for steps of time.
+    adapt
+        Parameters that follow measured wrenches (docs/adapt.md), `c` and `rust` only; None: none.
+    force
+        Write also where folding the effects into the base changes the model by more than the noise.
+
+    Returns
+    -------
+    Exported
+        The files (path to text), notes for their reader, and the effects that were left out.
+
+    Raises
+    ------
+    InputError
+        A wrong name, a model that cannot be exported, or one that folding changes too much.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, ecm
+    >>> y = np.linspace(-0.01, 0.01, 9)
+    >>> model = ecm.fit(ecm.as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = ecm.export(model, "c", folder, name="spring")
+    >>> sorted(exported.files)[:2]
+    ['spring.c', 'spring.h']
+    """
+    exported = export_files(model, to, name, precision, loop, adapt)
+    if exported.folding > _MOST_FOLDING and not force:
+        raise InputError(
+            f"{model.name}: with its effects folded into one map the model changes by "
+            f"{exported.folding:.2g} times the measurement noise, more than {_MOST_FOLDING:g}: the "
+            "controller would not have the model that was fitted. Remove an effect (ecm refit "
+            "--remove), or export it all the same with --force."
+        )
+    with uninterrupted():  # a part of the files is of no use
+        for path, text in exported.files.items():
+            write_atomically(Path(directory) / path, text)
+    return exported
+
+
+def export_files(
+    model: Model,
+    target: str,
+    name: str = "ecm_model",
+    precision: Precision = "double",
+    loop: LoopSettings | None = None,
+    adapt: AdaptSettings | None = None,
+) -> Exported:
+    """Return the files that `export` writes, without writing them."""
+    if target not in TARGETS:
+        raise InputError(f"target {target!r}: expected one of {', '.join(TARGETS)}")
+    if re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name) is None:
+        raise InputError(
+            f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
+        )
+    chosen = TARGETS[target]
+    if precision not in chosen.precisions:
+        raise InputError(
+            f"precision {precision}: --to {target} is written in {' or '.join(chosen.precisions)}"
+        )
+    inside, notes, folding = _mechanism_alone(model)
+    if adapt is not None and (
+        target not in ("c", "rust") or (model.inputs, model.outputs) != _WHOLE
+    ):
+        raise InputError(
+            "adapt: parameters follow readings in C and Rust, with a model of all six pose and "
+            "wrench columns; leave it out here"
+        )
+    timed = time_effects(model, chosen.language)
+    given = chosen.write(Source(model, inside, timed, name, precision, loop, adapt))
+    return Exported(
+        given.files,
+        (*timed.sentences(), *notes, *given.notes),
+        tuple(timed.left_out),
+        given.loop,
+        given.next_step,
+        folding,
+    )
+
+
+def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
+    """The model without effects beside the pose, those of physics folded into its base.
+
+    Also notes, and the change by folding over the noise.
+    """
+    acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
+    bare = replace(model, effects=(), history=(), correlations=())
+    if not acting:
+        return bare, [], 0.0
+    energy, error = folded(model)
+    share = float(np.max(error / noise_sd(model)))
+    note = (
+        f"Folded into {energy.name}: {', '.join(sorted(acting))}; the folded map differs from "
+        f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
+    )
+    return replace(bare, base=energy, covariance=None), [note], share
