@@ -41,6 +41,7 @@ const ADAPT_DECLARED: &str = "pub mod adapt;\n";
 const ADAPT: &[(&str, &str)] = &[
     ("adapt/mod.rs", include_str!("../adapt/mod.rs")),
     ("adapt/block.rs", include_str!("../adapt/block.rs")),
+    ("adapt/filter.rs", include_str!("../adapt/filter.rs")),
     (
         "adapt/parameters.rs",
         include_str!("../adapt/parameters.rs"),
