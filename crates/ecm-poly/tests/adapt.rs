@@ -85,6 +85,11 @@ fn circle(time: f64) -> Vec6<f64> {
     bent(0.3 * (1.3 * time).cos(), 0.3 * (1.3 * time).sin())
 }
 
+/// Both tilts on their own, so that the force along the axis changes.
+fn free(time: f64) -> Vec6<f64> {
+    bent(0.35 * (1.3 * time).sin(), 0.3 * (0.7 * time + 1.0).sin())
+}
+
 struct Plant {
     scale: f64,
     mass: f64,
@@ -152,7 +157,7 @@ fn follows_the_modulus_while_it_moves_and_holds_it_at_rest() {
     let (adapter, mut plant) = (adapter(), Plant::new());
     plant.scale = 0.93;
     let mut state = adapter.init();
-    follow(&adapter, &mut state, &mut plant, 20.0, circle);
+    follow(&adapter, &mut state, &mut plant, 20.0, free);
     let (scale, spread) = (state.values[0], sd(&state, 0));
     assert!(
         (scale - 0.93).abs() < 3.0 * spread && spread < 0.01,
@@ -172,10 +177,10 @@ fn follows_the_modulus_while_it_moves_and_holds_it_at_rest() {
 #[test]
 fn a_payload_is_told_from_the_zero_by_poses_that_turn_only() {
     let adapter = adapter();
-    let ways: [fn(f64) -> Vec6<f64>; 2] = [circle, |_| bent(0.1, 0.0)];
+    let ways: [fn(f64) -> Vec6<f64>; 2] = [free, |_| bent(0.1, 0.0)];
     for (turns, way) in [true, false].into_iter().zip(ways) {
         let (mut plant, mut state) = (Plant::new(), adapter.init());
-        follow(&adapter, &mut state, &mut plant, 20.0, circle);
+        follow(&adapter, &mut state, &mut plant, 20.0, free);
         plant.mass = 0.5;
         let outcomes = follow(&adapter, &mut state, &mut plant, 2.0, way);
         assert!(outcomes.contains(&Outcome::Jumped));
@@ -183,6 +188,19 @@ fn a_payload_is_told_from_the_zero_by_poses_that_turn_only() {
         assert!((mass - 0.5).abs() < 3.0 * spread, "{mass} {spread}");
         assert_eq!(spread < 0.05, turns, "{spread}");
     }
+}
+
+#[test]
+fn a_circle_tells_the_modulus_from_nothing_and_says_so() {
+    let (adapter, mut plant) = (adapter(), Plant::new());
+    plant.scale = 0.93;
+    let mut state = adapter.init();
+    for _ in 0..20 {
+        follow(&adapter, &mut state, &mut plant, 30.0, circle);
+        let (scale, spread) = (state.values[0], sd(&state, 0));
+        assert!((scale - 0.93).abs() < 3.0 * spread, "{scale} {spread}");
+    }
+    assert!(sd(&state, 0) > 0.01);
 }
 
 #[test]
@@ -272,7 +290,7 @@ fn bounds_hold() {
     adapter.priors[0].low = 0.95;
     plant.scale = 0.9;
     let mut state = adapter.init();
-    follow(&adapter, &mut state, &mut plant, 10.0, circle);
+    follow(&adapter, &mut state, &mut plant, 10.0, free);
     assert_eq!(state.values[0], 0.95);
 }
 

@@ -9,7 +9,7 @@ use crate::stepper::Decay;
 /// A block counts at least as this share of one, so that a pause at one pose ends some day.
 const STILL: u16 = 1000;
 /// Variance of what a parameter changes over what the noise of the pose makes of it.
-const EXCITED: u16 = 100;
+const EXCITED: u16 = 10000;
 /// Blocks in a row beyond the bound that make a jump, and jumps that are no drift.
 const SUSPECTS: u32 = 3;
 const JUMPS: u32 = 3;
@@ -83,13 +83,17 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             columns = self.columns_at(&next.anchor);
             told = Told::new(&next.covariance, &columns, &noise, &model);
         }
-        self.update(&mut next, &told, &innovation, apart, &of_pose);
+        let all_told = self.update(&mut next, &told, &innovation, apart, &of_pose);
         let mut values = next.values.iter().chain(next.covariance.as_flattened());
         if !(values.all(|x| x.is_finite()) && next.anchor.is_finite()) {
             return Outcome::LeftOut;
         }
         *state = next;
-        self.test(state, surprise, apart, told.share_of_model(&noise))
+        // The error of a parameter that is held is alike in all blocks: no chi-square.
+        if !all_told {
+            return outcome;
+        }
+        self.test(state, surprise, told.alike(&noise))
             .unwrap_or(outcome)
     }
 
@@ -144,6 +148,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         covariance[i][i] = largest;
     }
 
+    /// Whether no parameter was held for want of excitation.
     fn update(
         &self,
         state: &mut State<R, N>,
@@ -151,7 +156,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         innovation: &Vec6<R>,
         apart: R,
         of_pose: &Vec6<R>,
-    ) {
+    ) -> bool {
         let still = R::from_u16(STILL);
         let times = if apart * still > R::TWO - apart {
             (R::TWO - apart) / apart
@@ -173,18 +178,20 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             }) / own
         });
         let factor = Factor::new(&total);
-        let gain: [Vec6<R>; N] = core::array::from_fn(|i| {
-            let excited = signal[i] > R::from_u16(EXCITED) * noisy;
-            match self.parameters[i].follows_model() && !excited {
-                true => [R::ZERO; 6],
-                false => factor.solve(&told.carried[i]),
-            }
+        let least = R::from_u16(EXCITED) * noisy;
+        let held: [bool; N] = core::array::from_fn(|i| {
+            self.parameters[i].follows_model() && self.priors[i].sd > R::ZERO && signal[i] <= least
+        });
+        let gain: [Vec6<R>; N] = core::array::from_fn(|i| match held[i] {
+            true => [R::ZERO; 6],
+            false => factor.solve(&told.carried[i]),
         });
         for (value, gain) in state.values.iter_mut().zip(&gain) {
             *value += dot(gain, innovation);
         }
         shrunk(&mut state.covariance, &gain, &told.carried, &total);
         self.project(state);
+        !held.contains(&true)
     }
 
     /// Back to the bounds, along the least change in the metric of the covariance.
@@ -216,8 +223,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     }
 
     /// The mean of the window's innovations against chi-square.
-    fn test(&self, state: &mut State<R, N>, surprise: R, apart: R, of_model: R) -> Option<Outcome> {
-        let alike = (R::ONE - apart) * of_model;
+    fn test(&self, state: &mut State<R, N>, surprise: R, alike: R) -> Option<Outcome> {
         state.window[0] += surprise;
         state.window[1] += if state.counts[0] == 0 {
             R::ONE
@@ -282,10 +288,10 @@ impl<'a, R: Real, const N: usize> Told<'a, R, N> {
         Factor::new(&self.total).solve(innovation)
     }
 
-    /// Mean share of the model's error in the variance of a block.
-    fn share_of_model(&self, noise: &Mat6<R>) -> R {
+    /// Mean share of the variance that is no noise: it may be alike in all blocks of a window.
+    fn alike(&self, noise: &Mat6<R>) -> R {
         let sum = (0..6).fold(R::ZERO, |sum, a| {
-            sum + self.model[a] / (self.model[a] + noise[a][a])
+            sum + R::ONE - noise[a][a] / self.total[a][a]
         });
         sum / R::from_u16(6)
     }

@@ -14,7 +14,7 @@
 //!   with ν.
 //! - **Excitation.** So that noise is not taken for excitation, the columns are those of the last block
 //!   whose pose had moved by 10 standard deviations, and a parameter that multiplies the model's wrench
-//!   is held while what it changes, the others following it, is less than 100 times (in variance) what
+//!   is held while what it changes, the others following it, is less than 10⁴ times (in variance) what
 //!   the noise of the pose makes of it. What no reading excites keeps its value; its covariance grows,
 //!   and no further than at the start.
 //! - **Innovations.** A block beyond 5 standard deviations is left out. Three in a row are a jump: the
@@ -40,7 +40,9 @@
 //!     interval_s: 0.1,
 //! };
 //! let mut state = adapter.init();
-//! let stiffness = core::array::from_fn(|i| core::array::from_fn(|j| if i == j { 1e3 } else { 0.0 }));
+//! let diagonal = [1e3, 1e3, 1e3, 1.0, 1.0, 1.0];
+//! let stiffness =
+//!     core::array::from_fn(|i| core::array::from_fn(|j| if i == j { diagonal[i] } else { 0.0 }));
 //! for i in 0..1000 {
 //!     let y = 0.01 * (0.05 * f64::from(i)).sin();
 //!     let predicted = [0.0, 1e3 * y, 0.0, 0.0, 0.0, 0.0];
