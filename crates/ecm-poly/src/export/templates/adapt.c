@@ -33,6 +33,20 @@ static int32_t all_finite(const real *x, int32_t count)
     return is_finite(sum);
 }
 
+static void clear(block_t *b)
+{
+    for (int32_t i = 0; i < 6; i++) {
+        b->pose[i] = R(0);
+        b->wrench[i] = R(0);
+        b->predicted[i] = R(0);
+        b->branches[i] = R(0);
+        b->branches[6 + i] = R(0);
+    }
+    b->time_s = R(0);
+    b->read_s = R(0);
+    b->readings = R(0);
+}
+
 static real dot6(const real *a, const real *b)
 {
     real sum = R(0);
@@ -170,12 +184,21 @@ static real nominal(const settings_t *s, int32_t i)
 void @NAME@_adapt_init(state_t *state, const settings_t *settings)
 {
     const settings_t *s = settings ? settings : &@NAME@_adapt_defaults;
-    const state_t none = {{R(0)}};
-    *state = none;
     for (int32_t i = 0; i < N; i++) {
         state->values[i] = s->priors[i].start;
+        for (int32_t j = 0; j < N; j++) {
+            state->covariance[i][j] = R(0);
+        }
         state->covariance[i][i] = s->priors[i].sd * s->priors[i].sd;
     }
+    clear(&state->block);
+    clear(&state->anchor);
+    state->window[0] = R(0);
+    state->window[1] = R(0);
+    for (int32_t i = 0; i < 4; i++) {
+        state->counts[i] = 0;
+    }
+    state->held = 0;
 }
 
 void @NAME@_adapt_resume(state_t *state, const settings_t *settings)
@@ -489,7 +512,6 @@ int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6]
 {
     const settings_t *s = settings ? settings : &@NAME@_adapt_defaults;
     const real turn = p[3] * p[3] + p[4] * p[4] + p[5] * p[5];
-    const block_t none = {{R(0)}};
     block_t b = state->block;
     if (!(dt > R(0) && is_finite(dt) && all_finite(p, 6) && all_finite(wrench, 6) &&
           all_finite(h, 6) && all_finite(k, 36) && turn <= R(@HALFTURN@) &&
@@ -501,7 +523,7 @@ int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6]
     }
     /* What was read before a pause longer than an interval is dropped. */
     if (dt > s->interval_s) {
-        b = none;
+        clear(&b);
         b.time_s = state->block.time_s;
     }
     for (int32_t i = 0; i < 6; i++) {
@@ -523,7 +545,7 @@ int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6]
     if (b.read_s + R(0.5) * dt < s->interval_s) {
         return @NAME@_waiting;
     }
-    state->block = none;
+    clear(&state->block);
     for (int32_t i = 0; i < 6; i++) {
         const real share = R(1) / b.readings;
         b.pose[i] *= share;
