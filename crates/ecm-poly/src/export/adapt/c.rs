@@ -32,7 +32,7 @@ pub fn export(
         Precision::Single => (
             "float",
             f64::from(f32::EPSILON),
-            half_turn_squared::<f32>().into(),
+            f64::from(half_turn_squared::<f32>()),
         ),
         Precision::Double => ("double", f64::EPSILON, half_turn_squared::<f64>()),
     };

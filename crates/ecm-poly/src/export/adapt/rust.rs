@@ -16,7 +16,7 @@ use crate::export::{Precision, SourceFile, filled};
 /// The files of an exported crate with the module `adapt` added.
 ///
 /// # Errors
-/// As [`super::c`].
+/// As for C.
 pub fn export(
     mut files: Vec<SourceFile>,
     document: &Map<String, Value>,
