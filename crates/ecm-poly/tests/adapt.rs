@@ -195,7 +195,7 @@ fn a_circle_tells_the_modulus_from_nothing_and_says_so() {
     let (adapter, mut plant) = (adapter(), Plant::new());
     plant.scale = 0.93;
     let mut state = adapter.init();
-    for _ in 0..20 {
+    for _ in 0..2 {
         follow(&adapter, &mut state, &mut plant, 30.0, circle);
         let (scale, spread) = (state.values[0], sd(&state, 0));
         assert!((scale - 0.93).abs() < 3.0 * spread, "{scale} {spread}");

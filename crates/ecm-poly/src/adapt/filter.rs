@@ -9,7 +9,8 @@ use crate::stepper::Decay;
 /// A block counts at least as this share of one, so that a pause at one pose ends some day.
 const STILL: u16 = 1000;
 /// Variance of what a parameter changes over what the noise of the pose makes of it.
-const EXCITED: u16 = 10000;
+const EXCITED: u16 = 100;
+const MOST_EXCITED: u16 = 10_000;
 /// Blocks in a row beyond the bound that make a jump, and jumps that are no drift.
 const SUSPECTS: u32 = 3;
 const JUMPS: u32 = 3;
@@ -169,19 +170,24 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             total[a][a] += (times - R::ONE) * told.model[a];
             noisy += of_pose[a] / total[a][a];
         }
-        // What a parameter changes while the others follow it: P Hᵀ over its own variance.
-        let signal: [R; N] = core::array::from_fn(|i| {
+        // What a parameter changes while the others follow it: P Hᵀ over its own variance. Its mean, or
+        // blocks in which noise looks like excitation would be chosen.
+        let mut held = [false; N];
+        for i in 0..N {
             let own = state.covariance[i][i] * state.covariance[i][i];
-            let carried = &told.carried[i];
-            (0..6).fold(R::ZERO, |sum, a| {
-                sum + carried[a] * carried[a] / total[a][a]
-            }) / own
-        });
+            let signal = (0..6).fold(R::ZERO, |sum, a| {
+                sum + told.carried[i][a] * told.carried[i][a] / total[a][a]
+            });
+            if !(self.parameters[i].follows_model() && own > R::ZERO) {
+                continue;
+            }
+            let most = R::from_u16(MOST_EXCITED);
+            let ratio = signal / (own * noisy);
+            let ratio = if ratio < most { ratio } else { most };
+            state.excitation[i] += (ratio - state.excitation[i]) / R::from_u16(20);
+            held[i] = state.excitation[i] <= R::from_u16(EXCITED);
+        }
         let factor = Factor::new(&total);
-        let least = R::from_u16(EXCITED) * noisy;
-        let held: [bool; N] = core::array::from_fn(|i| {
-            self.parameters[i].follows_model() && self.priors[i].sd > R::ZERO && signal[i] <= least
-        });
         let gain: [Vec6<R>; N] = core::array::from_fn(|i| match held[i] {
             true => [R::ZERO; 6],
             false => factor.solve(&told.carried[i]),

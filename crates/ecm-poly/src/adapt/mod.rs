@@ -14,7 +14,7 @@
 //!   with ν.
 //! - **Excitation.** So that noise is not taken for excitation, the columns are those of the last block
 //!   whose pose had moved by 10 standard deviations, and a parameter that multiplies the model's wrench
-//!   is held while what it changes, the others following it, is less than 10⁴ times (in variance) what
+//!   is held while what it changes, the others following it, is in the mean of 20 blocks less than 100 times (in variance) what
 //!   the noise of the pose makes of it. What no reading excites keeps its value; its covariance grows,
 //!   and no further than at the start.
 //! - **Innovations.** A block beyond 5 standard deviations is left out. Three in a row are a jump: the
@@ -100,6 +100,8 @@ pub struct State<R, const N: usize> {
     pub block: Block<R>,
     /// Means of the last block whose pose had moved.
     pub anchor: Block<R>,
+    /// Mean excitation of each parameter over the noise of the pose.
+    pub excitation: [R; N],
     /// Sum of νᵀ S⁻¹ ν in the window, and how many independent blocks it is worth.
     pub window: [R; 2],
     /// Blocks in the window; in a row beyond the bound; jumps since a window passed; blocks in all.
@@ -157,6 +159,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             covariance,
             block: Block::EMPTY,
             anchor: Block::EMPTY,
+            excitation: [R::ZERO; N],
             window: [R::ZERO; 2],
             counts: [0; 4],
             held: 0,

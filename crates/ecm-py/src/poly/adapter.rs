@@ -15,7 +15,7 @@ use crate::errors::ModelError;
 /// All parameters; those that are not wanted have a standard deviation of 0.
 const N: usize = Parameter::ALL.len();
 /// Numbers of the adapter's own state.
-const NUMBERS: usize = N + N * N + 2 * 33 + 2 + 5;
+const NUMBERS: usize = 2 * N + N * N + 2 * 33 + 2 + 5;
 
 type Followed<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -212,6 +212,7 @@ impl Adapter {
             numbers.extend(rows.chain(&b.branches).flatten());
             numbers.extend([b.time_s, b.read_s, b.readings]);
         }
+        numbers.extend(s.excitation);
         numbers.extend(s.window);
         numbers.extend(s.counts.map(f64::from));
         numbers.push(f64::from(s.held));
@@ -248,6 +249,7 @@ impl Adapter {
                 *place = take();
             }
         }
+        own.excitation = core::array::from_fn(|_| take());
         own.window = core::array::from_fn(|_| take());
         own.counts = core::array::from_fn(|_| take() as u32);
         own.held = take() as u32;

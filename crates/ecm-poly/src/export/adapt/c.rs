@@ -47,7 +47,7 @@ pub fn export(
     });
     let noise = &settings.noise;
     let pair = |values: &[f64]| list(values, real);
-    let numbers = count + count * count + 68;
+    let numbers = 2 * count + count * count + 68;
     let stack = (2 * numbers + 30 * count + 400) * precision.size() + 1200;
     let factorials = (0..10u32).map(|k| 1.0 / (1..=k).map(f64::from).product::<f64>());
     let factorials: Vec<f64> = factorials.collect();

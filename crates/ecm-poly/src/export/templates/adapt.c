@@ -7,7 +7,7 @@ typedef @NAME@_adapt_settings settings_t;
 typedef @NAME@_adapt_block block_t;
 #define R(x) ((real)(x))
 
-enum { N = @COUNT@, STILL = 1000, EXCITED = 10000, SUSPECTS = 3, JUMPS = 3, WINDOW = 100 };
+enum { N = @COUNT@, STILL = 1000, EXCITED = 100, MOST_EXCITED = 10000, SUSPECTS = 3, JUMPS = 3, WINDOW = 100 };
 
 /* 0 modulus, 1 mass, 2 to 4 mass times centre, 5 to 10 zero, 11 and 12 shares */
 static const uint8_t kind_of[N] = {@KINDS@};
@@ -186,6 +186,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     const settings_t *s = settings ? settings : &@NAME@_adapt_defaults;
     for (int32_t i = 0; i < N; i++) {
         state->values[i] = s->priors[i].start;
+        state->excitation[i] = R(0);
         for (int32_t j = 0; j < N; j++) {
             state->covariance[i][j] = R(0);
         }
@@ -338,12 +339,17 @@ static int32_t update(const settings_t *s, state_t *x, const told_t *told, const
         for (int32_t a = 0; a < 6; a++) {
             signal += told->g[i][a] * told->g[i][a] / total[a][a];
         }
-        signal /= x->covariance[i][i] * x->covariance[i][i];
         solve(e, told->g[i], gain[i]);
-        if ((kind_of[i] == 0 || kind_of[i] >= 11) && signal <= R(EXCITED) * noisy) {
-            all_told = 0;
-            for (int32_t a = 0; a < 6; a++) {
-                gain[i][a] = R(0);
+        if ((kind_of[i] == 0 || kind_of[i] >= 11) && x->covariance[i][i] > R(0)) {
+            /* The mean, or blocks in which noise looks like excitation would be chosen. */
+            real ratio = signal / (x->covariance[i][i] * x->covariance[i][i] * noisy);
+            ratio = ratio < R(MOST_EXCITED) ? ratio : R(MOST_EXCITED);
+            x->excitation[i] += (ratio - x->excitation[i]) / R(20);
+            if (x->excitation[i] <= R(EXCITED)) {
+                all_told = 0;
+                for (int32_t a = 0; a < 6; a++) {
+                    gain[i][a] = R(0);
+                }
             }
         }
         x->values[i] += dot6(gain[i], nu);

@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
     @NAME@_adapt_real values[@COUNT@], covariance[@COUNT@][@COUNT@];
     @NAME@_adapt_block block, anchor;
-    @NAME@_adapt_real window[2];
+    @NAME@_adapt_real excitation[@COUNT@], window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
 
