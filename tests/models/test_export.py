@@ -18,15 +18,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ecm.effects import Effect
-from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import TemperatureModulus
-from ecm.effects.relaxation import StressRelaxation
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
-from ecm.models.joint_fit import FittedEffect
 from support.campaigns import campaign
+from support.models import with_time
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
 
@@ -98,23 +94,6 @@ def test_the_c_loop_holds_the_platform(
         assert reason in ran.stdout
 
 
-@pytest.mark.parametrize(("name", "precision"), [("cubic", "double"), ("energy6", "single")])
-def test_the_rust_loop_holds_the_platform(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
-) -> None:
-    cargo = need_program("cargo")
-    folder = written(fitted[name], tmp_path, "rust", precision)
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target")}
-    ran = done(
-        cargo, "run", "--release", "--offline", "--example", "control",
-        cwd=folder, env=environment,
-    )  # fmt: skip
-    assert ran.returncode == 0, ran.stderr
-    assert "4000 ms" in ran.stdout
-    assert "margins: gain times" in ran.stdout
-    assert "held: the push moved the platform" in ran.stdout
-
-
 def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
     """A firmware of these sources, the start-up code and `neck.h`."""
     program = folder / "firmware.elf"
@@ -167,17 +146,6 @@ def test_cortex_m_gives_the_golden_vectors(
             # The time does not depend on the pose; ten calls are counted in steps of 40.
             assert value - least <= 8
             assert both - low <= 8
-
-
-def with_time(model: Model) -> Model:
-    """Two relaxing branches, springs that slip, and temperature."""
-    effects: list[tuple[Effect, list[float]]] = [
-        (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
-        (Hysteresis("middle", 2e-3), [3e-4]),
-        (TemperatureModulus(21.0), [0.004]),
-    ]
-    fitted = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
-    return replace(model, effects=tuple(fitted))
 
 
 def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(

@@ -147,12 +147,15 @@ def export_files(
         return Exported(files, tuple(notes), left_out, folding=folding)
     poses = poses_to_hold(model)
     try:
-        designed = design_loop(poses, inside.base.stiffness(poses, "screw"), loop)
+        designed = design_loop(
+            poses, inside.base.stiffness(poses, "screw"), loop, stiffer=timed.stiffer
+        )
     except InputError as error:
         without = (*notes, f"No control loop: {error}.")
         return Exported(files, without, left_out, folding=folding)
     if designed.holds.any():
-        files |= loop_file(designed, target, name, precision)
+        rest = model.rest_pose("a loop with a state")[0] if timed.acting else None
+        files |= loop_file(designed, target, name, precision, rest)
     return Exported(files, (*notes, *designed.sentences()), left_out, designed, folding)
 
 

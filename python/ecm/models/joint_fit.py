@@ -172,7 +172,8 @@ def best_shape(
     """The variant of an effect that explains most of the residual of base and other effects.
 
     Variants are compared by the score test of their tangents, less ln(n) for each parameter;
-    shapes between the best of a coarse grid and its neighbours are tried as well.
+    shapes between the best of a coarse grid and its neighbours are tried as well, then the best one
+    with a further part (a second time constant).
     """
     whole = table if table.whole is None else table.whole
     variants = effect.variants(whole)
@@ -200,6 +201,9 @@ def best_shape(
         for shape in best.refined(whole, round_):
             if (own := value(shape)) > most:
                 most, best = own, shape
+    for shape in best.refinement(whole):
+        if (own := value(shape)) > most:
+            most, best = own, shape
     return best
 
 

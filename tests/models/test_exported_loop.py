@@ -1,0 +1,50 @@
+"""The exported 1 kHz loop of the demo's own model, with and without a state, in C and in Rust."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ecm.models import Model, fit_model, load_model
+from support.campaigns import campaign
+from support.control_loops import errors_in_c, errors_in_rust, exported_to
+from support.models import with_time
+
+
+@pytest.fixture(scope="module")
+def demo(quick_job: Path) -> Model:
+    """What `ecm identify` writes: the kind and size of `make demo`, from fewer poses."""
+    model = load_model(quick_job / "model.json")
+    assert model.base.name == "energy6"
+    assert len(model.base.coefficients) == 65
+    return model
+
+
+@pytest.mark.parametrize("state", [False, True])
+def test_the_loop_of_the_demo_holds_200_poses_in_c(
+    demo: Model, state: bool, tmp_path: Path
+) -> None:
+    exported = exported_to(with_time(demo) if state else demo, "c", tmp_path)
+    assert ("_step(&" in exported.files["neck_control.c"]) == state
+    errors = errors_in_c(exported, tmp_path)
+    assert len(errors) == 200
+    assert errors.max() < 1e-5
+
+
+def test_the_loop_of_the_demo_holds_200_poses_in_rust_with_its_state(
+    demo: Model, tmp_path: Path
+) -> None:
+    errors, said = errors_in_rust(exported_to(with_time(demo), "rust", tmp_path), tmp_path)
+    assert len(errors) == 200
+    assert errors.max() < 1e-5
+    assert "margins: gain times" in said
+    assert "held: the push moved the platform" in said
+
+
+def test_the_loop_of_a_cubic_holds_200_poses_in_rust(tmp_path: Path) -> None:
+    model = fit_model(campaign(seed=3), "cubic")
+    errors, said = errors_in_rust(exported_to(model, "rust", tmp_path), tmp_path)
+    assert len(errors) == 200
+    assert errors.max() < 1e-5
+    assert "held: the push moved the platform" in said
