@@ -2,12 +2,12 @@
 
     .venv/bin/python benches/controller_rig.py [--minutes 10] [--seed 0] [--without EFFECT]
 
-The plant is that of the simulated rig: a closed-form mechanism with two relaxing chains in base
-axes, Bouc-Wen friction and an Arrhenius modulus, formulas other than those of the effects. One
-campaign, a log of twenty minutes at 20 Hz, is fitted as a user does: a static model, then
-`refit` with the three effects. The model is exported, compiled, and told the measured poses and
-temperatures of another motion. Error over noise: rms of reading less prediction, each component over
-the noise of a reading (sensor, and pose noise through the stiffness), all components together.
+The plant is that of the simulated rig: a closed-form mechanism with two relaxing chains of section
+resultants, Bouc-Wen friction and an Arrhenius modulus, formulas other than those of the effects. One
+campaign, a log of twenty minutes at 20 Hz, is fitted as a user does: a static model, then `refit`
+with the three effects. The model is exported, compiled, and told the measured poses and temperatures
+of another motion. Error over noise: rms of reading less prediction over the noise of a reading (sensor,
+and pose noise through the stiffness), for all components together and for each.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-import ecm
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
 from ecm.models.refit import refit
+from ecm.regression.noise import Noise
 from ecm.rig.physics.material import Hysteresis, Relaxation, Temperature
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
@@ -38,7 +38,7 @@ F = NDArray[np.float64]
 EFFECTS = ("stress_relaxation", "hysteresis", "temperature_modulus")
 POSE_SD = np.repeat([37e-6, 6e-4], 3)
 WRENCH_SD = np.repeat([0.3, 0.015], 3)
-NOISE = ecm.Noise(37e-6, 6e-4, 0.3, 0.015, source="declared")
+NOISE = Noise(37e-6, 6e-4, 0.3, 0.015, source="declared")
 PROGRAM = """#include "neck.h"
 #include <stdio.h>
 
@@ -67,9 +67,13 @@ int main(void)
 class Rig:
     """The hidden physics; a part of size 0 is absent."""
 
-    relaxation: Relaxation = Relaxation(0.15, shares=(0.6, 0.4), times_s=(0.8, 20.0))
-    friction: Hysteresis = Hysteresis(1e-4, yield_m=3e-3)
-    temperature: Temperature = Temperature(-0.006, reference_degC=22.0)
+    relaxation: Relaxation = field(
+        default_factory=lambda: Relaxation(0.15, shares=(0.6, 0.4), times_s=(0.8, 20.0))
+    )
+    friction: Hysteresis = field(default_factory=lambda: Hysteresis(1e-4, yield_m=3e-3))
+    temperature: Temperature = field(
+        default_factory=lambda: Temperature(-0.006, reference_degC=22.0)
+    )
 
     def wrenches(self, poses: F, time_s: F, temperature_degC: F) -> F:
         """(N, 6) wrench at the moments (N,) of one motion from a long rest."""
@@ -79,7 +83,7 @@ class Rig:
         factor = np.exp(activation * (1.0 / t - 1.0 / t0)) * t / t0
         never = np.zeros(len(poses), dtype=np.bool_)
         found: F = factor[:, None] * elastic
-        found = found + self.relaxation.carried(elastic, time_s, never)
+        found = found + self.relaxation.along(poses, elastic, time_s, never)
         if self.friction.size:
             start = np.vstack([poses[:1], poses[:-1]])
             legs = [(np.stack(pair), False) for pair in zip(start, poses, strict=True)]

@@ -82,7 +82,7 @@ def test_every_kind_of_model_is_held_at_200_poses_on_other_mechanisms_with_delay
     errors = errors_in_c(exported_to(model, "c", tmp_path), tmp_path)
     assert len(errors) == 200
     # The slowest error has fallen by e^-decay.
-    assert errors.max() < 1e-5
+    assert errors[:, 0].max() < 1e-5
 
 
 def test_more_delay_than_the_margin_loses_the_platform() -> None:

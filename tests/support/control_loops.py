@@ -17,6 +17,7 @@ from support.programs import need_program
 F = NDArray[np.float64]
 CASES = np.array(list(itertools.product((0.8, 1.2), range(4))))
 """Stiffness of the plant over the model's, and steps of delay."""
+STEPS = 2000
 C_MAIN = """
 int main(void)
 {
@@ -25,22 +26,23 @@ int main(void)
         controller_t c;
         plant_t plant;
         real held[6], pose[6], wrench[6];
-        double largest = 0;
+        double largest[2] = {0, 0};
         for (int i = 0; i < 6; i++) {
             held[i] = (real)told[i];
         }
         controller_start(&c, held);
         plant_start(&plant, &c, (real)told[6], (int32_t)told[7]);
-        for (int step = 0; step < 1000; step++) {
+        for (int step = 0; step < 2 * STEPS_RUN; step++) {
             plant_pose(&plant, pose);
             controller_step(&c, pose, wrench);
             plant_step(&plant, wrench, R(0));
+            for (int i = 0; (step + 1) % STEPS_RUN == 0 && i < 6; i++) {
+                double *most = largest + step / STEPS_RUN;
+                const double e = (double)(plant.moved[i] < R(0) ? -plant.moved[i] : plant.moved[i]);
+                *most = e > *most || e != e ? e : *most;
+            }
         }
-        for (int i = 0; i < 6; i++) {
-            const double e = (double)(plant.moved[i] < R(0) ? -plant.moved[i] : plant.moved[i]);
-            largest = e > largest || e != e ? e : largest;
-        }
-        fwrite(&largest, sizeof largest, 1, stdout);
+        fwrite(largest, sizeof largest, 1, stdout);
     }
     return 0;
 }
@@ -53,11 +55,14 @@ fn main() -> Result<(), String> {
         let held: Vec6 = std::array::from_fn(|i| told[i] as REAL);
         let mut controller = Controller::new(held).ok_or("no wrench")?;
         let mut plant = Plant::new(&controller, told[6] as REAL, told[7] as usize);
-        for _ in 0..1000 {
-            let wrench = controller.step(&plant.pose());
-            plant.step(wrench, 0.0);
+        for _ in 0..2 {
+            for _ in 0..STEPS_RUN {
+                let wrench = controller.step(&plant.pose());
+                plant.step(wrench, 0.0);
+            }
+            let moved = plant.moved.iter().map(|x| x.abs());
+            println!("{:e}", moved.fold(0.0, |m: REAL, x| if x <= m { m } else { x }));
         }
-        println!("{:e}", plant.moved.iter().fold(0.0, |m: REAL, x| if x.abs() <= m { m } else { x.abs() }));
     }
     Ok(())
 }
@@ -81,15 +86,15 @@ def exported_to(model: Model, target: str, folder: Path, precision: str = "doubl
 
 
 def errors_in_c(exported: Exported, folder: Path) -> F:
-    """(N,) distance from each held pose after 1000 steps of the exported C, m and rad."""
+    """(N, 2) distance from each held pose after half and all steps of the exported C, m and rad."""
     gcc = need_program("gcc", "cc")
     loop = exported.files["neck_control.c"].replace("int main(void)", "int example(void)")
-    (folder / "many.c").write_text(loop + C_MAIN, encoding="utf-8")
+    (folder / "many.c").write_text(loop + C_MAIN.replace("STEPS_RUN", str(STEPS // 2)), "utf-8")
     built = [gcc, "-std=c99", "-O2", "neck.c", "many.c", "-o", "many"]
     subprocess.run(built, cwd=folder, check=True)
     told = cases_of(exported).tobytes()
     ran = subprocess.run([folder / "many"], input=told, capture_output=True, check=True)
-    return np.frombuffer(ran.stdout)
+    return np.frombuffer(ran.stdout).reshape(-1, 2)
 
 
 def errors_in_rust(exported: Exported, folder: Path) -> tuple[F, str]:
@@ -97,7 +102,8 @@ def errors_in_rust(exported: Exported, folder: Path) -> tuple[F, str]:
     loop = exported.files["examples/control.rs"].replace("fn main()", "pub fn example()")
     real = "f64" if "const DT: f64" in loop else "f32"
     many = folder / "examples" / "many.rs"
-    many.write_text(loop + RUST_MAIN.replace("REAL", real), encoding="utf-8")
+    program = RUST_MAIN.replace("REAL", real).replace("STEPS_RUN", str(STEPS // 2))
+    many.write_text(loop + program, encoding="utf-8")
     target = folder / "target"
     settings = {"cwd": folder, "env": {**os.environ, "CARGO_TARGET_DIR": str(target)}}
     build = [need_program("cargo"), "build", "--release", "--offline", "--examples"]
@@ -110,4 +116,5 @@ def errors_in_rust(exported: Exported, folder: Path) -> tuple[F, str]:
     ran = subprocess.run(
         [programs / "many"], input=told, capture_output=True, text=True, check=True
     )
-    return np.array([float(line) for line in ran.stdout.split()]), said.stdout
+    errors = np.array([float(line) for line in ran.stdout.split()])
+    return errors.reshape(-1, 2), said.stdout

@@ -116,15 +116,17 @@ class StressRelaxation(LinearEffect):
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Time constants between this one and its neighbours."""
+        """Time constants between these and their neighbours, one at a time."""
         if not self.overstress:
             return ()
         taus = time_constants(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
-        return tuple(
-            replace(self, tau_s=self.tau_s * factor, second_tau_s=0.0)
-            for factor in (1 / step, step)
-        )
+        factors = (1 / step, step)
+        first = tuple(replace(self, tau_s=self.tau_s * factor) for factor in factors)
+        if self.branches == 1:
+            return first
+        slow = self.second_tau_s
+        return (*first, *(replace(self, second_tau_s=slow * factor) for factor in factors))
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""

@@ -195,15 +195,20 @@ def best_shape(
         own = orthonormal(left)
         return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
 
-    most, position = max(((value(shape), -i) for i, shape in enumerate(variants)))
-    best = variants[-position]
-    for round_ in range(_REFINEMENTS):
-        for shape in best.refined(whole, round_):
+    def better(most: float, best: Effect, shapes: Sequence[Effect]) -> tuple[float, Effect]:
+        for shape in shapes:
             if (own := value(shape)) > most:
                 most, best = own, shape
-    for shape in best.refinement(whole):
-        if (own := value(shape)) > most:
-            most, best = own, shape
+        return most, best
+
+    most, best = better(-np.inf, variants[0], variants)
+    for round_ in range(_REFINEMENTS):
+        most, best = better(most, best, best.refined(whole, round_))
+    plain = best
+    most, best = better(most, best, best.refinement(whole))
+    if best is not plain:
+        for round_ in range(_REFINEMENTS):
+            most, best = better(most, best, best.refined(whole, round_))
     return best
 
 

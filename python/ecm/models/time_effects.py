@@ -97,8 +97,8 @@ class TimeEffects:
         said = []
         if self.acting:
             said.append(
-                f"Steps with a state: {', '.join(self.acting)}; functions init, step and settled, "
-                "docs/control.md."
+                f"Steps with a state: {', '.join(self.acting)}; functions init, step, settled "
+                "and predict_ahead, docs/control.md."
             )
         if self.inputs:
             listed = ", ".join(item.sentence(name) for name, item in self.inputs.items())
@@ -268,8 +268,8 @@ def _ageing(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str
     least, largest = model.conditions.get("time_s", (0.0, 0.0))
     if "time_s" not in model.conditions:
         found.warnings.append(
-            "ageing: the range of ages is not in the model file, so that only 0 s counts as inside; "
-            "ecm refit writes it."
+            "ageing: the range of ages is not in the model file, so that only 0 s counts as "
+            "inside; ecm refit writes it."
         )
     found.document["age_range_s"] = [min(least, 0.0), largest]
     return ""
