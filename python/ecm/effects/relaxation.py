@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,7 +98,17 @@ class StressRelaxation(LinearEffect):
         return lacking
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Time constants that the dwell times or the samples can distinguish."""
+        """Time constants that the dwell times or the samples can distinguish.
+
+        An effect that has two branches keeps two.
+        """
+        if is_continuous(table) and self.branches == 2:
+            pairs = itertools.combinations(time_constants(table)[::2], 2)
+            return tuple(
+                StressRelaxation(fast, overstress, slow, frame=_frame(table))
+                for fast, slow in pairs
+                for overstress in ("linear", "elastic")
+            )
         if is_continuous(table):
             return tuple(
                 StressRelaxation(float(t), overstress, frame=_frame(table))

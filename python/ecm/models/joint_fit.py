@@ -172,8 +172,7 @@ def best_shape(
     """The variant of an effect that explains most of the residual of base and other effects.
 
     Variants are compared by the score test of their tangents, less ln(n) for each parameter;
-    shapes between the best of a coarse grid and its neighbours are tried as well, then the best one
-    with a further part (a second time constant).
+    shapes between the best of a coarse grid and its neighbours are tried as well.
     """
     whole = table if table.whole is None else table.whole
     variants = effect.variants(whole)
@@ -195,20 +194,12 @@ def best_shape(
         own = orthonormal(left)
         return float(((own.T @ y) ** 2).sum()) - len(shape.parameters) * float(np.log(size))
 
-    def better(most: float, best: Effect, shapes: Sequence[Effect]) -> tuple[float, Effect]:
-        for shape in shapes:
+    most, position = max(((value(shape), -i) for i, shape in enumerate(variants)))
+    best = variants[-position]
+    for round_ in range(_REFINEMENTS):
+        for shape in best.refined(whole, round_):
             if (own := value(shape)) > most:
                 most, best = own, shape
-        return most, best
-
-    most, best = better(-np.inf, variants[0], variants)
-    for round_ in range(_REFINEMENTS):
-        most, best = better(most, best, best.refined(whole, round_))
-    plain = best
-    most, best = better(most, best, best.refinement(whole))
-    if best is not plain:
-        for round_ in range(_REFINEMENTS):
-            most, best = better(most, best, best.refined(whole, round_))
     return best
 
 
