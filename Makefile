@@ -1,5 +1,6 @@
 # make demo   sets up, builds and runs the main job (the paper's three steps) into ./demo
 # make test   sets up, builds and runs every test
+# make docs   sets up, builds and writes the documentation as a site into ./site
 #
 # Needs a Rust toolchain, Python >= 3.10 and make. Programs that only some tests need
 # are listed in apt.txt; a missing one is one named line in the summary.
@@ -15,13 +16,22 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Processes that share the tests: one a core, at most four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
-.PHONY: demo test setup build build-demo test-rust test-python wheel deny semver bench-diagnose bench-blind clean
+# The oldest compiler that the crates promise.
+OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+
+.PHONY: demo test docs setup build build-demo test-rust test-python wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
 	@echo "Open demo/report.html in a browser."
 
 test: test-rust test-python
+
+docs: build
+	@$(STEP) "Pages of the crates by rustdoc" $(CARGO) doc --quiet --no-deps \
+	  -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
+	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
+	@echo "Open site/index.html in a browser."
 
 setup: $(VENV)/.ready
 
@@ -65,6 +75,17 @@ test-python: build
 wheel: setup
 	$(BIN)/maturin build --release --out dist
 
+# Everything of a release that one Linux machine can try: wheels for Linux and Windows, installed and
+# used, the source archive, the crates (long; CHECKS="versions linux" runs these only).
+release-check: setup
+	@$(STEP) "Python packages for a release" sh -c "$(PIP) --group release"
+	PATH="$(CURDIR)/$(BIN):$$PATH" PYTHONPATH=scripts $(BIN)/python -m release.check $(CHECKS)
+
+# The oldest compiler that Cargo.toml promises (needs rustup).
+oldest-rust:
+	rustup toolchain install --profile minimal $(OLDEST_RUST)
+	$(CARGO) +$(OLDEST_RUST) check --locked --workspace
+
 # Licences, sources and security advisories of the dependencies (needs cargo-deny and the network).
 deny:
 	$(CARGO) deny check
@@ -83,4 +104,4 @@ bench-blind: build
 	  $(if $(EVERY),--simple-every $(EVERY))
 
 clean:
-	rm -rf target $(VENV) dist demo out
+	rm -rf target $(VENV) dist demo out site

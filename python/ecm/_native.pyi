@@ -1,6 +1,6 @@
 """The Rust core. Poses are (x, y, z, theta_x, theta_y, theta_z) in m and rad,
 wrenches (fx, fy, fz, tau_x, tau_y, tau_z) in N and N m, both in base axes at the
-top frame's origin (see docs/conventions in README). Arrays are float64, C order.
+top frame's origin (see docs/explain/mechanics.md). Arrays are float64, C order.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +17,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm.cli.options.export import Target
 from ecm.errors import InputError
 from ecm.models import Model, fit_model
-from ecm.models.export import export_files
+from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
+from support.exports import done, written
 from support.models import with_time
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
@@ -42,21 +43,6 @@ BOARDS = {
 def fitted() -> dict[str, Model]:
     table = campaign(seed=3)
     return {name: fit_model(table, name) for name in ("cubic", "energy4", "energy6")}
-
-
-def written(model: Model, folder: Path, target: str, precision: str = "double") -> Path:
-    files = export_files(model, target, "neck", precision).files  # type: ignore[arg-type]
-    for path, text in files.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
-    return folder
-
-
-def done(*command: object, **settings: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(part) for part in command],
-        capture_output=True, text=True, check=False, timeout=600, **settings,
-    )  # type: ignore[call-overload,no-any-return]  # fmt: skip
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])
@@ -316,6 +302,7 @@ def test_the_command_writes_the_files(
         "--json", tmp_path / "j.json",
     )  # fmt: skip
     assert ran.code == 0, ran.err
+    assert f"Next: cc -O2 {out}/neck.c" in ran.out
     document = json.loads((tmp_path / "j.json").read_text(encoding="utf-8"))
     names, loop = document["files"], document["control_loop"]
     assert loop["poses_held"] == loop["poses"] == 200
@@ -329,3 +316,11 @@ def test_the_command_writes_the_files(
     )
     with pytest.raises(InputError, match="lower-case"):
         export_files(fitted["cubic"], "c", "My Neck")
+
+
+def test_each_target_has_a_line_in_the_help() -> None:
+    assert [target.value for target in Target] == list(TARGETS)
+    with pytest.raises(InputError, match="expected one of c, rust, mujoco, fmu"):
+        export_files(fit_model(campaign(seed=3), "linear"), "lisp")
+    with pytest.raises(InputError, match="--to fmu is written in double"):
+        export_files(fit_model(campaign(seed=3), "linear"), "fmu", precision="single")

@@ -134,6 +134,35 @@ print(sha256(fit_model(slow_ramp(9000), "energy4").base.coefficients.tobytes()).
     assert len(found[0].split()) == 2
 
 
+def test_a_forked_process_fits_and_evaluates_as_its_parent_did() -> None:
+    """Threads of the parent are not there in the child, which must not wait for them."""
+    program = """
+import os, signal
+from hashlib import sha256
+import numpy as np
+from ecm._native import PolynomialModel
+x = np.random.default_rng(0).uniform(-1.0, 1.0, (60_000, 6))
+def found():
+    model = PolynomialModel.fit(x, x**4, 3)
+    return sha256(model.coefficients.tobytes() + model.jacobian(x[:5000]).tobytes()).hexdigest()
+before = found()
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    os._exit(0 if found() == before else 1)
+_, status = os.waitpid(child, 0)
+print(os.waitstatus_to_exitcode(status))
+"""
+    # Python 3.12 warns of threads at a fork, for good reason; here they do not matter.
+    ran = subprocess.run(
+        [sys.executable, "-W", "ignore::DeprecationWarning", "-c", program],
+        check=True,
+        capture_output=True,
+        env=os.environ | {"RAYON_NUM_THREADS": "2"},
+    )
+    assert ran.stdout.split() == [b"0"]
+
+
 def peak_MB(work: Callable[[], object]) -> float:
     """Largest memory of arrays that some work takes beside what was there."""
     tracemalloc.start()

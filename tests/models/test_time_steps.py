@@ -25,7 +25,8 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model, file, fit_model, load_model
 from ecm.models.control import LoopSettings
 from ecm.models.controller import Controller
-from ecm.models.export import export_files, poses_in_domain
+from ecm.models.export import export_files
+from ecm.models.folding import poses_in_domain
 from support.campaigns import campaign
 from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 from support.programs import need_program

@@ -1,4 +1,4 @@
-"""What the pages name exists: files, names of the package, commands and their options."""
+"""What the pages name exists: files, names, commands, options, links and their headings."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from typing import Any
 
 import pytest
 
+from docsite.build import GENERATED
+from docsite.pages import anchors, links, slug, source_pages
 from ecm.cli.app import COMMANDS, load_command
+from ecm.io.toml import read_toml
 from support.neck import ROOT
 from support.pages import blocks
 
 PAGES = sorted(
-    [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "crates").glob("*/*.md")]
+    [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "crates").glob("*/*.md")]
 )
 CODE = re.compile(r"^```\w*[^\n]*\n(.*?)^```$|`([^`\n]+)`", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"[\w.*/-]+\.(?:py|rs|toml|md|html|c|h|png|svg|sh|urdf|cpp)\b")
@@ -146,6 +149,47 @@ def test_commands_and_options_that_a_page_writes_exist(page: Path) -> None:
     assert unknown == []
 
 
+@lru_cache(maxsize=1)
+def generated() -> dict[Path, str]:
+    """Pages that the code writes, by where they would stand among the others."""
+    return {ROOT / "docs" / name: text() for name, text in GENERATED.items()}
+
+
+def broken_links(page: Path, text: str) -> Iterator[str]:
+    """Links of a page to a file or a heading that does not exist."""
+    for link in links(page, text):
+        made = generated().get(link.file)
+        if made is None and not link.file.exists():
+            yield link.written
+        elif link.anchor and link.file.suffix == ".md":
+            goal = link.file.read_text(encoding="utf-8") if made is None else made
+            if link.anchor not in anchors(goal):
+                yield link.written
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    assert list(broken_links(page, page.read_text(encoding="utf-8"))) == []
+
+
+@pytest.mark.parametrize("page", GENERATED)
+def test_links_of_a_generated_page_lead_somewhere(page: str) -> None:
+    place = ROOT / "docs" / page
+    assert list(broken_links(place, generated()[place])) == []
+
+
+def pages_of(nav: Any) -> Iterator[str]:
+    """Names of the pages in a part of the navigation."""
+    for entry in nav:
+        for goal in entry.values():
+            yield from [goal] if isinstance(goal, str) else pages_of(goal)
+
+
+def test_the_navigation_holds_every_page_once() -> None:
+    listed = sorted(pages_of(read_toml(ROOT / "zensical.toml")["project"]["nav"]))
+    assert listed == sorted([*source_pages(), *GENERATED]), "see nav in zensical.toml"
+
+
 def test_what_does_not_exist_is_noticed() -> None:
     page = ROOT / "docs" / "rig.md"
     text = "`python/ecm/rig/nowhere.py`, `nowhere.py`, [page](nowhere/page.md), `ecm/rig/NAME.md`"
@@ -160,3 +204,11 @@ def test_what_does_not_exist_is_noticed() -> None:
     assert exists("ecm.Table.select")
     assert "--nowhere" not in options_of(load_command("design"))
     assert {"--rig", "--seed"} <= options_of(load_command("design"))
+
+
+def test_a_broken_link_is_noticed() -> None:
+    page = ROOT / "docs" / "rig.md"
+    text = "[a](nowhere.md) [b](robot.md#nowhere) [c](#here) [d](robot.md)\n\n## Here\n`[e](no.md)`"
+    assert list(broken_links(page, text)) == ["nowhere.md", "robot.md#nowhere", "#here"]
+    assert slug("Where it `fails`: fx, [y](z.md)") == "where-it-fails-fx-y"
+    assert anchors("# A b\n\n## A b\n") == {"a-b", "a-b_1"}

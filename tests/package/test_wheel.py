@@ -33,6 +33,11 @@ def test_the_wheel_installs_and_identifies_without_rust(
     assert {f"ecm/io/templates/{name}" for name in templates} <= files
     assert {f"ecm/models/control/templates/control.{end}" for end in ("c", "rs")} <= files
 
+    exports = ROOT / "python/ecm/models/export/templates"
+    targets = {str(path.relative_to(ROOT / "python")) for path in exports.glob("*/*.*")}
+    assert targets
+    assert targets <= files
+
     clean = tmp_path / "clean"
     venv.create(clean)
     # Neither cargo nor this environment's packages are within reach.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ecm.models import Model
 from ecm.models.export import Exported, export_files
+from support.exports import written
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -78,17 +79,18 @@ def cases_of(exported: Exported) -> F:
 
 def exported_to(model: Model, target: str, folder: Path, precision: str = "double") -> Exported:
     """Write an export as `neck` into a folder."""
-    exported = export_files(model, target, "neck", precision)  # type: ignore[arg-type]
-    for path, text in exported.files.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
-    return exported
+    written(model, folder, target, precision)
+    return export_files(model, target, "neck", precision)  # type: ignore[arg-type]
+
+
+def _loop(folder: Path, path: str, right: str, wrong: str) -> str:
+    return (folder / path).read_text(encoding="utf-8").replace(right, wrong)
 
 
 def errors_in_c(exported: Exported, folder: Path) -> F:
     """(N, 2) distance from each held pose after half and all steps of the exported C, m and rad."""
     gcc = need_program("gcc", "cc")
-    loop = exported.files["neck_control.c"].replace("int main(void)", "int example(void)")
+    loop = _loop(folder, "neck_control.c", "int main(void)", "int example(void)")
     (folder / "many.c").write_text(loop + C_MAIN.replace("STEPS_RUN", str(STEPS // 2)), "utf-8")
     built = [gcc, "-std=c99", "-O2", "neck.c", "many.c", "-o", "many"]
     subprocess.run(built, cwd=folder, check=True)
@@ -99,7 +101,7 @@ def errors_in_c(exported: Exported, folder: Path) -> F:
 
 def errors_in_rust(exported: Exported, folder: Path) -> tuple[F, str]:
     """As `errors_in_c` of the exported crate, and what its example says."""
-    loop = exported.files["examples/control.rs"].replace("fn main()", "pub fn example()")
+    loop = _loop(folder, "examples/control.rs", "fn main()", "pub fn example()")
     real = "f64" if "const DT: f64" in loop else "f32"
     many = folder / "examples" / "many.rs"
     program = RUST_MAIN.replace("REAL", real).replace("STEPS_RUN", str(STEPS // 2))

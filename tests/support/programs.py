@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,13 @@ def need_rust_target(triple: str) -> None:
     done = subprocess.run(asked, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not Path(done.stdout.strip()).is_dir():
         _missing(f"Rust has no target {triple} (rustup target add {triple})")
+
+
+def need_packages(*names: str) -> None:
+    """Skip where a package of the group `docs` is not installed."""
+    for name in names:
+        if find_spec(name) is None:
+            _missing(f"{name} is not installed (pip install --group docs)")
 
 
 def _missing(message: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import resource
 import shutil
 import signal
 import socket
@@ -12,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -21,6 +23,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from ecm.errors import InputError
+from ecm.io.table import read_table
+from ecm.rig.hidden.truth import sealed, sha256
 from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
@@ -170,8 +174,131 @@ def test_a_log_begins_a_session_and_waits_for_its_import(app: App, tmp_path: Pat
     with pytest.raises(InputError, match="expected a table or a log"):
         begin(app, [log, tmp_path / "picture.png"])
     begin(app, [log], model="linear")
-    assert app.session.state()["dropped"] == "log.txt"
+    assert app.session.state()["dropped"] == ["log.txt"]
     assert app.jobs.progress() is None
+
+
+def test_logs_that_are_dropped_together_become_runs_of_one_table(app: App, tmp_path: Path) -> None:
+    rows = "".join(f"{0.1 * i},{i + 0.01 * (i % 3)}\n" for i in range(20))
+    for name in ("a.log", "b.log"):
+        log = tmp_path / name
+        log.write_text(f"x [mm],Force 1\n{rows}", encoding="utf-8")
+        app.session.add_table(log, name, more=name == "b.log")
+    meta = tmp_path / "meta.toml"
+    meta.write_text("[instrument]\nforce_sd_N = 0.02\n", encoding="utf-8")
+    app.session.add_description(meta, "meta.toml")
+    with client_of(app) as client:
+        assert client.get("/api/state").json()["dropped"] == ["a.log", "meta.toml"]
+        state = step(client, app, "import", map=["x_m=x [mm]:mm", "fx_N=Force 1:N"])
+        imported = [item for item in state["steps"] if item["verb"] == "import"]
+        assert [item["status"] for item in imported] == ["done", "done"], imported
+        assert "--meta upload-3.toml" in imported[1]["command"]
+        assert (state["check"]["rows"], len(state["data"])) == (40, 2)
+        wrong = client.post("/api/step", json={"verb": "import", "log": "../x.log"})
+        assert wrong.status_code == 400
+    table = read_table([app.session.folder / item["file"] for item in state["data"]])
+    assert sorted(set(table.column("run"))) == [0, 1]
+
+
+def test_looking_keeps_redo_and_undo_keeps_an_opened_truth(app: App, tmp_path: Path) -> None:
+    data = sealed_table(tmp_path / "stage.csv")
+    app.session.add_table(data, "stage.csv")
+    app.session.add_table(table(tmp_path / "b.csv"), "b.csv", more=True)
+    with client_of(app) as client:
+        assert step(client, app, "reveal")["truth"]["effects"] == []
+        assert client.post("/api/undo", json={}).json()["truth"]["effects"] == []
+        state = step(client, app, "check")
+        assert (state["redo"], len(state["data"])) == (True, 1)
+        state = client.post("/api/redo", json={}).json()
+        assert (len(state["data"]), state["truth"]["effects"]) == (2, [])
+
+
+def test_a_description_on_a_simulated_table_keeps_its_sealed_truth(
+    app: App, tmp_path: Path
+) -> None:
+    app.session.add_table(sealed_table(tmp_path / "stage.csv"), "stage.csv")
+    meta = tmp_path / "meta.toml"
+    meta.write_text("[instrument]\nforce_sd_N = 0.02\n", encoding="utf-8")
+    app.session.add_description(meta, "meta.toml")
+    with client_of(app) as client:
+        state = client.get("/api/state").json()
+        assert state["sealed"]
+        assert step(client, app, "reveal")["truth"]["effects"] == []
+    text = (app.session.folder / "upload-2.toml").read_text(encoding="utf-8")
+    assert "force_sd_N = 0.02" in text
+
+
+def sealed_table(path: Path) -> Path:
+    """A table with a sealed truth of no effect."""
+    truth = sealed([], seed=1, salt="00")
+    path.with_suffix(".truth.json").write_text(truth, encoding="utf-8")
+    seal = f'[file]\ntruth_sha256 = "{sha256(truth)}"\n'
+    path.with_suffix(".toml").write_text(seal, encoding="utf-8")
+    return table(path)
+
+
+# --- files of a person, and a full disk --------------------------------
+def test_no_file_of_a_person_is_written_over(app: App, tmp_path: Path) -> None:
+    names = ("upload-1.csv", "check-2.json", "logs/3.err", "model-3.json.txt")
+    own = [app.session.folder / name for name in names]
+    for path in own:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine", encoding="utf-8")
+    begin(app, [table(tmp_path / "stage.csv")])
+    with client_of(app) as client:
+        state = finished(client, app)
+    assert [item["number"] for item in state["steps"]] == [4, 5]
+    assert state["check"]["rows"] == 24
+    assert [path.read_text(encoding="utf-8") for path in own] == ["mine"] * 4
+
+
+def test_a_file_of_the_name_of_the_journal_is_left_alone(tmp_path: Path) -> None:
+    own = tmp_path / "steps.jsonl"
+    own.write_text('{"step": 1}\n', encoding="utf-8")
+    with pytest.raises(InputError, match="no journal of `ecm app`: name another folder"):
+        Session(tmp_path)
+    assert own.read_text(encoding="utf-8") == '{"step": 1}\n'
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """Let no file of this process grow beyond a size, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_is_an_error_with_the_file_and_the_next_step(app: App, tmp_path: Path) -> None:
+    data = table(tmp_path / "stage.csv", rows=200)
+    with client_of(app) as client:
+        with largest_file(2000):
+            answer = upload(client, data)
+        assert (answer.status_code, list(app.session.folder.glob(".ecm-*"))) == (507, [])
+        assert answer.json()["error"].startswith("stage.csv: cannot be written to ")
+        assert "Free some space there" in answer.json()["error"]
+
+        app.session.add_table(data, "stage.csv")
+        size = (app.session.folder / "steps.jsonl").stat().st_size
+        with largest_file(size + 10):
+            answer = client.post("/api/step", json={"verb": "check"})
+        assert answer.status_code == 507
+        assert "steps.jsonl" in answer.json()["error"]
+
+
+def test_the_end_of_a_step_waits_for_a_full_disk(app: App, tmp_path: Path) -> None:
+    app.session.add_table(table(tmp_path / "stage.csv"), "stage.csv")
+    with client_of(app) as client:
+        app.jobs.start("check", {})
+        with largest_file((app.session.folder / "steps.jsonl").stat().st_size + 10):
+            app.jobs.wait()
+            answer = client.get("/api/state")
+            assert answer.status_code == 507
+            assert "steps.jsonl" in answer.json()["error"]
+        state = client.get("/api/state").json()
+    assert (state["steps"][-1]["status"], state["check"]["rows"]) == ("done", 24)
 
 
 def test_the_script_outside_its_folder_says_so(app: App, tmp_path: Path) -> None:
@@ -298,9 +425,9 @@ def test_a_killed_server_leaves_no_process_of_views(tmp_path: Path) -> None:
 
 
 def test_an_upload_that_a_kill_has_cut_is_removed(tmp_path: Path) -> None:
-    (tmp_path / ".incoming-1").write_bytes(b"1")
+    (tmp_path / ".ecm-incoming-1").write_bytes(b"1")
     App.of(tmp_path).close()
-    assert not list(tmp_path.glob(".incoming-*"))
+    assert not list(tmp_path.glob(".ecm-incoming-*"))
 
 
 def test_the_address_is_given_when_it_answers_and_an_error_lets_the_folder_go(
@@ -557,7 +684,7 @@ def test_a_page_that_is_closed_in_an_upload_leaves_nothing(app: App) -> None:
     scope |= {"query_string": b"name=a.csv", "root_path": ""}
     asyncio.run(application(app, port=PORT, token=TOKEN)(scope, receive, send))
     assert sent[0]["status"] == 400
-    assert not list(app.session.folder.glob(".incoming-*"))
+    assert not list(app.session.folder.glob(".ecm-incoming-*"))
 
 
 def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
@@ -567,7 +694,7 @@ def test_a_large_file_is_refused_and_leaves_nothing(app: App) -> None:
         assert answer.status_code == 400
         assert "1000 bytes" in answer.json()["error"]
         assert client.get("/api/state").json()["data"] == []
-    assert not list(app.session.folder.glob(".incoming-*"))
+    assert not list(app.session.folder.glob(".ecm-incoming-*"))
 
 
 def test_a_warning_is_open_until_a_person_takes_it_on(app: App, tmp_path: Path) -> None:

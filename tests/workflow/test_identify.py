@@ -209,3 +209,6 @@ def test_the_report_opens_in_a_browser(quick_job: Path) -> None:
     assert figures >= 12
     assert seen.html.count('class="main-svg"') >= figures
     assert (quick_job / "report.html").stat().st_size < 10e6
+    text = (quick_job / "report.html").read_text(encoding="utf-8")
+    assert text.index('id="mechanism-0"') < text.index("<table>")
+    assert seen.attribute("mechanisms") == "1"

@@ -16,6 +16,7 @@ use crate::arrays::{from_matrices, from_rows, rows};
 use crate::errors::{FemError, fem_error};
 use crate::material::{NamedNumbers, parameters as named_numbers};
 use crate::py_task::{TaskState, run_task, run_task_polling};
+use crate::threads::detached;
 
 /// Poses (N, 6) and whether each converged.
 type RodPoses<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>);
@@ -112,7 +113,7 @@ impl Mesh {
     /// Gmsh 4.1 ASCII with named faces `base` and `top`; linear or quadratic tetrahedra.
     #[staticmethod]
     fn read(py: Python<'_>, path: &str) -> PyResult<Self> {
-        py.detach(|| ecm_fem::Mesh::read(Path::new(path)))
+        detached(py, || ecm_fem::Mesh::read(Path::new(path)))?
             .map(Self)
             .map_err(fem_error)
     }
@@ -390,14 +391,14 @@ impl Fem {
             formulation: formulation(element)?,
             ..Settings::default()
         };
-        py.detach(|| {
+        detached(py, || {
             let material = material::choose(model.unwrap_or("neo_hookean"), &values)?;
             let fem = ecm_fem::Fem::with_settings(mesh.0.clone(), material, scale, settings)?;
             match body_force_N_m3 {
                 Some(force) => fem.with_body_force(force),
                 None => Ok(fem),
             }
-        })
+        })?
         .map(Self)
         .map_err(fem_error)
     }
@@ -574,7 +575,7 @@ pub fn rod_poses<'py>(
     .checked()
     .map_err(fem_error)?;
     let (poses, converged): (Vec<[f64; 6]>, Vec<bool>) =
-        py.detach(|| wrenches.par_iter().map(|h| rod.pose(h)).unzip());
+        detached(py, || wrenches.par_iter().map(|h| rod.pose(h)).unzip())?;
     Ok((from_rows(py, &poses)?, PyArray1::from_vec(py, converged)))
 }
 
@@ -615,12 +616,12 @@ pub fn rod_wrenches<'py>(
     .checked()
     .map_err(fem_error)?;
     let nowhere = ([f64::NAN; 6], [[f64::NAN; 6]; 6]);
-    let (wrenches, slopes): (Vec<[f64; 6]>, Vec<[[f64; 6]; 6]>) = py.detach(|| {
+    let (wrenches, slopes): (Vec<[f64; 6]>, Vec<[[f64; 6]; 6]>) = detached(py, || {
         poses
             .par_iter()
             .zip(&start)
             .map(|(pose, first)| rod.wrench(pose, first).unwrap_or(nowhere))
             .unzip()
-    });
+    })?;
     Ok((from_rows(py, &wrenches)?, from_matrices(py, &slopes)?))
 }

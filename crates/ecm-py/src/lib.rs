@@ -11,6 +11,7 @@ mod material;
 mod poly;
 mod py_task;
 mod se3;
+mod threads;
 
 use pyo3::prelude::*;
 

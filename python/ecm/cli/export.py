@@ -1,4 +1,4 @@
-"""`ecm export`: a model as C, as Rust, or its linear part for MuJoCo."""
+"""`ecm export`: a model written for a controller or a simulator."""
 
 from __future__ import annotations
 
@@ -31,9 +31,11 @@ def export(options: Options, session: Session) -> None:
             "files": sorted(exported.files),
             "left_out": list(exported.left_out),
             "sentences": list(exported.notes),
+            "next_step": exported.next_step.replace("@OUT@", str(options.out)),
             "control_loop": None if exported.loop is None else exported.loop.to_dict(),
         }
     )
     for line in exported.notes:
         session.print(line)
     session.print(f"{options.out}: {len(exported.files)} files, {options.to.value}")
+    session.print(f"Next: {exported.next_step.replace('@OUT@', str(options.out))}")

@@ -117,7 +117,7 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
     model
         A fitted model; its effects of the pose are no matter of this function.
     to
-        Language of the files: `c` steps along a single coordinate as well, `mujoco` has no state.
+        Language of the files: `c` steps along a single coordinate as well, `none` has no state.
 
     Examples
     --------
@@ -137,8 +137,8 @@ def time_effects(model: Fitted, to: str = "rust") -> TimeEffects:
             found.left_out[item.id] = "an error of the instruments: the robot does not have it"
         elif effect.kind == "pose":
             continue
-        elif to == "mujoco":
-            found.left_out[item.id] = "this file has no state and no temperature"
+        elif to == "none":
+            found.left_out[item.id] = "these files have no state and no temperature"
         elif model.base.document().get("kind") not in kinds:
             found.left_out[item.id] = "steps need an energy or physics model: fit one"
         else:

@@ -17,6 +17,7 @@ use super::{error, poses_of, shaped, vector};
 use crate::arrays::rows;
 use crate::errors::ModelError;
 use crate::se3::{matrices, stiffness_kind};
+use crate::threads::detached;
 
 /// U(q) in mid-frame coordinates; Q = dU/dq; h by inverting conventions' two lines.
 #[pyclass(frozen, module = "ecm._native")]
@@ -47,7 +48,7 @@ impl EnergyModel {
             Some(array) => Some(matrices::<6, 6>("covariance", array)?),
             None => None,
         };
-        py.detach(|| {
+        detached(py, || {
             let fit = EnergyFit {
                 length_m,
                 degree,
@@ -56,7 +57,7 @@ impl EnergyModel {
                 covariance: covariance.as_deref(),
             };
             fit.run(&poses, &wrenches)
-        })
+        })?
         .map(Self)
         .map_err(error)
     }
@@ -94,18 +95,17 @@ impl EnergyModel {
         let wrenches = rows::<6>("wrenches", &wrenches)?;
         let covariance = matrices::<6, 6>("covariance", &covariance)?;
         let scale = scale_of(&scale)?;
-        let part = py
-            .detach(|| {
-                let fit = EnergyFit {
-                    length_m,
-                    degree,
-                    symmetry,
-                    groups: &groups,
-                    covariance: Some(&covariance),
-                };
-                fit.triangle(&poses, &wrenches, scale)
-            })
-            .map_err(error)?;
+        let part = detached(py, || {
+            let fit = EnergyFit {
+                length_m,
+                degree,
+                symmetry,
+                groups: &groups,
+                covariance: Some(&covariance),
+            };
+            fit.triangle(&poses, &wrenches, scale)
+        })?
+        .map_err(error)?;
         shaped(py, part.to_row_major(), part.columns(), part.columns())
     }
 
@@ -127,7 +127,7 @@ impl EnergyModel {
         let groups = Group::from_names(&groups, symmetry).map_err(error)?;
         let scale = scale_of(&scale)?;
         let whole = merged(&triangles, 6 * rows)?;
-        py.detach(|| {
+        detached(py, || {
             let fit = EnergyFit {
                 length_m,
                 degree,
@@ -136,7 +136,7 @@ impl EnergyModel {
                 covariance: None,
             };
             fit.of_triangle(whole, scale, true)
-        })
+        })?
         .map(Self)
         .map_err(error)
     }
@@ -184,9 +184,7 @@ impl EnergyModel {
         let poses = poses_of(&poses)?;
         let groups = Group::from_names(&groups, symmetry).map_err(error)?;
         let terms = EnergyTerms::new(symmetry, degree, &groups).map_err(error)?;
-        let flat = py
-            .detach(|| regressor(&poses, length_m, &terms, scale))
-            .map_err(error)?;
+        let flat = detached(py, || regressor(&poses, length_m, &terms, scale))?.map_err(error)?;
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6, terms.count()])
     }
 
@@ -197,7 +195,7 @@ impl EnergyModel {
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let poses = poses_of(&poses)?;
-        let energies = py.detach(|| self.0.energy(&poses)).map_err(error)?;
+        let energies = detached(py, || self.0.energy(&poses))?.map_err(error)?;
         Ok(PyArray1::from_vec(py, energies))
     }
 
@@ -207,7 +205,7 @@ impl EnergyModel {
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let poses = poses_of(&poses)?;
-        let wrenches = py.detach(|| self.0.predict(&poses)).map_err(error)?;
+        let wrenches = detached(py, || self.0.predict(&poses))?.map_err(error)?;
         shaped(py, wrenches.into_flattened(), poses.len(), 6)
     }
 
@@ -218,9 +216,7 @@ impl EnergyModel {
         poses: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let poses = poses_of(&poses)?;
-        let results = py
-            .detach(|| self.0.prediction_covariance(&poses))
-            .map_err(error)?;
+        let results = detached(py, || self.0.prediction_covariance(&poses))?.map_err(error)?;
         PyArray1::from_vec(py, results.into_flattened().into_flattened()).reshape([
             poses.len(),
             6,
@@ -237,9 +233,7 @@ impl EnergyModel {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let kind = stiffness_kind(kind)?;
         let poses = poses_of(&poses)?;
-        let results = py
-            .detach(|| self.0.stiffness(&poses, kind))
-            .map_err(error)?;
+        let results = detached(py, || self.0.stiffness(&poses, kind))?.map_err(error)?;
         PyArray1::from_vec(py, results.into_flattened().into_flattened()).reshape([
             poses.len(),
             6,
@@ -269,7 +263,7 @@ impl EnergyModel {
                     _ => self.both(&poses, kind)?,
                 }
             }
-            _ => py.detach(|| self.both(&poses, kind))?,
+            _ => detached(py, || self.both(&poses, kind))??,
         };
         let rows = wrenches.len();
         let flat = stiffnesses.into_flattened().into_flattened();

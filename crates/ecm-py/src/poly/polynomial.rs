@@ -13,6 +13,7 @@ use super::triangle::merged;
 use super::{check_columns, error, numbers, shaped, vector};
 use crate::errors::ModelError;
 use crate::se3::checked_rotations;
+use crate::threads::detached;
 
 /// (k, n_inputs), k = C(degree + n_inputs, degree), in the order of the paper's eq. (4).
 #[pyfunction]
@@ -89,7 +90,7 @@ impl PolynomialModel {
             )));
         }
         let weights = weights.as_ref().map(vector);
-        py.detach(|| {
+        detached(py, || {
             ecm_poly::PolynomialModel::fit(
                 &points,
                 columns,
@@ -99,7 +100,7 @@ impl PolynomialModel {
                 method,
                 weights.as_deref(),
             )
-        })
+        })?
         .map(Self)
         .map_err(error)
     }
@@ -136,11 +137,10 @@ impl PolynomialModel {
     ) -> PyResult<Curves<'py>> {
         let (points, _, columns) = numbers(&inputs);
         let (values, _, outputs) = numbers(&outputs);
-        let curves = py
-            .detach(|| {
-                ecm_poly::PolynomialModel::leave_one_out(&points, columns, &values, outputs, degree)
-            })
-            .map_err(error)?;
+        let curves = detached(py, || {
+            ecm_poly::PolynomialModel::leave_one_out(&points, columns, &values, outputs, degree)
+        })?
+        .map_err(error)?;
         let ranks = curves.singular_values.len();
         Ok((
             PyArray1::from_vec(py, curves.singular_values),
@@ -161,12 +161,11 @@ impl PolynomialModel {
         let ((points, _, columns), (values, _, outputs)) = (numbers(&inputs), numbers(&outputs));
         let ranges = (vector(&lower), vector(&upper));
         check_columns("inputs", columns, ranges.0.len())?;
-        let part = py
-            .detach(|| {
-                let ranges = (ranges.0.as_slice(), ranges.1.as_slice());
-                ecm_poly::PolynomialModel::triangle(&points, &values, outputs, degree, ranges)
-            })
-            .map_err(error)?;
+        let part = detached(py, || {
+            let ranges = (ranges.0.as_slice(), ranges.1.as_slice());
+            ecm_poly::PolynomialModel::triangle(&points, &values, outputs, degree, ranges)
+        })?
+        .map_err(error)?;
         shaped(py, part.to_row_major(), part.columns(), part.columns())
     }
 
@@ -183,9 +182,9 @@ impl PolynomialModel {
         let whole = merged(&triangles, rows)?;
         let (lower, upper) = (vector(&lower), vector(&upper));
         let method = Method::LeastSquares;
-        py.detach(|| {
+        detached(py, || {
             ecm_poly::PolynomialModel::of_triangle(&whole, degree, (&lower, &upper), method)
-        })
+        })?
         .map(Self)
         .map_err(error)
     }
@@ -198,8 +197,10 @@ impl PolynomialModel {
         degree: usize,
     ) -> PyResult<f64> {
         let (points, _, columns) = numbers(&inputs);
-        py.detach(|| ecm_poly::PolynomialModel::condition_number_raw(&points, columns, degree))
-            .map_err(error)
+        detached(py, || {
+            ecm_poly::PolynomialModel::condition_number_raw(&points, columns, degree)
+        })?
+        .map_err(error)
     }
 
     /// (N,) variance of the prediction in units of the residual variance.
@@ -209,7 +210,7 @@ impl PolynomialModel {
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (points, _) = self.points(&inputs)?;
-        let leverage = py.detach(|| self.0.leverage(&points)).map_err(error)?;
+        let leverage = detached(py, || self.0.leverage(&points))?.map_err(error)?;
         Ok(PyArray1::from_vec(py, leverage))
     }
 
@@ -220,7 +221,7 @@ impl PolynomialModel {
         inputs: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (points, n) = self.points(&inputs)?;
-        let sd = py.detach(|| self.0.prediction_sd(&points)).map_err(error)?;
+        let sd = detached(py, || self.0.prediction_sd(&points))?.map_err(error)?;
         shaped(py, sd, n, self.0.outputs())
     }
 
@@ -234,7 +235,7 @@ impl PolynomialModel {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (points, n) = self.points(&inputs)?;
         self.check_turns(&points, turns)?;
-        let values = py.detach(|| self.0.predict(&points)).map_err(error)?;
+        let values = detached(py, || self.0.predict(&points))?.map_err(error)?;
         shaped(py, values, n, self.0.outputs())
     }
 
@@ -248,7 +249,7 @@ impl PolynomialModel {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (points, n) = self.points(&inputs)?;
         self.check_turns(&points, turns)?;
-        let values = py.detach(|| self.0.jacobian(&points)).map_err(error)?;
+        let values = detached(py, || self.0.jacobian(&points))?.map_err(error)?;
         PyArray1::from_vec(py, values).reshape([n, self.0.outputs(), self.0.inputs()])
     }
 

@@ -13,11 +13,21 @@ from ecm.cli.command import ModelFile, command
 
 
 class Target(str, Enum):
-    """Language of the files."""
+    """The targets of `ecm.models.export.registry`, each with a line of the help."""
 
-    c = "c"
-    rust = "rust"
-    mujoco = "mujoco"
+    line: str
+
+    def __new__(cls, name: str, line: str) -> Target:
+        """A member is its name; what it gives is beside it."""
+        member = str.__new__(cls, name)
+        member._value_ = name
+        member.line = line
+        return member
+
+    c = "c", "C99: no heap, no libm, golden vectors, a 1 kHz control loop"
+    rust = "rust", "a no_std crate with the same"
+    mujoco = "mujoco", "a passive plugin, scenes that load it, the linear part alone"
+    fmu = "fmu", "FMI 2.0 and 3.0 for co-simulation, with sources and binaries"
 
 
 class Precision(str, Enum):
@@ -29,19 +39,19 @@ class Precision(str, Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Write a model as source code: no heap, no libm, golden vectors, a 1 kHz loop."""
+    """The help is set below, with a line for each target."""
 
     model: ModelFile
-    to: Annotated[Target, typer.Option("--to", help="C, a no_std crate, or MJCF.")]
+    to: Annotated[Target, typer.Option("--to", metavar="TARGET", help="One of the above.")]
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")]
-    name: Annotated[
-        str, typer.Option("--name", metavar="NAME", help="Prefix of every public name.")
-    ] = "ecm_model"
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="Begins each name.")] = (
+        "ecm_model"
+    )
     precision: Annotated[
-        Precision, typer.Option("--precision", help="Floating-point type (c, rust).")
+        Precision, typer.Option("--precision", metavar="P", help="Or single (c, rust).")
     ] = Precision.double
     mass: Annotated[
-        float | None, typer.Option("--mass", metavar="KG", help="Platform and load, for the loop.")
+        float | None, typer.Option("--mass", metavar="KG", help="Platform and load, for a loop.")
     ] = None
     inertia: Annotated[
         float | None, typer.Option("--inertia", metavar="KGM2", help="Of the same, about any axis.")
@@ -51,8 +61,11 @@ class Options:
     ] = 0.003
     dt: Annotated[float, typer.Option("--dt", metavar="S", help="Step of the loop.")] = 0.001
     force: Annotated[
-        bool, typer.Option("--force", help="Also where folding effects changes it beyond noise.")
+        bool, typer.Option("--force", help="Also where it changes the model beyond the noise.")
     ] = False
 
+
+_LIST = "\n".join(f"  {target.value:<10}{target.line}" for target in Target)
+Options.__doc__ = f"Write a model for a controller or a simulator (docs/export.md).\n\n\b\n{_LIST}"
 
 export = command("export", Options)

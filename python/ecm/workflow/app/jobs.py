@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from ecm.errors import InputError
+from ecm.workflow.app.disk import DiskError
+from ecm.workflow.app.journal import Step
 from ecm.workflow.app.session import INTERRUPTED, Session
 
 _FOLLOWED_BY = {
@@ -51,6 +53,8 @@ class Jobs:
         self._job: _Job | None = None
         self._threads: list[threading.Thread] = []
         self._closed = False
+        self._ends: list[tuple[int, str, str, float]] = []
+        """Ends of steps that are still to be written: the disk was full."""
 
     def start(
         self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
@@ -88,7 +92,26 @@ class Jobs:
             self._require_none()
             return change()
 
+    def settle(self) -> None:
+        """Write the ends of steps that a full disk has kept from the journal.
+
+        Raises
+        ------
+        DiskError
+            While they still cannot be written.
+        """
+        with self._lock:
+            while self._ends:
+                self.session.end(*self._ends[0])
+                self._ends.pop(0)
+
+    def _end(self, *end: Any) -> None:
+        with self._lock, suppress(DiskError):
+            self._ends.append(end)
+            self.settle()
+
     def _require_none(self) -> None:
+        self.settle()
         if self._job is not None:
             raise Busy("another step is being computed: wait for it, or cancel it")
         if self._closed:
@@ -140,32 +163,35 @@ class Jobs:
         self, verb: str, request: dict[str, Any], then: tuple[str, dict[str, Any]] | None = None
     ) -> int:
         step = self.session.begin(verb, request)
+        try:
+            process = self._process(step)
+        except (OSError, ValueError) as error:  # no memory, or a text that is no argument
+            self._end(step.number, "failed", str(error), 0.0)
+            raise InputError(f"the command cannot be run: {error}") from None
+        self._job = job = _Job(step.number, process, time.time())
+        if then is None and verb in _FOLLOWED_BY:
+            then = self.session.following(step) or (_FOLLOWED_BY[verb], {})
+        thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
+        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
+        thread.start()
+        return step.number
+
+    def _process(self, step: Step) -> subprocess.Popen[bytes]:
         logs = self.session.folder / "logs"
         logs.mkdir(exist_ok=True)
         with (
             (logs / f"{step.number}.out").open("wb") as out,
             (logs / f"{step.number}.err").open("wb") as err,
         ):
-            try:
-                process = subprocess.Popen(
-                    [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
-                    cwd=self.session.folder,
-                    stdin=subprocess.PIPE,
-                    stdout=out,
-                    stderr=err,
-                    env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
-                    start_new_session=True,  # Ctrl-C is for the server, which ends this process
-                )
-            except (OSError, ValueError) as error:  # no memory, or a text that is no argument
-                self.session.end(step.number, "failed", str(error), 0.0)
-                raise InputError(f"the command cannot be run: {error}") from None
-        self._job = job = _Job(step.number, process, time.time())
-        if then is None and verb in _FOLLOWED_BY:
-            then = _FOLLOWED_BY[verb], {}
-        thread = threading.Thread(target=self._wait, args=(job, then), daemon=True)
-        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
-        thread.start()
-        return step.number
+            return subprocess.Popen(
+                [sys.executable, "-m", "ecm.workflow.app.worker", *step.argv],
+                cwd=self.session.folder,
+                stdin=subprocess.PIPE,
+                stdout=out,
+                stderr=err,
+                env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
+                start_new_session=True,  # Ctrl-C is for the server, which ends this process
+            )
 
     def _kill(self, reason: str) -> bool:
         with self._lock:
@@ -185,7 +211,7 @@ class Jobs:
         if status == "failed":
             message = _last_error(self.session.log(job.number, "err"))
         try:
-            self.session.end(job.number, status, message, time.time() - job.begun_s)
+            self._end(job.number, status, message, time.time() - job.begun_s)
         finally:
             with self._lock:
                 following = False
@@ -197,9 +223,9 @@ class Jobs:
 
     def _follow(self, status: str, then: tuple[str, dict[str, Any]] | None) -> bool:
         """Begin the step that follows; False where there is none, or a warning is open."""
-        if status != "done" or then is None or self._closed:
+        if status != "done" or then is None or self._closed or self._ends:
             return False
-        with suppress(InputError):
+        with suppress(InputError, DiskError):
             self._begin(*then)
             return True
         return False

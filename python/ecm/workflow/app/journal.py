@@ -14,10 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ecm.errors import InputError
+from ecm.workflow.app.disk import writing
+
 DATA = ("upload", "example", "import", "campaign")
 """Steps that change the data."""
 CHANGES = (*DATA, "fit", "refit")
 """Steps that change the data or the model. Undo takes the last of them back, with all after it."""
+_FIRST = b'{"event": "begin"'
+"""How each journal begins."""
 
 
 @dataclass
@@ -73,7 +78,8 @@ class History:
             step.seconds = record["seconds"]
             if step.status == "done":
                 self.active.append(step.number)
-                self.undone.clear()
+                if step.verb in CHANGES:  # one that only looks leaves what was undone
+                    self.undone.clear()
         elif event == "undo":
             at = self._last_change()
             if at is not None:
@@ -94,16 +100,41 @@ class History:
 
 
 class Journal:
-    """The file `steps.jsonl` of a session folder."""
+    """The file `steps.jsonl` of a session folder.
+
+    Raises
+    ------
+    InputError
+        Where the file is there and is no journal.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
+        self._require_own()
+
+    def _require_own(self) -> None:
+        try:
+            with self.path.open("rb") as file:
+                first = file.read(len(_FIRST))
+        except FileNotFoundError:
+            return
+        if not _FIRST.startswith(first):  # a kill may have cut the first record
+            raise InputError(
+                f"{self.path} is there already, and is no journal of `ecm app`: name another "
+                "folder with --session"
+            )
 
     def append(self, **record: Any) -> None:
-        """Write one record to the disk."""
+        """Write one record to the disk.
+
+        Raises
+        ------
+        DiskError
+            Where it cannot be written; a part of it is left out by `read`.
+        """
         line = json.dumps(record, ensure_ascii=False) + "\n"
-        with self._lock, self.path.open("ab+") as file:
+        with self._lock, writing(self.path), self.path.open("ab+") as file:
             # A kill in the middle of a record leaves a line without an end.
             if file.tell() and not _ends_line(file):
                 line = "\n" + line

@@ -12,7 +12,7 @@ from typing import Any
 from ecm.errors import InputError
 from ecm.io.extras import require
 from ecm.workflow.app.server import App, application
-from ecm.workflow.app.session import suffix_of
+from ecm.workflow.app.uploads import suffix_of
 
 _HOST = "127.0.0.1"
 

@@ -15,6 +15,8 @@ from typing import Any
 
 from ecm.errors import EcmError, InputError
 from ecm.io.extras import require
+from ecm.report.web import WEB
+from ecm.workflow.app.disk import DiskError, sentence, writing
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
 from ecm.workflow.app.lock import FolderLock
@@ -68,6 +70,7 @@ class App:
 
     def state(self) -> dict[str, Any]:
         """Return the state of the folder, and how far the running step is."""
+        self.jobs.settle()
         running = self.jobs.progress()
         return {**self.session.state(), "running": running}
 
@@ -101,13 +104,20 @@ def application(app: App, *, port: int, token: str) -> Any:
 
     gone = require("starlette.requests", "app", _PURPOSE).ClientDisconnect
     inner = starlette.Starlette(
-        routes=paths, lifespan=lifespan, exception_handlers={EcmError: _refused, gone: _left}
+        routes=paths,
+        lifespan=lifespan,
+        exception_handlers={EcmError: _refused, OSError: _unwritten, gone: _left},
     )
     return Guard(inner, port=port, token=token)
 
 
 async def _refused(_request: Any, error: Exception) -> Any:
-    return _json({"error": str(error)}, 409 if isinstance(error, Busy) else 400)
+    known: dict[type[Exception], int] = {Busy: 409, DiskError: 507}
+    return _json({"error": str(error)}, known.get(type(error), 400))
+
+
+async def _unwritten(_request: Any, error: Exception) -> Any:
+    return _json({"error": sentence(error) if isinstance(error, OSError) else str(error)}, 507)
 
 
 async def _left(_request: Any, _error: Exception) -> Any:
@@ -118,7 +128,7 @@ async def _left(_request: Any, _error: Exception) -> Any:
 class _Routes:
     def __init__(self, app: App) -> None:
         self.app = app
-        self.files = {path.name: path for path in _PAGE.iterdir() if path.is_file()}
+        self.files = {path.name: path for folder in (_PAGE, WEB) for path in folder.iterdir()}
         """The files of the page: only these names can be asked for."""
 
     async def page(self, request: Any) -> Any:
@@ -197,10 +207,11 @@ class _Routes:
         if self.app.jobs.progress() is not None:
             raise Busy("a step is being computed: wait for it, or cancel it")
         session, size = self.app.session, 0
-        handle, temporary = tempfile.mkstemp(prefix=INCOMING, dir=session.folder)
+        with writing(session.folder / INCOMING, name):
+            handle, temporary = tempfile.mkstemp(prefix=INCOMING, dir=session.folder)
         path = Path(temporary)
         try:
-            with os.fdopen(handle, "wb") as file:
+            with writing(path, name), os.fdopen(handle, "wb") as file:
                 async for chunk in request.stream():
                     size += len(chunk)
                     if size > self.app.most_bytes:

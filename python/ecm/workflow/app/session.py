@@ -18,16 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from ecm.errors import InputError
-from ecm.workflow.app.demo import DEMO_FILES, RIG, write_demo
+from ecm.io.cache import write_atomically
+from ecm.workflow.app.demo import DEMO_FILES, PLAN, RIG, write_demo
+from ecm.workflow.app.disk import writing
 from ecm.workflow.app.journal import DATA, History, Journal, Step
 from ecm.workflow.app.steps import Files, command_of
+from ecm.workflow.app.uploads import LOGS, TRUTH, copy_beside, sealed_description, suffix_of
 
-TABLES = (".csv", ".parquet")
-LOGS = (".txt", ".tsv", ".dat", ".log", ".mat", ".h5", ".hdf5", ".npz", ".mcap", ".db3")
-"""Suffixes of files that `ecm import` makes a table of."""
-BESIDE = (".toml", ".truth.json", ".raw.parquet")
-"""What belongs to a table, by suffix."""
-INCOMING = ".incoming-"
+INCOMING = ".ecm-incoming-"
 """Begin of the name of a file that is on its way here."""
 INTERRUPTED = "the server was stopped in the middle of it"
 _SCRIPT = """#!/bin/sh
@@ -76,17 +74,17 @@ class Session:
         """
         history = self.journal.read()
         files = self.files(history)
-        number = _next_number(history)
+        number = self._next_number(history)
         if verb in ("fit", "refit", "compare", "diagnose"):
             self._require_checked(history)
         command = command_of(verb, request, files, number)
         if verb == "example" and request["name"] == "neck":
-            write_demo(self.folder)
+            with writing(self.folder / PLAN):
+                write_demo(self.folder)
         inputs: dict[str, Any] = {"data": files.data, "model": files.model}
         if verb in DATA:
-            kept = files.data if verb == "campaign" else []
-            inputs["data_after"] = [*kept, command.outputs[0]]
-        return self._begin(history, verb, request, command.argv, inputs, command.outputs)
+            inputs["data_after"] = [*_kept(verb, request, files), command.outputs[0]]
+        return self._begin(number, verb, request, command.argv, inputs, command.outputs)
 
     def end(self, number: int, status: str, message: str, seconds: float) -> None:
         """Record how a step ended."""
@@ -110,35 +108,59 @@ class Session:
         """
         history = self.journal.read()
         suffix = suffix_of(name)
-        number = _next_number(history)
+        number = self._next_number(history)
         target = self.folder / f"upload-{number}{suffix}"
         outputs = [target.name]
         if move:
             source.replace(target)
         else:
-            shutil.copyfile(source, target)
-            for extra in BESIDE:
-                if source.with_suffix(extra).is_file():
-                    shutil.copyfile(source.with_suffix(extra), target.with_suffix(extra))
-                    outputs.append(target.with_suffix(extra).name)
-        if suffix in LOGS:
-            return self._add_upload(history, name, outputs, data=self.files(history).data)
-        before = self.files(history).data if more else []
-        return self._add_upload(history, name, outputs, data=[*before, target.name])
+            with writing(target, name):
+                shutil.copyfile(source, target)
+                outputs += copy_beside(source, target)
+        files = self.files(history)
+        data = files.data if suffix in LOGS else [*(files.data if more else []), target.name]
+        dropped = [*(files.dropped if more else []), target.name]
+        return self._add_upload(number, name, outputs, files.data, after=(data, dropped))
 
     def add_description(self, source: Path, name: str) -> Step:
-        """Put a description (TOML) beside the last table of the session."""
+        """Put a description (TOML) beside the last table, or the last log, of the session.
+
+        A table of the simulated rig keeps its sealed truth.
+
+        Raises
+        ------
+        InputError
+            Where there is neither, or the description is no TOML.
+        """
         history = self.journal.read()
-        data = self.files(history).data
-        if not data:
+        files = self.files(history)
+        last = (files.dropped or files.data)[-1:] if not files.data else files.data[-1:]
+        if not last:
             raise InputError(f"{name}: drop the table first, then its description")
-        number = _next_number(history)
-        table = self.folder / data[-1]
+        number = self._next_number(history)
+        table = self.folder / last[0]
         target = self.folder / f"upload-{number}{table.suffix}"
-        shutil.copyfile(table, target)
-        source.replace(target.with_suffix(".toml"))
-        outputs = [target.name, target.with_suffix(".toml").name]
-        return self._add_upload(history, name, outputs, data=[*data[:-1], target.name])
+        described = sealed_description(source, table, name)
+        with writing(target, name):
+            shutil.copyfile(table, target)
+            extras = copy_beside(table, target, without=(".toml",))
+            source.replace(target.with_suffix(".toml"))
+            if described is not None:
+                write_atomically(target.with_suffix(".toml"), described)
+        outputs = [target.name, target.with_suffix(".toml").name, *extras]
+        renamed = {last[0]: target.name}
+        after = tuple([renamed.get(d, d) for d in of] for of in (files.data, files.dropped))
+        return self._add_upload(number, name, outputs, files.data, after=after)
+
+    def following(self, step: Step) -> tuple[str, dict[str, Any]] | None:
+        """Return the import of the next log that was dropped with that of a step."""
+        if step.verb != "import":
+            return None
+        logs = self.files(self.journal.read()).dropped
+        at = logs.index(step.argv[1]) + 1
+        return (
+            None if at == len(logs) else ("import", {**step.request, "log": logs[at], "more": True})
+        )
 
     def accept(self, warning: str) -> None:
         """Record that the person takes responsibility for a warning of the check."""
@@ -166,19 +188,21 @@ class Session:
         changed = history.last(*DATA)
         data = [] if changed is None else list(changed.inputs["data_after"])
         dropped = history.last("upload")
+        logs = [] if dropped is None else dropped.inputs.get("dropped_after", dropped.outputs[:1])
         model = history.last("fit", "refit", data=data)
         of_model = {"data": data, "model": None if model is None else _model(model)}
         found = history.last("diagnose", **of_model)
         answered = history.last("diagnose", data=data)
         written = [] if found is None else found.outputs
         plan = next((name for name in written if name.endswith(".csv")), None)
-        sealed = next((d for d in data if self._beside(d, ".truth.json").is_file()), None)
+        sealed = next((d for d in data if self._beside(d, TRUTH).is_file()), None)
         return Files(
             data=data,
             model=None if model is None else _model(model),
             answer=None if answered is None else answered.outputs[0],
             next_plan=plan if plan and (self.folder / plan).is_file() else None,
-            dropped=None if dropped is None else dropped.outputs[0],
+            dropped=logs,
+            described=frozenset(d for d in logs if self._beside(d, ".toml").is_file()),
             sealed=sealed,
             simulated=sealed is not None and (self.folder / RIG).is_file(),
         )
@@ -193,7 +217,6 @@ class Session:
         compared = history.last("compare", **of_model) if files.model else None
         found = history.last("diagnose", **of_model) if files.model else None
         exported = history.last("export", **of_model) if files.model else None
-        revealed = history.last("reveal", data=files.data)
         return {
             "schema": 1,
             "version": history.records,
@@ -202,7 +225,7 @@ class Session:
             "sealed": files.sealed is not None,
             "next_plan": files.next_plan,
             "data": [{"file": name, "name": _own_name(history, name)} for name in files.data],
-            "dropped": None if files.dropped is None else _own_name(history, files.dropped),
+            "dropped": [_own_name(history, name) for name in files.dropped],
             "imported": self._result(history.last("import")),
             "check": self._result(check),
             "pending": [] if check is None else self._pending(history, check),
@@ -211,7 +234,7 @@ class Session:
             "compare": self._result(compared),
             "diagnosis": self._result(found),
             "export": self._result(exported),
-            "truth": self._result(revealed),
+            "truth": self._result(self._opened(history, files)),
             "rungs": [self._rung(history, step) for step in self._rungs(history, files)],
             "undo": history.can_undo(),
             "redo": bool(history.undone),
@@ -232,7 +255,7 @@ class Session:
                 if path.is_dir():
                     inside = sorted(p for p in path.rglob("*") if p.is_file())
                     names += [p.relative_to(self.folder).as_posix() for p in inside]
-                elif path.is_file() and not name.endswith(".truth.json"):
+                elif path.is_file() and not name.endswith(TRUTH):
                     names.append(name)
         return names
 
@@ -257,7 +280,7 @@ class Session:
     # --- parts -------------------------------------------------------------
     def _begin(
         self,
-        history: History,
+        number: int,
         verb: str,
         request: dict[str, Any],
         argv: Sequence[str],
@@ -265,7 +288,7 @@ class Session:
         outputs: Sequence[str],
     ) -> Step:
         step = Step(
-            number=_next_number(history),
+            number=number,
             verb=verb,
             request=request,
             argv=list(argv),
@@ -280,16 +303,45 @@ class Session:
 
     def _add_upload(
         self,
-        history: History,
+        number: int,
         name: str,
         outputs: Sequence[str],
+        before: Sequence[str],
         *,
-        data: Sequence[str],
+        after: tuple[Sequence[str], ...],
     ) -> Step:
-        inputs = {"data": self.files(history).data, "data_after": list(data)}
-        step = self._begin(history, "upload", {"name": name}, [], inputs, outputs)
+        """Record an upload; `after`: the tables that count then, and the files to import."""
+        inputs = {"data": before, "data_after": list(after[0]), "dropped_after": list(after[1])}
+        step = self._begin(number, "upload", {"name": name}, [], inputs, outputs)
         self.end(step.number, "done", "", 0.0)
         return step
+
+    def _next_number(self, history: History) -> int:
+        """Return a number that no file of the folder has: a person's file stays as it is."""
+        number = max(history.steps, default=0) + 1
+        while any(
+            next(folder.glob(pattern), None) is not None
+            for folder, pattern in (
+                (self.folder, f"*-{number}"),
+                (self.folder, f"*-{number}.*"),
+                (self.folder / "logs", f"{number}.*"),
+            )
+        ):
+            number += 1
+        return number
+
+    def _opened(self, history: History, files: Files) -> Step | None:
+        """Return the last step that opened the truth of these tables; undo does not close it."""
+        sealed = {self._truth(name) for name in files.data} - {None}
+        for step in reversed(history.steps.values()):
+            opened = step.verb == "reveal" and step.status == "done"
+            if opened and self._truth(step.argv[1]) in sealed:
+                return step
+        return None
+
+    def _truth(self, table: str) -> bytes | None:
+        path = self._beside(table, TRUTH)
+        return path.read_bytes() if path.is_file() else None
 
     def _require_checked(self, history: History) -> None:
         check = self._check_step(history)
@@ -362,22 +414,9 @@ class Session:
         return (self.folder / table).with_suffix(suffix)
 
 
-def suffix_of(name: str) -> str:
-    """Return the suffix of a table or a log, in small letters.
-
-    Raises
-    ------
-    InputError
-        For any other file.
-    """
-    suffix = Path(name).suffix.lower()
-    if suffix not in TABLES + LOGS:
-        raise InputError(f"{name}: expected a table or a log: {' '.join(TABLES + LOGS)}")
-    return suffix
-
-
-def _next_number(history: History) -> int:
-    return max(history.steps, default=0) + 1
+def _kept(verb: str, request: dict[str, Any], files: Files) -> list[str]:
+    """Return the tables to which a step adds one; none where it replaces them."""
+    return files.data if verb == "campaign" or (verb == "import" and request.get("more")) else []
 
 
 def _model(step: Step) -> str:

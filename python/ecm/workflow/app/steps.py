@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from ecm.effects import all_effects, load_installed
@@ -24,8 +25,10 @@ class Files:
     answer: str | None = None
     """The last diagnosis of these data, of whichever model."""
     next_plan: str | None = None
-    dropped: str | None = None
-    """The file that was dropped last: a table, or a log to import."""
+    dropped: list[str] = field(default_factory=list)
+    """The files that were dropped last, together: tables, or logs to import."""
+    described: frozenset[str] = frozenset()
+    """Those of them with a description beside them."""
     sealed: str | None = None
     """Table of a simulated campaign whose truth is sealed."""
     simulated: bool = False
@@ -63,10 +66,15 @@ def _check(_request: Request, files: Files, n: int) -> Command:
 
 
 def _import(request: Request, files: Files, n: int) -> Command:
-    if files.dropped is None:
+    if not files.dropped:
         raise InputError("no file yet: drop a log or a table")
+    log = request.get("log", files.dropped[0])
+    if log not in files.dropped:
+        raise InputError(f"log {log!r}: expected one of {', '.join(files.dropped)}")
     out, report = f"data-{n}.csv", f"import-{n}.json"
-    argv = ["import", files.dropped, "--out", out, "--json", report]
+    argv = ["import", log, "--out", out, "--json", report]
+    if log in files.described:
+        argv += ["--meta", str(Path(log).with_suffix(".toml"))]
     for pair in _names(request, "map"):
         argv += ["--map", pair]
     for option in ("rotation", "units", "axis"):

@@ -2,7 +2,7 @@
 
 async function answer(response) {
   const document = await response.json().catch(() => ({error: response.statusText}));
-  if (!response.ok) throw new Error(document.error);
+  if (!response.ok) throw Object.assign(new Error(document.error), {status: response.status});
   return document;
 }
 

@@ -13,7 +13,7 @@ const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quate
 export async function draw(root, state, app) {
   if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
-  if (!state.check && (state.data.length || state.dropped)) root.append(mapping(state, app));
+  if (!state.check && (state.data.length || state.dropped.length)) root.append(mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
   if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
   if (state.data.length && state.check) await picture(root, state);
@@ -23,7 +23,7 @@ export async function draw(root, state, app) {
 function empty(state, app) {
   const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
     {class: style, id: `example-${name}`, disabled: Boolean(state.running)});
-  return el("div", {}, dropZone(state, app), state.dropped ? null : el("div", {class: "cards"},
+  return el("div", {}, dropZone(state, app), state.dropped.length ? null : el("div", {class: "cards"},
     el("div", {class: "card"}, el("h3", {}, "No data yet?"),
       el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
       el("div", {class: "row"}, example("neck", "Open the neck", "first"))),
@@ -40,7 +40,7 @@ function dropZone(state, app) {
   const input = el("input", {type: "file", id: "file", multiple: true, class: "hidden", tabindex: "-1", "aria-hidden": "true",
     onchange: () => take(input.files)});
   const take = files => app.act(async () => {
-    // Tables dropped together are runs of one; a description belongs to the table before it.
+    // Tables or logs dropped together are runs of one; a description belongs to the last of them.
     const last = file => /\.toml$/i.test(file.name), given = [...files].sort((a, b) => last(a) - last(b));
     for (const [i, file] of given.entries()) {
       if (i) await idle();
@@ -55,9 +55,10 @@ function dropZone(state, app) {
       zone.classList.remove("over");
       take(event.dataTransfer.files);
     }},
-  el("p", {}, el("strong", {}, "Drop a table here")),
-  el("p", {class: "soft"}, "CSV, Parquet, MAT, HDF5, MCAP or another log, up to 2 GB; its description (TOML) after it. Nothing leaves this machine."),
-  button("Choose a file", () => input.click(), {id: "choose"}), input,
+  el("p", {}, el("strong", {}, "Drop tables or logs here")),
+  el("p", {class: "soft"}, "CSV, Parquet, MAT, HDF5, MCAP or another log, up to 2 GB; several become runs of one table. A description (TOML) belongs "
+    + "to the last of them. Nothing leaves this machine."),
+  button("Choose files", () => input.click(), {id: "choose"}), input,
   state.data.length ? el("p", {}, more, el("label", {for: "more"}, " as another run of the same data")) : null);
   return zone;
 }
@@ -87,10 +88,9 @@ async function picture(root, state) {
   const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
   const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
   const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
-  const largest = Math.max(1e-9, ...size.slice(0, 20000));
   wait.replaceWith(workspace(poses, poses.row, poses.columns, size, {
     title: has ? "force" : label(any), unit: has ? "N" : "", name: "Measured poses with their forces",
-    forces: has ? {columns: force, scale: 400 * (poses.length_m ?? 0.1) / largest} : null}),
+    forces: has}),
   el("p", {class: "hint"}, `Lines are the measured forces on the top. A wrong axis, sign or offset shows as bodies `
     + `that fold, or points away from the top of the body at rest. ${poses.said}`));
 }
@@ -121,6 +121,8 @@ function mapping(state, app) {
     units: value("units"), rotation: rotation.value,
   });
   return el("section", {"aria-label": "Columns of your own"}, el("h3", {}, "Read the columns"),
+    state.dropped.length > 1 ? el("p", {id: "dropped"}, `${state.dropped.length} files, read in the same way and joined as runs: `
+      + `${state.dropped.join(", ")}.`) : null,
     el("p", {}, "Names and units are guessed. What you state here goes first: one column a line, as NAME=COLUMN:UNIT."),
     el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map),
     el("div", {class: "row"}, ...field("units", "Units where unstated", "mm,deg,N,N mm"),

@@ -152,7 +152,7 @@ async function refresh() {
     state = found;
   } catch (error) {
     lost = true;
-    say("The server does not answer. The session is kept in its folder: start it again with ecm app "
+    say(error.status ? error.message : "The server does not answer. The session is kept in its folder: start it again with ecm app "
       + "and open the address that it prints.", true);
     if (!state) main.replaceChildren(waiting("No session to show yet."));
     return;

@@ -1,6 +1,6 @@
-"""Writes the tables "paper against here" into README.md from a run of the main job.
+"""Writes the tables "paper against here" into docs/paper.md from a run of the main job.
 
-    make demo && .venv/bin/python docs/readme_tables.py demo README.md
+    make demo && .venv/bin/python docs/paper_tables.py demo docs/paper.md
 
 Each table stands between `<!-- NAME -->` and `<!-- end -->` in the page.
 """

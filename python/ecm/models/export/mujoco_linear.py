@@ -17,10 +17,10 @@ from ecm.io.arrays import F
 _JOINTS = ("x", "y", "z", "theta_x", "theta_y", "theta_z")
 
 
-def mujoco_text(
-    name: str, length_m: float, wrench: F, stiffness: F, lost: Sequence[str] = ()
+def linear_tendons(
+    name: str, length_m: float, wrench: F, stiffness: F, damping_s: float = 0
 ) -> str:
-    """MJCF of a platform on six tendons; qpos is the pose minus (L, 0, 0, 0, 0, 0).
+    """MJCF of six fixed tendons over the platform's joints: the energy to second order.
 
     Parameters
     ----------
@@ -28,8 +28,9 @@ def mujoco_text(
         (6,) at the undeformed pose, N and N m.
     stiffness
         (6, 6) generalised stiffness there.
-    lost
-        Lines for the comment: what the linear part leaves out.
+    damping_s
+        Damping over stiffness. With the time step itself an integrator that is implicit in the
+        velocity steps as backward Euler does: q'' = -k (q + dt q').
     """
     # Lengths by L, so that newtons per metre and newton metres mix in the eigenvectors evenly.
     scale = np.array([length_m] * 3 + [1.0] * 3)
@@ -47,15 +48,39 @@ def mujoco_text(
             f'\n      <joint joint="{name}_{joint}" coef="{c:.17g}"/>'
             for joint, c in zip(_JOINTS, along, strict=True)
         )
+        damping = f'damping="{damping_s * value:.17g}" ' if damping_s else ""
         tendons.append(
-            f'    <fixed name="{name}_mode_{k}" stiffness="{value:.17g}" '
+            f'    <fixed name="{name}_mode_{k}" stiffness="{value:.17g}" {damping}'
             f'springlength="{offset:.17g}">{parts}\n    </fixed>'
         )
+    return "\n".join(tendons)
+
+
+def platform_joints(name: str) -> str:
+    """MJCF of the platform's three slides and three hinges: the pose minus that at rest."""
     axes = ("1 0 0", "0 1 0", "0 0 1")
-    joints = "".join(
+    return "".join(
         f'\n      <joint name="{name}_{joint}" type="{kind}" axis="{axis}"/>'
         for joint, kind, axis in zip(_JOINTS, ["slide"] * 3 + ["hinge"] * 3, axes * 2, strict=True)
     )
+
+
+def mujoco_text(
+    name: str, length_m: float, wrench: F, stiffness: F, lost: Sequence[str] = ()
+) -> str:
+    """MJCF of a platform on six tendons; qpos is the pose minus (L, 0, 0, 0, 0, 0).
+
+    Parameters
+    ----------
+    wrench
+        (6,) at the undeformed pose, N and N m.
+    stiffness
+        (6, 6) generalised stiffness there.
+    lost
+        Lines for the comment: what the linear part leaves out.
+    """
+    tendons = linear_tendons(name, length_m, wrench, stiffness)
+    joints = platform_joints(name)
     comment = "\n".join(f"  {line}" for line in lost)
     return f"""<!--
   Linear part of the model {name} at its undeformed pose, without a plugin.
@@ -74,7 +99,7 @@ def mujoco_text(
     </body>
   </worldbody>
   <tendon>
-{chr(10).join(tendons)}
+{tendons}
   </tendon>
 </mujoco>
 """

@@ -1,0 +1,7 @@
+"""A model for controllers and simulators: one file per target, and their registry."""
+
+from ecm.models.export.files import Exported, export, export_files
+from ecm.models.export.registry import TARGETS
+from ecm.models.export.source import poses_to_hold
+
+__all__ = ["TARGETS", "Exported", "export", "export_files", "poses_to_hold"]

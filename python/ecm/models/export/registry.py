@@ -1,0 +1,14 @@
+"""All targets of `ecm export`; their one-line descriptions are `ecm.cli.options.export`."""
+
+from __future__ import annotations
+
+from ecm.models.export import code, fmu, mujoco
+from ecm.models.export.source import Target
+
+TARGETS: dict[str, Target] = {
+    "c": Target(code.c, precisions=("double", "single")),
+    "rust": Target(code.rust, language="rust", precisions=("double", "single")),
+    "mujoco": Target(mujoco.mujoco),
+    "fmu": Target(fmu.fmu),
+}
+"""Every target; a new one is one more line here and one in the options of the command."""

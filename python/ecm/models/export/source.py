@@ -1,0 +1,128 @@
+"""What a target is made from, and what it gives."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import Literal
+
+import numpy as np
+
+from ecm._native import export_model, seal_model
+from ecm.errors import InputError
+from ecm.io.arrays import F
+from ecm.io.columns import POSE, WRENCH
+from ecm.models.control import ControlLoop, LoopSettings
+from ecm.models.folding import poses_in_domain
+from ecm.models.model import Model
+from ecm.models.time_effects import TimeEffects
+
+Precision = Literal["double", "single"]
+_SEED = 11
+
+
+@dataclass(frozen=True)
+class Source:
+    """A model ready for export: the mechanism alone, with its effects of time beside it."""
+
+    model: Model
+    """As it was fitted."""
+    inside: Model
+    """Without effects beside it: those of the pose are folded into its base."""
+    timed: TimeEffects
+    """Effects of time that a state can hold."""
+    name: str
+    precision: Precision = "double"
+    loop: LoopSettings | None = None
+
+    @property
+    def has_state(self) -> bool:
+        """Whether the code steps through effects of time."""
+        return bool(self.timed.acting)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the model takes a pose to a wrench."""
+        return (self.inside.inputs, self.inside.outputs) == (POSE, WRENCH)
+
+    def code(
+        self, language: Literal["c", "rust"] = "c", precision: Precision = "double"
+    ) -> dict[str, str]:
+        """Source code of the model by its path."""
+        sealed = seal_model(json.dumps(self.inside.document()))
+        steps = json.dumps(self.timed.document) if self.has_state else None
+        return dict(
+            export_model(sealed, self.name, target=language, precision=precision, effects=steps)
+        )
+
+    def need_whole(self, target: str) -> None:
+        """Raise InputError for a model without all six pose and wrench columns."""
+        if not self.whole:
+            raise InputError(
+                f"--to {target} needs a model from the six columns of the pose to the six of the "
+                f"wrench; this one takes {', '.join(self.inside.inputs)} to "
+                f"{', '.join(self.inside.outputs)}: export it to c, or fit a whole one"
+            )
+
+    def template(self, path: str, values: dict[str, str] | None = None) -> str:
+        """Text of a file below `templates`, with each @KEY@ replaced by its value."""
+        text = (files("ecm.models.export") / "templates" / path).read_text(encoding="utf-8")
+        common = {"NAME": self.name, "STEPS": str(int(self.has_state))}
+        for key, value in {**(values or {}), **common}.items():
+            text = text.replace(f"@{key}@", value)
+        return text
+
+    def poses_to_hold(self, count: int = 200) -> F:
+        """(at most count, 6) poses like the measured ones: `poses_to_hold`."""
+        return poses_to_hold(self.model, count)
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a target gives."""
+
+    files: dict[str, str | bytes]
+    """Content of each file by its path."""
+    next_step: str
+    """The command or line that uses the files, with @OUT@ for their folder."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the files must know."""
+    loop: ControlLoop | None = None
+    """The control loop of the example, where there is one."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One way to write a model."""
+
+    write: Callable[[Source], Files]
+    language: str = "c"
+    """`c` or `rust`: what holds the effects of time; `none` where nothing does."""
+    precisions: tuple[Precision, ...] = field(default=("double",))
+    """Floating-point types that the files can have."""
+
+
+def poses_to_hold(model: Model, count: int = 200) -> F:
+    """(at most count, 6) poses like the measured ones, for which a control loop is designed.
+
+    Those of `poses_in_domain` that lie in the range of every column and do not extrapolate; where
+    they are few, also such poses nearer to the middle.
+    """
+    poses = poses_in_domain(model, 20 * count)
+    random = np.random.default_rng(_SEED)
+    middle = poses.mean(axis=0)
+    nearer = middle + random.uniform(0.2, 1.0, (len(poses), 1)) * (poses - middle)
+    found = np.zeros((0, 6))
+    for candidates in (poses, nearer):
+        if len(found) < count:
+            found = np.vstack([found, _measured(model, candidates)])
+    return found[:count] if len(found) else poses[:count]
+
+
+def _measured(model: Model, poses: F) -> F:
+    for j, column in enumerate(POSE):
+        low, high = model.domain.get(column, (-np.inf, np.inf))
+        poses = poses[(low <= poses[:, j]) & (poses[:, j] <= high)]
+    return poses[~model.extrapolates(poses)]

@@ -1,0 +1,264 @@
+/* FMI 3.0 for co-simulation: the functions of the standard, declared here as far as they are used.
+ *
+ * -DFMI3_FUNCTION_PREFIX=NAME_ puts NAME_ before each function, for FMUs that are linked statically.
+ */
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "instance.h"
+
+#ifdef FMI3_FUNCTION_PREFIX
+#define JOINED(prefix, name) prefix##name
+#define JOIN(prefix, name) JOINED(prefix, name)
+#define FUNCTION(name) JOIN(FMI3_FUNCTION_PREFIX, name)
+#else
+#define FUNCTION(name) name
+#endif
+#if defined _WIN32
+#define API(type, name) __declspec(dllexport) type FUNCTION(name)
+#else
+#define API(type, name) __attribute__((visibility("default"))) type FUNCTION(name)
+#endif
+
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } status_t;
+typedef uint32_t reference_t;
+typedef values_t instance_t;
+typedef const char *text_t;
+
+static status_t said(int32_t well)
+{
+    return well ? OK : ERROR;
+}
+
+API(text_t, fmi3GetVersion)(void) { return "3.0"; }
+
+API(status_t, fmi3SetDebugLogging)(instance_t *v, bool on, size_t count, const text_t *categories)
+{
+    (void)v, (void)on, (void)count, (void)categories;
+    return OK;
+}
+
+API(instance_t *, fmi3InstantiateCoSimulation)(text_t name, text_t token, text_t resources,
+                                               bool visible, bool logging, bool events, bool early,
+                                               const reference_t *between, size_t count,
+                                               void *environment, void (*log)(void),
+                                               void (*update)(void))
+{
+    instance_t *v = 0;
+    (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early;
+    (void)between, (void)count, (void)environment, (void)log, (void)update;
+    if (token && strcmp(token, TOKEN) == 0) {
+        v = malloc(sizeof *v);
+    }
+    if (v) {
+        reset_values(v);
+    }
+    return v;
+}
+
+API(void, fmi3FreeInstance)(instance_t *v) { free(v); }
+
+API(status_t, fmi3EnterInitializationMode)(instance_t *v, bool tolerant, double tolerance,
+                                           double begin, bool ends, double end)
+{
+    (void)tolerant, (void)tolerance, (void)ends, (void)end;
+    v->time = begin;
+    return OK;
+}
+
+API(status_t, fmi3ExitInitializationMode)(instance_t *v) { return said(evaluate(v, 0, 1)); }
+
+API(status_t, fmi3Terminate)(instance_t *v)
+{
+    (void)v;
+    return OK;
+}
+
+API(status_t, fmi3Reset)(instance_t *v)
+{
+    reset_values(v);
+    return OK;
+}
+
+API(status_t, fmi3GetFloat64)(instance_t *v, const reference_t *which, size_t count,
+                              double *numbers, size_t room)
+{
+    int32_t well = room == count;
+    for (size_t i = 0; well && i < count; i++) {
+        well &= get_number(v, which[i], &numbers[i]);
+    }
+    return said(well);
+}
+
+API(status_t, fmi3SetFloat64)(instance_t *v, const reference_t *which, size_t count,
+                              const double *numbers, size_t room)
+{
+    int32_t well = room == count;
+    for (size_t i = 0; well && i < count; i++) {
+        well &= set_number(v, which[i], numbers[i]);
+    }
+    return said(well);
+}
+
+API(status_t, fmi3GetInt32)(instance_t *v, const reference_t *which, size_t count,
+                            int32_t *numbers, size_t room)
+{
+    int32_t well = room == count;
+    for (size_t i = 0; well && i < count; i++) {
+        well &= which[i] == INSIDE;
+        numbers[i] = @NAME@_inside(v->input);
+    }
+    return said(well);
+}
+
+API(status_t, fmi3GetFMUState)(instance_t *v, void **saved)
+{
+    if (!*saved) {
+        *saved = malloc(sizeof *v);
+    }
+    if (*saved) {
+        memcpy(*saved, v, sizeof *v);
+    }
+    return said(*saved != 0);
+}
+
+API(status_t, fmi3SetFMUState)(instance_t *v, void *saved)
+{
+    memcpy(v, saved, sizeof *v);
+    return OK;
+}
+
+API(status_t, fmi3FreeFMUState)(instance_t *v, void **saved)
+{
+    (void)v;
+    free(*saved);
+    *saved = 0;
+    return OK;
+}
+
+API(status_t, fmi3SerializedFMUStateSize)(instance_t *v, void *saved, size_t *size)
+{
+    (void)saved;
+    *size = sizeof *v;
+    return OK;
+}
+
+API(status_t, fmi3SerializeFMUState)(instance_t *v, void *saved, uint8_t *bytes, size_t size)
+{
+    if (size != sizeof *v) {
+        return ERROR;
+    }
+    memcpy(bytes, saved, size);
+    return OK;
+}
+
+API(status_t, fmi3DeserializeFMUState)(instance_t *v, const uint8_t *bytes, size_t size,
+                                       void **saved)
+{
+    values_t read;
+    if (size != sizeof read) {
+        return ERROR;
+    }
+    memcpy(&read, bytes, size);
+    return read.mark == v->mark ? FUNCTION(fmi3GetFMUState)(&read, saved) : ERROR;
+}
+
+API(status_t, fmi3GetDirectionalDerivative)(instance_t *v, const reference_t *unknown, size_t rows,
+                                            const reference_t *input, size_t columns,
+                                            const double *seed, size_t seeds, double *change,
+                                            size_t room)
+{
+    int32_t well = seeds == columns && room == rows;
+    for (size_t j = 0; well && j < rows; j++) {
+        change[j] = 0;
+        for (size_t i = 0; i < columns; i++) {
+            double one = 0;
+            well &= slope(v, unknown[j], input[i], &one);
+            change[j] += one * seed[i];
+        }
+    }
+    return said(well);
+}
+
+API(status_t, fmi3GetAdjointDerivative)(instance_t *v, const reference_t *unknown, size_t rows,
+                                        const reference_t *input, size_t columns,
+                                        const double *seed, size_t seeds, double *change,
+                                        size_t room)
+{
+    int32_t well = seeds == rows && room == columns;
+    for (size_t i = 0; well && i < columns; i++) {
+        change[i] = 0;
+        for (size_t j = 0; j < rows; j++) {
+            double one = 0;
+            well &= slope(v, unknown[j], input[i], &one);
+            change[i] += one * seed[j];
+        }
+    }
+    return said(well);
+}
+
+/* Discarded where the model means nothing: the state and the time stay. */
+API(status_t, fmi3DoStep)(instance_t *v, double time, double dt, bool no_way_back, bool *events,
+                          bool *terminate, bool *early, double *last)
+{
+    const int32_t well = evaluate(v, dt, 1);
+    (void)no_way_back;
+    if (well) {
+        v->time = time + dt;
+    }
+    *events = *terminate = *early = false;
+    *last = v->time;
+    return well ? OK : DISCARD;
+}
+
+/* Modes of a co-simulation without events; each is entered and left without work. */
+#define MODE(name)                                                                                \
+    API(status_t, name)(instance_t * v)                                                           \
+    {                                                                                             \
+        (void)v;                                                                                  \
+        return OK;                                                                                \
+    }
+MODE(fmi3EnterStepMode)
+MODE(fmi3EnterConfigurationMode)
+MODE(fmi3ExitConfigurationMode)
+
+/* There are no variables of these types. */
+#define NONE(name, type)                                                                          \
+    API(status_t, name)(instance_t * v, const reference_t *which, size_t count, type *values,     \
+                        size_t room)                                                              \
+    {                                                                                             \
+        (void)v, (void)which, (void)values, (void)room;                                           \
+        return said(count == 0);                                                                  \
+    }
+#define NO_TYPE(name, type) NONE(fmi3Get##name, type) NONE(fmi3Set##name, const type)
+NO_TYPE(Float32, float)
+NO_TYPE(Int8, int8_t)
+NO_TYPE(UInt8, uint8_t)
+NO_TYPE(Int16, int16_t)
+NO_TYPE(UInt16, uint16_t)
+NO_TYPE(UInt32, uint32_t)
+NO_TYPE(Int64, int64_t)
+NO_TYPE(UInt64, uint64_t)
+NO_TYPE(Boolean, bool)
+NO_TYPE(String, text_t)
+NONE(fmi3SetInt32, const int32_t)
+
+/* What this FMU says that it cannot do, with the parameters of the standard. */
+#if defined __GNUC__
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+#define NOT(name, ...)                                                                            \
+    API(status_t, name)(instance_t * v, __VA_ARGS__)                                              \
+    {                                                                                             \
+        (void)v;                                                                                  \
+        return ERROR;                                                                             \
+    }
+#define OF const reference_t *which, size_t count
+NOT(fmi3GetBinary, OF, size_t *sizes, const uint8_t **values, size_t room)
+NOT(fmi3SetBinary, OF, const size_t *sizes, const uint8_t *const *values, size_t room)
+NOT(fmi3GetClock, OF, bool *values)
+NOT(fmi3SetClock, OF, const bool *values)
+NOT(fmi3GetOutputDerivatives, OF, const int32_t *orders, double *values, size_t room)
+NOT(fmi3GetNumberOfVariableDependencies, reference_t one, size_t *count)
+NOT(fmi3GetVariableDependencies, reference_t one, size_t *rows, reference_t *on, size_t *columns,
+    int *kinds, size_t count)

@@ -1,0 +1,131 @@
+/* The model @NAME@ as an instance of a co-simulation, for both versions of FMI.
+ *
+ * The inputs are the pose (and temperature and age where the model has effects of time), the outputs
+ * its wrench. What is read always belongs to the inputs as they are set. With effects of time a step
+ * takes the way from the pose of the step before to the inputs as straight and even; inputs that are
+ * changed after a step and read before the next one count as a sudden move, which the next step
+ * takes back.
+ */
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "@NAME@.h"
+
+#define HAS_STATE @STEPS@
+#define TOKEN "@TOKEN@"
+
+enum {
+    POSE = @N@,
+    INPUTS = POSE + 2 * HAS_STATE,
+    OUTPUTS = @M@,
+    /* value references */
+    TIME = 0,
+    FIRST_INPUT = 1,
+    FIRST_OUTPUT = FIRST_INPUT + INPUTS,
+    INSIDE = FIRST_OUTPUT + OUTPUTS
+};
+
+typedef struct {
+    uint64_t mark; /* of this model: a stored state of another one is refused */
+    double time;
+    double input[INPUTS];
+    double h[OUTPUTS], k[OUTPUTS * POSE];
+    int32_t known; /* whether h and k belong to the inputs */
+    int32_t begun;
+#if HAS_STATE
+    @NAME@_state state;
+#endif
+} values_t;
+
+static const double start[INPUTS] = {@START@};
+
+static void reset_values(values_t *v)
+{
+    memset(v, 0, sizeof *v);
+    v->mark = @MARK@;
+    memcpy(v->input, start, sizeof start);
+}
+
+/* h and k of the inputs, dt after the last step: 1, or 0 where the model means nothing */
+static int32_t evaluate(values_t *v, double dt, int32_t keep)
+{
+    double sum = 0;
+#if HAS_STATE
+    const @NAME@_conditions inputs = {v->input[POSE], v->input[POSE + 1]};
+    @NAME@_state state = v->state;
+    if (!v->begun && !@NAME@_init(&state, v->input)) {
+        return 0;
+    }
+    if (!@NAME@_step(&state, v->input, v->begun ? dt : 0, &inputs, v->h, v->k)) {
+        v->known = 0;
+        return 0;
+    }
+    if (keep) {
+        v->state = state;
+    }
+#else
+    (void)dt;
+    @NAME@_value_and_stiffness(v->input, v->h, v->k);
+#endif
+    if (keep) {
+        v->begun = 1;
+    }
+    for (int32_t j = 0; j < OUTPUTS; j++) {
+        sum += v->h[j] - v->h[j];
+    }
+    v->known = sum == 0;
+    return v->known;
+}
+
+static int32_t known(values_t *v)
+{
+    return v->known || evaluate(v, 0, 0);
+}
+
+static int32_t set_number(values_t *v, uint32_t reference, double number)
+{
+    const uint32_t i = reference - FIRST_INPUT;
+    if (reference < FIRST_INPUT || i >= INPUTS) {
+        return 0;
+    }
+    if (v->input[i] != number) {
+        v->input[i] = number;
+        v->known = 0;
+    }
+    return 1;
+}
+
+static int32_t get_number(values_t *v, uint32_t reference, double *number)
+{
+    if (reference == TIME) {
+        *number = v->time;
+    } else if (reference < FIRST_OUTPUT) {
+        *number = v->input[reference - FIRST_INPUT];
+    } else if (reference < INSIDE && known(v)) {
+        *number = v->h[reference - FIRST_OUTPUT];
+    } else {
+        return 0;
+    }
+    return 1;
+}
+
+/* The derivative of an output to an input at the inputs as they are set */
+static int32_t slope(values_t *v, uint32_t output, uint32_t input, double *found)
+{
+    const uint32_t j = output - FIRST_OUTPUT, i = input - FIRST_INPUT;
+    if (output < FIRST_OUTPUT || j >= OUTPUTS || input < FIRST_INPUT || i >= INPUTS || !known(v)) {
+        return 0;
+    }
+    if (i < POSE) {
+        *found = v->k[POSE * j + i];
+    } else { /* linear in temperature and age: the difference is exact */
+        values_t here = *v, more = *v;
+        more.input[i] += 1;
+        if (!evaluate(&here, 0, 0) || !evaluate(&more, 0, 0)) {
+            return 0;
+        }
+        *found = more.h[j] - here.h[j];
+    }
+    return 1;
+}

@@ -1,0 +1,1 @@
+"""The site of the documentation: pages are staged, generated ones added, and zensical builds it."""

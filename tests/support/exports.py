@@ -1,0 +1,55 @@
+"""Exported files on disk, the programs made from them, and models to export."""
+
+from __future__ import annotations
+
+import subprocess
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ecm.models import Model, fit_model
+from ecm.models.control import LoopSettings
+from ecm.models.export import export_files
+from support.campaigns import campaign, workspace_poses
+
+F = NDArray[np.float64]
+HEAD = LoopSettings(mass_kg=0.5, inertia_kg_m2=5e-4)
+"""A platform for simulations."""
+
+
+def written(
+    model: Model,
+    folder: Path,
+    target: str,
+    precision: str = "double",
+    name: str = "neck",
+    loop: LoopSettings | None = None,
+) -> Path:
+    """The folder with the files of a target."""
+    files = export_files(model, target, name, precision, loop).files  # type: ignore[arg-type]
+    for path, content in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(content.encode() if isinstance(content, str) else content)
+    return folder
+
+
+def done(*command: object, **settings: object) -> subprocess.CompletedProcess[str]:
+    """A program that has run."""
+    return subprocess.run(
+        [str(part) for part in command],
+        capture_output=True, text=True, check=False, timeout=600, **settings,
+    )  # type: ignore[call-overload,no-any-return]  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def fitted(name: str) -> Model:
+    """A model of the closed-form mechanism."""
+    return fit_model(campaign(seed=3), name)
+
+
+@lru_cache(maxsize=1)
+def thousand_poses() -> F:
+    """(1000, 6) poses of the workspace."""
+    return workspace_poses(1000, 17)
