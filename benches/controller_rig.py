@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ecm.effects.relaxation import StressRelaxation
 from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import FileMeta, Meta
+from ecm.io.description import FileMeta, Instrument, Meta
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.models.export import export_files
@@ -128,7 +128,10 @@ def readings(rig: Rig, seconds: float, rate_Hz: float, seed: int, fine: int = 1)
     h = h[rows] + WRENCH_SD * random.standard_normal(h[rows].shape)
     columns = {"time_s": time[rows], "temperature_degC": kelvin[rows]}
     columns |= dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
-    meta = Meta(file=FileMeta(kind="continuous"), mechanism={"length_m": L})
+    meta = Meta(
+        file=FileMeta(kind="continuous"), mechanism={"length_m": L},
+        instrument=Instrument(*NOISE.parameters().tolist()),
+    )  # fmt: skip
     return Table(columns, meta, f"motion {seed}")
 
 

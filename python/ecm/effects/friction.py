@@ -90,13 +90,13 @@ class Hysteresis(LinearEffect):
     def variants(self, table: Table) -> tuple[Effect, ...]:
         """Local stiffness, or that at rest; with time also springs that slip after three paths.
 
-        A continuous test has the path itself, along which springs slip.
+        A continuous test has the path itself, along which springs of the mid frame slip.
         """
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
         if is_continuous(table):
-            return (slipping[1], slipping[0], *slipping[2:])
+            return (slipping[1], slipping[0], slipping[2])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:

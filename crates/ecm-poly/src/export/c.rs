@@ -130,9 +130,6 @@ pub fn export_with_effects(
 /// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
 const PARTIAL: &str = include_str!("templates/stiffness.c");
 
-/// Range of an input without one: any finite number of either precision.
-const LIMIT: f64 = 3e38;
-
 /// The inputs of the steps as lines of a comment.
 fn input_table(effects: &Effects<f64>) -> String {
     let [temperature, age] = effects.input_words();
@@ -159,13 +156,9 @@ impl Steps {
             Precision::Double => f64::EPSILON,
         };
         let number = |x: f64| format!("{x:e}");
-        let stack = ((numbers + 300) * precision.size() + 800).next_multiple_of(16);
-        let ahead = stack + (STATE_NUMBERS + 40) * precision.size();
-        let own = |range: Option<[f64; 2]>| range.unwrap_or([-LIMIT, LIMIT]);
-        let ranges = [
-            own(effects.temperature_range_degc),
-            own(effects.age_range_s),
-        ];
+        let stack = ((numbers + 340) * precision.size() + 800).next_multiple_of(16);
+        let ahead = stack + (STATE_NUMBERS + 52) * precision.size();
+        let ranges = effects.input_ranges();
         let (header, source, kept) = if line {
             let source = include_str!("templates/stepper_line.c");
             (

@@ -168,9 +168,13 @@ fn steps<R: Real>(
     precision: Precision,
     numbers: usize,
 ) -> String {
-    let stack = ((numbers + 700) * precision.size() + 1200).next_multiple_of(16);
+    let stack = ((numbers + 500) * precision.size() + 1200).next_multiple_of(16);
     let ahead = (STATE_NUMBERS + 48) * precision.size() + 64;
     let [temperature, age] = exact.input_words();
+    let inputs = |end: usize| {
+        let [temperature, age] = exact.input_ranges().map(|range| number(range[end]));
+        format!("Inputs {{ temperature_degc: {temperature}, age_s: {age} }}")
+    };
     let range = |range: &Option<[R; 2]>| match range {
         Some(range) => format!("Some([{}])", list(range.iter().map(|&x| number(x)))),
         None => "None".to_string(),
@@ -201,6 +205,8 @@ fn steps<R: Real>(
             ("SETSHARE", &number(effects.set_share)),
             ("TEMPERATURES", &range(&effects.temperature_range_degc)),
             ("AGES", &range(&effects.age_range_s)),
+            ("LEASTINPUTS", &inputs(0)),
+            ("LARGESTINPUTS", &inputs(1)),
             ("TEMPERATUREWORDS", &temperature),
             ("AGEWORDS", &age),
             ("STEPSTACK", &stack.to_string()),

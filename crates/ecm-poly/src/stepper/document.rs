@@ -73,6 +73,12 @@ impl Effects<f64> {
         acting.join(", ")
     }
 
+    /// Ranges of temperature (°C) and age (s); where any will do, all finite numbers of f32.
+    pub fn input_ranges(&self) -> [[f64; 2]; 2] {
+        let known = [self.temperature_range_degc, self.age_range_s];
+        known.map(|range| range.unwrap_or([-3e38, 3e38]))
+    }
+
     /// Default and range of temperature (°C) and age (s), in words.
     pub fn input_words(&self) -> [String; 2] {
         let defaults = self.default_inputs();
