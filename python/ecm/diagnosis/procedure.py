@@ -33,7 +33,7 @@ from ecm.diagnosis.report import report
 from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
-from ecm.diagnosis.slow import may_be_slow_noise
+from ecm.diagnosis.slow import as_slow_noise, slow_noise_of
 from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
@@ -216,11 +216,12 @@ def find_missing(
         return decision
     most = max(settings.least_rows_of_log, alike.independent)
     again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
-    if again.verdict != "none":
-        slow = may_be_slow_noise(decision, stages.describe)
-        if slow is not None:
-            return slow
-    if (again.verdict, again.answer) == (decision.verdict, decision.answer):
+    slow = slow_noise_of(decision)
+    if slow is not None and slow.p >= settings.level and again.verdict != "none":
+        return as_slow_noise(decision, slow, stages.describe)
+    seen_beside = slow is not None and slow.p < settings.level
+    same = (again.verdict, again.answer) == (decision.verdict, decision.answer)
+    if same or (seen_beside and again.verdict == "none"):
         return decision
     return replace(again, neighbours_alike=True)
 

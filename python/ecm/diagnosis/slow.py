@@ -13,23 +13,18 @@ from ecm.diagnosis.gate import residual_after
 from ecm.diagnosis.unexplained import Unknown
 from ecm.io.arrays import I
 from ecm.regression.approach import order_of_visits
-from ecm.regression.slow_noise import slow_noise
+from ecm.regression.slow_noise import SlowNoise, slow_noise
 
 _MOST_ROWS = 600
 """Rows that are used, evenly over the log: neighbours of slow noise tell the same."""
 
 
-def may_be_slow_noise(decision: Decision, describe: Callable[..., Unknown]) -> Decision | None:
-    """Return the verdict `unknown` where slow noise gives as much as any effect; else None.
+def slow_noise_of(decision: Decision) -> SlowNoise | None:
+    """Return the noise of a log with its slow part; None without a time or where it is white.
 
-    All shapes of all effects are looked for beside noise with a slow part, and in noise drawn from
-    its fit. So an effect that repeats itself, or a steady one, is still named, and a bend that
-    slow noise makes as well is not.
-
-    Parameters
-    ----------
-    describe
-        Stage that describes what is left.
+    All shapes of all effects are looked for beside it, and in noise drawn from its fit. So an
+    effect that repeats itself, or a steady one, is seen, and a bend that slow noise makes as well
+    is not.
     """
     problem = decision.problem
     if not problem.table.has("time_s"):
@@ -37,7 +32,7 @@ def may_be_slow_noise(decision: Decision, describe: Callable[..., Unknown]) -> D
     columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
     place = {int(c): i for i, c in enumerate(columns)}
     root = np.sqrt(problem.weights)[:, None]
-    found = slow_noise(
+    return slow_noise(
         problem.table.column("time_s"),
         _fewer(order_of_visits(problem.table)),
         problem.response * root,
@@ -45,17 +40,28 @@ def may_be_slow_noise(decision: Decision, describe: Callable[..., Unknown]) -> D
         problem.design[:, :, columns] * root[:, :, None],
         [tuple(place[c] for c in item.columns) for item in problem.candidates],
     )
-    if found is None or found.p < problem.settings.level:
-        return None
+
+
+def as_slow_noise(
+    decision: Decision, noise: SlowNoise, describe: Callable[..., Unknown]
+) -> Decision:
+    """Return the verdict that slow noise gives as much as any effect.
+
+    Parameters
+    ----------
+    describe
+        Stage that describes what is left.
+    """
+    problem = decision.problem
     unknown = describe(problem, residual_after(problem, ()), (), decision.gate.structure)
     said = replace(
         unknown,
-        words=found.words(),
+        words=noise.words(),
         variables=("time_s",),
         relevance={},
         nearest=None,
         template="",
-        slow_noise=found,
+        slow_noise=noise,
     )
     nothing = Accepted(checks=decision.accepted.checks)
     return replace(decision, accepted=nothing, verdict="unknown", unknown=said)
