@@ -101,6 +101,13 @@ impl Model {
     }
 }
 
+/// Names of the columns in a document's list, with commas between.
+pub(super) fn columns(document: &Map<String, Value>, key: &str) -> String {
+    let list = document.get(key).and_then(Value::as_array);
+    let names = list.into_iter().flatten().filter_map(Value::as_str);
+    names.collect::<Vec<_>>().join(", ")
+}
+
 /// All numbers of a nested list, row by row.
 fn numbers(value: Option<&Value>) -> Vec<f64> {
     match value {

@@ -28,6 +28,7 @@ class Target(str, Enum):
     rust = "rust", "a no_std crate with the same"
     mujoco = "mujoco", "a passive plugin, scenes that load it, the linear part alone"
     fmu = "fmu", "FMI 2.0 and 3.0 for co-simulation, with sources and binaries"
+    opensim = "opensim", "ExpressionBasedBushingForce of all six deflections"
 
 
 class Precision(str, Enum):
