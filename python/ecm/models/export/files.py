@@ -161,8 +161,8 @@ def export_files(
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
-    Also notes, and the change by folding over the noise. A map without code of its own, such as a rod
-    or a learned one, becomes an energy as well.
+    Also notes, and the change by folding over the noise. A map without code of its own, such as
+    a rod or a learned one, becomes an energy as well.
     """
     acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
     bare = replace(model, effects=(), history=(), correlations=())
