@@ -16,7 +16,10 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Processes that share the tests: one a core, at most four.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 4 ? n : 4)))
 
-.PHONY: demo test docs setup build build-demo test-rust test-python wheel deny semver bench-diagnose bench-blind clean
+# The oldest compiler that the crates promise.
+OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+
+.PHONY: demo test docs setup build build-demo test-rust test-python wheel release-check oldest-rust deny semver bench-diagnose bench-blind clean
 
 demo: build-demo
 	@$(BIN)/ecm identify examples/neck.toml --out demo
@@ -25,7 +28,9 @@ demo: build-demo
 test: test-rust test-python
 
 docs: build
-	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite
+	@$(STEP) "Pages of the crates by rustdoc" $(CARGO) doc --quiet --no-deps \
+	  -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
+	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
 	@echo "Open site/index.html in a browser."
 
 setup: $(VENV)/.ready
@@ -69,6 +74,17 @@ test-python: build
 
 wheel: setup
 	$(BIN)/maturin build --release --out dist
+
+# Everything of a release that one Linux machine can try: wheels for Linux and Windows, installed and
+# used, the source archive, the crates (long; CHECKS="versions linux" runs these only).
+release-check: setup
+	@$(STEP) "Python packages for a release" sh -c "$(PIP) --group release"
+	PATH="$(CURDIR)/$(BIN):$$PATH" PYTHONPATH=scripts $(BIN)/python -m release.check $(CHECKS)
+
+# The oldest compiler that Cargo.toml promises (needs rustup).
+oldest-rust:
+	rustup toolchain install --profile minimal $(OLDEST_RUST)
+	$(CARGO) +$(OLDEST_RUST) check --locked --workspace
 
 # Licences, sources and security advisories of the dependencies (needs cargo-deny and the network).
 deny:

@@ -6,13 +6,34 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from os.path import relpath
 from pathlib import Path
 
+from docsite import (
+    cli_page,
+    errors_page,
+    json_page,
+    notebook_page,
+    python_page,
+    rust_page,
+    settings_page,
+)
 from docsite.maths import with_maths
 from docsite.pages import DOCS, ROOT, file_name, source_pages, with_site_links
 
-GENERATED: dict[str, Callable[[], str]] = {}
+GENERATED: dict[str, Callable[[], str]] = {
+    "reference/commands.md": cli_page.page,
+    "reference/toml.md": settings_page.page,
+    "reference/errors.md": errors_page.page,
+    "reference/json.md": json_page.page,
+    "reference/rust.md": rust_page.page,
+    **{
+        notebook_page.name_of(path): partial(notebook_page.page, path)
+        for path in notebook_page.NOTEBOOKS
+    },
+    **{python_page.name_of(room): partial(python_page.page, room) for room in python_page.ROOMS},
+}
 """Pages that the code writes, by their name in the site."""
 
 _FOREIGN = 'src="https://unpkg.com/iframe-worker/shim"'

@@ -66,3 +66,41 @@ def test_what_the_model_explains_is_no_slow_noise() -> None:
     )
     found = find_missing(ecm.fit_model(table, "energy4"), table, effects=["fts_offset"])
     assert len(found.problem.table) == 3000
+
+
+@pytest.mark.parametrize(("seed", "correlation_s"), [(2, 1.0), (1, 3.0)])
+def test_noise_that_stays_alike_for_seconds_is_no_effect(seed: int, correlation_s: float) -> None:
+    """Too few independent readings to thin the rows: slow noise is fitted beside each effect."""
+    table = slow_log(seed, correlation_s)
+    found = ecm.diagnose(ecm.fit(table, "cubic"), table)
+    assert found.answer == ()
+    assert found.unknown is not None
+    slow = found.unknown.slow_noise
+    assert slow is not None
+    assert 0.5 * correlation_s < slow.time_s < 2.0 * correlation_s
+    assert "or an effect as slow" in found.sentence()
+    assert "a pause, or the same motion again" in found.sentence()
+    assert found.to_dict()["unknown"]["slow_noise"]["p"] == slow.p
+
+
+@pytest.mark.parametrize("id", ["fts_drift", "kink"])
+def test_an_effect_is_still_named_in_slow_noise(id: str) -> None:
+    table = slow_log(0, 1.0)
+    more = {
+        "fts_drift": 0.05 * table["time_s"] / table["time_s"][-1],
+        "kink": 0.6 * np.maximum(0.0, table["theta_z_rad"] - 0.15),
+    }[id]
+    table = table.with_columns({"tau_z_Nm": table["tau_z_Nm"] + more})
+    ((members),) = find_missing(ecm.fit(table, "cubic"), table).answer
+    assert members[0] == id
+    assert len(members) <= 3
+
+
+def test_an_effect_that_slow_noise_does_not_give_is_not_hidden() -> None:
+    """A hundred rows show no kink of half the noise, but beside slow noise it is seen."""
+    table = slow_log(0, 1.0)
+    kink = 0.3 * np.maximum(0.0, table["theta_z_rad"] - 0.15)
+    table = table.with_columns({"tau_z_Nm": table["tau_z_Nm"] + kink})
+    found = find_missing(ecm.fit(table, "cubic"), table)
+    assert found.verdict != "none"
+    assert found.unknown is None or found.unknown.slow_noise is None

@@ -115,6 +115,14 @@ def test_ecm_poly_builds_for_a_cortex_m(features: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_model_files_open_with_alloc_alone() -> None:
+    # What these lines let in is compiled for a Cortex-M by the test above.
+    root = (ROOT / "crates/ecm-poly/src/lib.rs").read_text(encoding="utf-8")
+    for names in ("EnergyModel", "{PoseModel, PosePolynomial}", "{open_model, seal_model}"):
+        line = rf'#\[cfg\(feature = "alloc"\)\]\npub use \w+::{re.escape(names)};'
+        assert re.search(line, root), names
+
+
 def test_figures_of_the_designs_stand_in_one_place() -> None:
     text = (ROOT / "crates/ecm-doe/README.md").read_text(encoding="utf-8")
     assert "docs/designs.md" in text

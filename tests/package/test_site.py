@@ -14,6 +14,9 @@ from support.programs import need_packages
 
 LOADED = re.compile(r'<(?:script|img|link|iframe)\b[^>]*?(?:src|href)="([^"]+)"')
 
+FOUND = "[...document.querySelectorAll('div')].find(part => part.shadowRoot).shadowRoot"
+"""The window of the search."""
+
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -43,9 +46,11 @@ def test_a_page_opened_from_the_disk_searches_and_asks_nobody(site: Path) -> Non
         page.until("document.querySelectorAll('math').length > 3")
         assert page.js("document.documentElement.scrollWidth") <= 360
         page.size(1280, 900)
+        page.until("document.readyState === 'complete'")
         page.click(".md-search__button")
+        page.until(f"{FOUND}.activeElement.tagName === 'INPUT'")
         page.call("Input.insertText", text="lack-of-fit")
-        page.until("document.body.innerText.includes('Benchmarks / Diagnosis')")
+        page.until(f"{FOUND}.textContent.includes('F statistic')")
         assert [asked for asked in page.problems() if not asked.startswith("file:")] == []
 
 

@@ -12,12 +12,18 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import pytest
+
+from ecm.cli import run as ecm
 
 FENCE = re.compile(r"^```(\w+)(?: +(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -51,15 +57,45 @@ def run(command: list[str], cwd: Path, where: str) -> str:
     return done.stdout
 
 
-def follow(found: list[Block], page: str, folder: Path) -> str | None:
+def run_apart(block: Block, folder: Path, where: str) -> str:
+    """Run a block in a process of its own; what it prints."""
+    how = [sys.executable, "-c"] if block.language == "python" else ["bash", "-euc"]
+    return run([*how, block.text], folder, where)
+
+
+def run_here(block: Block, folder: Path, where: str) -> str:
+    """Run a block in this process and folder, where it is Python or plain commands of `ecm`.
+
+    Nothing is imported again, which is most of the time of a short command.
+    """
+    printed, before = StringIO(), Path.cwd()
+    os.chdir(folder)
+    try:
+        with redirect_stdout(printed):
+            if block.language == "python":
+                exec(compile(block.text, where, "exec"), {"__name__": "__main__"})
+            else:
+                for line in block.text.replace("\\\n", " ").splitlines():
+                    program, *arguments = shlex.split(line, comments=True)
+                    assert program == "ecm", f"{where}: only plain commands of ecm: {line}"
+                    assert ecm(arguments) == 0, f"{where}: {line} failed\n{printed.getvalue()}"
+    finally:
+        os.chdir(before)
+    return printed.getvalue()
+
+
+def follow(
+    found: list[Block],
+    page: str,
+    folder: Path,
+    run_block: Callable[[Block, Path, str], str] = run_apart,
+) -> str | None:
     """Run the blocks of a page in a folder; what the last one prints, where nothing checked it."""
     printed: str | None = None
     for block in found:
         where = f"{page}:{block.line}"
-        if block.language == "python" and not block.name:
-            printed = run([sys.executable, "-c", block.text], folder, where)
-        elif block.language == "sh":
-            printed = run(["bash", "-euc", block.text], folder, where)
+        if (block.language == "python" and not block.name) or block.language == "sh":
+            printed = run_block(block, folder, where)
         elif block.language in ("toml", "csv", "python"):
             assert block.name, f"{where}: a {block.language} block needs a file name"
             (folder / block.name).write_text(block.text, encoding="utf-8")

@@ -52,7 +52,7 @@ impl Arithmetic<f32> for Fused {
 }
 
 /// Work that is compiled twice: for any machine, and for machines with AVX2 and FMA.
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub trait Task: Sized {
     /// Result of the work.
     type Output;
@@ -60,11 +60,11 @@ pub trait Task: Sized {
     fn run<A: Arithmetic<f64> + Arithmetic<f32>>(self) -> Self::Output;
 }
 
-/// Runs a task with AVX2 and FMA where this machine has them.
-#[cfg(feature = "std")]
+/// Runs a task with AVX2 and FMA where this machine has them, which only std can ask.
+#[cfg(feature = "alloc")]
 #[inline]
 pub fn dispatch<T: Task>(task: T) -> T::Output {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(feature = "std", target_arch = "x86_64"))]
     if let Some(machine) = pulp::x86::V3::try_new() {
         return machine.vectorize(WithFma(task));
     }

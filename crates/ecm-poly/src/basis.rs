@@ -51,14 +51,14 @@ pub fn advance(exponents: &mut [u8]) {
 /// assert_eq!(rows, [0, 0, 1, 0, 0, 1, 2, 0, 1, 1, 0, 2]);
 /// # Ok(()) }
 /// ```
-#[cfg(feature = "std")]
-pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crate::ModelError> {
+#[cfg(feature = "alloc")]
+pub fn exponents(inputs: usize, degree: usize) -> Result<alloc::vec::Vec<u8>, crate::ModelError> {
     use crate::error::ModelError;
 
     if inputs == 0 || inputs > 255 || degree > 20 {
         return Err(ModelError::Setting {
             name: "degree",
-            found: std::format!("{degree} of {inputs} inputs"),
+            found: alloc::format!("{degree} of {inputs} inputs"),
             expected: "1 to 255 inputs and a degree of at most 20",
         });
     }
@@ -66,11 +66,11 @@ pub fn exponents(inputs: usize, degree: usize) -> Result<std::vec::Vec<u8>, crat
         .filter(|&k| k <= 1_000_000 && k * inputs <= 20_000_000)
         .ok_or_else(|| ModelError::Setting {
             name: "degree",
-            found: std::format!("degree {degree} of {inputs} inputs"),
+            found: alloc::format!("degree {degree} of {inputs} inputs"),
             expected: "at most a million terms: take a lower degree",
         })?;
-    let mut current = std::vec![0; inputs];
-    let mut table = std::vec::Vec::with_capacity(k * inputs);
+    let mut current = alloc::vec![0; inputs];
+    let mut table = alloc::vec::Vec::with_capacity(k * inputs);
     for _ in 0..k {
         table.extend_from_slice(&current);
         advance(&mut current);
@@ -102,7 +102,7 @@ mod tests {
             text
         };
         let table = exponents(3, 3).unwrap();
-        let found: std::vec::Vec<_> = table.chunks(3).map(names).collect();
+        let found: alloc::vec::Vec<_> = table.chunks(3).map(names).collect();
         assert_eq!(
             found.join(" "),
             " x y z xx xy xz yy yz zz xxx xxy xxz xyy xyz xzz yyy yyz yzz zzz"
@@ -113,7 +113,7 @@ mod tests {
         #[test]
         fn every_monomial_once_in_order(inputs in 1usize..7, degree in 0usize..6) {
             let table = exponents(inputs, degree).unwrap();
-            let rows: std::vec::Vec<&[u8]> = table.chunks(inputs).collect();
+            let rows: alloc::vec::Vec<&[u8]> = table.chunks(inputs).collect();
             prop_assert_eq!(rows.len(), number_of_terms(inputs, degree).unwrap());
             let total = |row: &[u8]| row.iter().map(|&e| u32::from(e)).sum::<u32>();
             for pair in rows.windows(2) {

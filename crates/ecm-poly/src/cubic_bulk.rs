@@ -1,8 +1,8 @@
 //! Evaluation of a cubic pose-to-wrench map at many points, with the SIMD instructions of this machine
 //! and on all its cores.
 
-use std::hint::black_box;
-use std::vec::Vec;
+use alloc::vec::Vec;
+use core::hint::black_box;
 
 use ecm_se3::{Mat6, Vec6};
 

@@ -1,7 +1,7 @@
 //! Errors of model data and model files.
 
-use std::string::String;
-use std::vec::Vec;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 use ecm_se3::{Pose, PoseError, Vec6};
 

@@ -2,8 +2,8 @@
 //! energies in mid-frame coordinates, both with analytic stiffness.
 //!
 //! Evaluation ([`polynomial`], [`energy`]) needs neither std nor allocation. The feature `binary` reads
-//! energies from bytes into memory of fixed size, `alloc` into memory of their own; fitting and
-//! model files (JSON) need `std`.
+//! energies from bytes into memory of fixed size, `alloc` model files (JSON) into memory of their own;
+//! fitting, many poses at once and the export need `std`.
 #![no_std]
 
 #[cfg(feature = "alloc")]
@@ -22,39 +22,41 @@ pub mod stepper;
 #[cfg(feature = "std")]
 pub mod uncertainty;
 
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod cubic_bulk;
 #[cfg(feature = "std")]
 pub mod dense;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod error;
 #[cfg(feature = "std")]
 pub mod export;
 #[cfg(feature = "std")]
 pub mod metrics;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod model_file;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod parallel;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod polynomial_model;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod pose_model;
 #[cfg(feature = "std")]
 pub mod regression;
 
 pub use ecm_se3::{Pose, PoseError, Wrench};
+#[cfg(feature = "std")]
+pub use energy::EnergyFit;
+#[cfg(feature = "alloc")]
+pub use energy::EnergyModel;
 pub use energy::Symmetry;
-#[cfg(feature = "std")]
-pub use energy::{EnergyFit, EnergyModel};
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use error::{ModelError, checked_poses};
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use model_file::{open_model, seal_model};
 pub use polynomial::Polynomial;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use polynomial_model::PolynomialModel;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use pose_model::{PoseModel, PosePolynomial};
 #[cfg(feature = "std")]
 pub use regression::Method;

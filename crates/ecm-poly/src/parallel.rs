@@ -1,7 +1,8 @@
-//! Rows shared out among the cores, with the same bytes on any number of them.
+//! Rows shared out among the cores, with the same bytes on any number of them; one core without std.
 
-use std::vec::Vec;
+use alloc::vec::Vec;
 
+#[cfg(feature = "std")]
 use rayon::prelude::*;
 
 /// Most rows of one piece of work: some 0.1 ms, a hundred times what it costs to hand it to a thread.
@@ -16,15 +17,16 @@ where
     T: Copy + Send,
     F: Fn(&[P], &mut [T]) + Sync,
 {
-    let mut results = std::vec![zero; rows.len()];
-    if rows.len() <= PIECE || rayon::current_num_threads() == 1 {
-        // The same pieces without handing them to another thread.
-        let pieces = results.chunks_mut(PIECE).zip(rows.chunks(PIECE));
-        pieces.for_each(|(results, rows)| of_piece(rows, results));
-    } else {
+    let mut results = alloc::vec![zero; rows.len()];
+    #[cfg(feature = "std")]
+    if rows.len() > PIECE && rayon::current_num_threads() > 1 {
         let pieces = results.par_chunks_mut(PIECE).zip(rows.par_chunks(PIECE));
         pieces.for_each(|(results, rows)| of_piece(rows, results));
+        return results;
     }
+    // The same pieces without handing them to another thread.
+    let pieces = results.chunks_mut(PIECE).zip(rows.chunks(PIECE));
+    pieces.for_each(|(results, rows)| of_piece(rows, results));
     results
 }
 
@@ -43,9 +45,16 @@ where
     if rows.len() <= PIECE * width {
         return of_piece(rows, results);
     }
+    let (rows_of_piece, results_of_piece) = ((PIECE * width).max(1), (PIECE * result_width).max(1));
+    #[cfg(feature = "std")]
+    return results
+        .par_chunks_mut(results_of_piece)
+        .zip(rows.par_chunks(rows_of_piece))
+        .try_for_each(|(results, rows)| of_piece(rows, results));
+    #[cfg(not(feature = "std"))]
     results
-        .par_chunks_mut((PIECE * result_width).max(1))
-        .zip(rows.par_chunks((PIECE * width).max(1)))
+        .chunks_mut(results_of_piece)
+        .zip(rows.chunks(rows_of_piece))
         .try_for_each(|(results, rows)| of_piece(rows, results))
 }
 

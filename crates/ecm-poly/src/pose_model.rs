@@ -4,8 +4,8 @@
 //! of them a file holds, have the same method `wrench_and_stiffness`. Targets without an allocator take
 //! the crate of constants that `ecm export --to rust` writes.
 
-use std::format;
-use std::string::{String, ToString};
+use alloc::format;
+use alloc::string::{String, ToString};
 
 use ecm_se3::{Mat6, Pose, Wrench};
 use serde_json::{Map, Value};
@@ -13,9 +13,9 @@ use serde_json::{Map, Value};
 use crate::cubic_bulk;
 use crate::energy::EnergyModel;
 use crate::error::ModelError;
-use crate::export::model::Model;
 use crate::model_file::map::{POSE, WRENCH};
 use crate::model_file::open_model;
+use crate::model_file::opened::Model;
 use crate::polynomial_model::PolynomialModel;
 
 /// Inputs times (degree + 1), at the highest degree 20.

@@ -12,7 +12,7 @@ from ecm.diagnosis.bounds import Bounded, bounded_estimate
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import F
-from ecm.regression.f_test import FTest, lack_of_fit, omnibus_test
+from ecm.regression.f_test import FTest, lack_of_fit, omnibus_test, with_sign_chance
 from ecm.regression.repeats import repeat_cells
 
 
@@ -53,7 +53,7 @@ def gate(problem: Problem) -> Gate:
     smooth = omnibus_test(
         problem.response, problem.smooth_columns, problem.base_block, problem.weights
     )
-    tests = [_by_component(problem) if problem.noise.source == "assumed" else smooth]
+    tests = [_by_component(problem, smooth)]
     rows = np.arange(len(problem.table))
     cells = lack_of_fit(
         problem.response,
@@ -69,19 +69,24 @@ def gate(problem: Problem) -> Gate:
     return Gate(best.F, p, p < problem.settings.level, smooth, structure)
 
 
-def _by_component(problem: Problem) -> FTest:
-    """Test for smooth functions with each component over its own scatter.
+def _by_component(problem: Problem, smooth: FTest) -> FTest:
+    """Test for smooth functions where the noise of the components may be stated wrongly.
 
-    Nothing is known of the components' noise: what scatters more than was assumed is no structure.
+    Where nothing is known of it, each component is over its own scatter: what scatters more than
+    was assumed is no structure. Components that err together are no independent readings.
     """
-    spread = np.sqrt((problem.response**2).mean(axis=0))
-    spread = np.where(spread > 0.0, spread, 1.0)
-    return omnibus_test(
+    spread = np.ones(problem.response.shape[1])
+    if problem.noise.source == "assumed":
+        spread = np.sqrt((problem.response**2).mean(axis=0))
+        spread = np.where(spread > 0.0, spread, 1.0)
+    over = (
         problem.response / spread,
         problem.smooth_columns / spread[:, None],
         problem.base_block / spread[:, None],
         problem.weights,
     )
+    test = omnibus_test(*over) if problem.noise.source == "assumed" else smooth
+    return with_sign_chance(test, *over)
 
 
 def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Leftover:

@@ -173,7 +173,9 @@ def judge_given_model(
     # Of the same form as the base, what the base lacks the model lacks as well.
     lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
     answer = _answer(result.missing, refitted is not None and not still, decision)
-    if lacks_the_same:
+    if decision.unknown is not None and decision.unknown.slow_noise is not None:
+        answer = "fits"
+    elif lacks_the_same:
         answer = "effect"
     if result.missing and decision.unknown is not None and decision.unknown.misread:
         answer = "table"

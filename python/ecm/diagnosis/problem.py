@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ecm.comparison.residuals import feature_columns
+from ecm.diagnosis.noise_scale import Shapes, noise_variance, significant_columns
 from ecm.diagnosis.score_columns import effect_columns, score_columns
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.io.arrays import B, F, I
 from ecm.models.joint_fit import JointFit, base_columns, joint_fit
 from ecm.models.noise_estimate import declared_or_fitted, estimate_noise
-from ecm.regression.f_test import omnibus_test
 from ecm.regression.folds import is_pose_row, row_groups
 from ecm.regression.noise import Noise, whiteners
 from ecm.regression.normal_equations import (
     NormalEquations,
     difference,
     explained_by_blocks,
+    explained_squares,
     projected_out,
 )
 
@@ -83,6 +84,8 @@ class Problem:
     """Normal equations of the design by group of rows."""
     scale: float
     """Variance that no column explains; 1 where the noise is right."""
+    scale_freedom: int
+    """Its degrees of freedom; 0 where the rows do not tell it."""
     base_error: float
     """Whitened rms of the base's own error."""
     settings: DiagnosisSettings
@@ -103,6 +106,12 @@ class Problem:
     def base_block(self) -> F:
         """(N, m, k) columns of the base, which a test must give its degrees of freedom."""
         return self.design[:, :, : self.n_base] if self.n_base else self.projected_base
+
+    @cached_property
+    def squares_beside_base(self) -> float:
+        """Weighted squares of the response that the base leaves."""
+        matrix, vector, total = self.normal.total()
+        return max(total - explained_squares(matrix, vector, self.base_index), 0.0)
 
     @cached_property
     def equations(self) -> tuple[F, F]:
@@ -236,6 +245,7 @@ def assemble(
         untestable=untestable,
         normal=NormalEquations.of(design, response, groups, weights),
         scale=1.0,
+        scale_freedom=0,
         base_error=_base_error(base, rows, whitener),
         settings=settings,
     )
@@ -244,16 +254,28 @@ def assemble(
 
 def _scaled(problem: Problem) -> Problem:
     """Return the problem with the variance that neither effects nor smooth functions explain."""
-    most = max(1, problem.size // (3 * problem.response.shape[1]))
-    everything = np.concatenate(
-        [problem.design[:, :, problem.leading], omnibus_columns(problem, most)], axis=2
+    settings = problem.settings
+    matrix, vector, _ = problem.normal.total()
+    base = problem.base_block.shape[2]
+    offered = (*problem.candidates, *problem.imitators)
+    taken = significant_columns(
+        (matrix, vector),
+        problem.squares_beside_base,
+        problem.size - base,
+        problem.base_index,
+        Shapes([item.columns for item in offered], [item.id for item in offered]),
+        settings.level,
     )
-    test = omnibus_test(problem.response, everything, problem.base_block, problem.weights)
-    if test.dof_error <= 0:
+    known = np.concatenate([problem.base_block, problem.design[:, :, taken]], axis=2)
+    smooth = omnibus_columns(problem, problem.size // (3 * problem.response.shape[1]))
+    variance, freedom = noise_variance(
+        problem.response, problem.weights, known, smooth, settings.level
+    )
+    if not freedom:
         return problem
     # Where nothing is known of the noise, it is taken from the residual: then it may be tiny.
     least = 1e-6 if problem.noise.components and problem.noise.source == "assumed" else 0.25
-    return replace(problem, scale=float(np.clip(test.rest / test.dof_error, least, np.inf)))
+    return replace(problem, scale=max(variance, least), scale_freedom=freedom)
 
 
 def with_more(problem: Problem, effects: Sequence[Effect]) -> tuple[Problem, list[Candidate]]:

@@ -33,6 +33,7 @@ from ecm.diagnosis.report import report
 from ecm.diagnosis.result import Diagnosis
 from ecm.diagnosis.search import Ranked, rank, search
 from ecm.diagnosis.settings import DEFAULTS, DiagnosisSettings
+from ecm.diagnosis.slow import as_slow_noise, slow_noise_of
 from ecm.diagnosis.stated_numbers import ratio_warning
 from ecm.diagnosis.unexplained import Unknown, describe_residual
 from ecm.diagnosis.whiteness import Pattern, find_pattern
@@ -42,7 +43,7 @@ from ecm.io.table import as_table
 from ecm.models.by_degree import symmetric_energy
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.blas import one_blas_thread
-from ecm.regression.correlation import correlation_of_rest
+from ecm.regression.correlation import CorrelationTime, correlation_of_rest
 from ecm.regression.noise import Noise
 
 if TYPE_CHECKING:
@@ -192,8 +193,8 @@ def find_missing(
     Parameters are those of `diagnose`. Where the stated body is not the one that was measured,
     effects are named against the symmetric energy model instead. Where the effects found leave
     a residual in which neighbours are alike, the rows are not that many readings: fewer of them
-    are asked again, and where they answer otherwise they decide, so that slow noise is not taken
-    for an effect.
+    are asked again, and where they answer otherwise they decide; where no effect explains more than
+    it would of slow noise, this is said in place of a name.
 
     Examples
     --------
@@ -210,26 +211,28 @@ def find_missing(
         return _of_rows(model, prepared, seed=seed, noise=noise, settings=limits, stages=stages)
 
     decision = of_rows(settings)
-    most = _independent_rows(decision)
-    if most is None:
+    alike = _neighbours_alike(decision)
+    if alike is None:
         return decision
-    again = of_rows(replace(settings, most_rows=most))
-    if (again.verdict, again.answer) == (decision.verdict, decision.answer):
+    most = max(settings.least_rows_of_log, alike.independent)
+    again = of_rows(replace(settings, most_rows=most)) if most < len(table) else decision
+    slow = slow_noise_of(decision)
+    if slow is not None and slow.p >= settings.level and again.verdict != "none":
+        return as_slow_noise(decision, slow, stages.describe)
+    seen_beside = slow is not None and slow.p < settings.level
+    same = (again.verdict, again.answer) == (decision.verdict, decision.answer)
+    if same or (seen_beside and again.verdict == "none"):
         return decision
     return replace(again, neighbours_alike=True)
 
 
-def _independent_rows(decision: Decision) -> int | None:
-    """Return how many rows to use where what is left makes neighbours alike; None: all."""
-    problem = decision.problem
-    if decision.verdict == "none":
+def _neighbours_alike(decision: Decision) -> CorrelationTime | None:
+    """Return how long what is left of a log stays alike; None where neighbours differ."""
+    misread_table = decision.unknown is not None and decision.unknown.misread
+    if decision.verdict == "none" or misread_table:
         return None
-    rest = residual_after(problem, decision.accepted.effects)
-    alike = correlation_of_rest(problem.table, rest)
-    if alike is None:
-        return None
-    most = max(problem.settings.least_rows_of_log, alike.independent)
-    return most if most < len(problem.table) else None
+    rest = residual_after(decision.problem, decision.accepted.effects)
+    return correlation_of_rest(decision.problem.table, rest)
 
 
 def _of_rows(

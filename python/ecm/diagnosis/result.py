@@ -202,6 +202,9 @@ class Diagnosis:
                 if self.unknown.statement is not None:
                     first = "The table looks misread"
                 return f"{first}: {words}."
+            if self.unknown is not None and self.unknown.slow_noise is not None:
+                apart = "a pause, or the same motion again or at another speed, would"
+                return f"What is left is {words}; {apart}."
             listed = ", ".join(item.id for item in self.effects)
             already = f" beside {listed}, which is a part of it," if listed else ""
             return f"Something is missing{already} that no known effect explains: {words}{near}."

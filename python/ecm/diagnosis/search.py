@@ -134,14 +134,18 @@ def best_shapes(
 def _p_values(problem: Problem, drops: F, parameters: I) -> F:
     """Return the chance of such falls where nothing is missing but the base's own error.
 
-    The base errs by base_error of the noise; an effect may catch a third of that in squares.
+    The noise is estimated from the rows that no column explains: of few of them, chance gives more
+    (F in place of chi²). The base errs by base_error of the noise; an effect may catch a third of
+    that in squares.
     """
+    freedom = max(1, problem.scale_freedom)
+    seen = special.fdtrc(parameters, freedom, np.maximum(drops, 0.0) / parameters)
     caught = problem.size * problem.base_error**2 / 3.0
     if caught > 1e-6:
         # Only its tail is exact far out. It takes a second to load, which scipy does here.
         chances = scipy.stats.ncx2.sf(drops, parameters, caught)
-        return np.asarray(np.clip(chances, 0.0, 1.0))
-    return np.asarray(special.chdtrc(parameters, drops))
+        return np.asarray(np.clip(np.maximum(chances, seen), 0.0, 1.0))
+    return np.asarray(seen)
 
 
 def delta_bic(problem: Problem, chosen: Sequence[Candidate]) -> float:

@@ -15,6 +15,7 @@ from ecm.diagnosis.search import rank
 from ecm.diagnosis.statements import WrongStatement
 from ecm.diagnosis.whiteness import Pattern
 from ecm.io.arrays import F
+from ecm.regression.slow_noise import SlowNoise
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Unknown:
     """Whether the words say what looks wrong with the table: a unit, a sign, an axis."""
     pattern: Pattern | None = field(default=None, metadata={"optional": True})
     """What the residual follows that no smooth function shows."""
+    slow_noise: SlowNoise | None = field(default=None, metadata={"optional": True})
+    """Noise that stays alike along time, which gives as much as any effect would."""
 
 
 def describe_residual(

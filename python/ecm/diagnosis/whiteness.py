@@ -94,6 +94,7 @@ def _periods(problem: Problem, left: F, counted: B) -> list[Pattern]:
     phase = 2.0 * np.pi * np.outer(when - when.min(), turns)
     cosine, sine = np.cos(phase), np.sin(phase)
     outputs = problem.base.outputs
+    share = 1.0 - problem.base_block.shape[2] / problem.size
     load = np.einsum("nij,nj->ni", problem.whitener[counted], problem.rows.wrench[counted])
     series = [
         (outputs[j].rsplit("_", 1)[0], left[:, j], np.ones(n), n) for j in range(len(outputs))
@@ -105,8 +106,9 @@ def _periods(problem: Problem, left: F, counted: B) -> list[Pattern]:
         best = int(np.argmax(explained))
         total = float((left**2).sum()) if size == left.size else float(along @ along)
         rest = max(total - float(explained[best]), 1e-300)
-        # Two columns of one frequency; each frequency is a test.
-        single = float((1.0 + explained[best] / rest) ** (-0.5 * (size - 2)))
+        # Two columns of one frequency; each frequency is a test. The base took its part before.
+        freedom = max(0.0, size * share - 2.0)
+        single = float((1.0 + explained[best] / rest) ** (-0.5 * freedom))
         period = float(1.0 / turns[best])
         unit = " s" if name == "time_s" else " rows"
         strength = np.sqrt(max(0.0, explained[best] - 2.0) / left.size)

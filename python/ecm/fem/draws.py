@@ -59,11 +59,11 @@ class Workspace(Checked):
     rotation_limit_rad: float = setting(
         0.8, above=0.0, high=math.pi, doc="rotation angle in rad, not degrees"
     )
-    stretch_limit: float = setting(2.5, above=0.0)
+    stretch_limit: float = setting(2.5, above=0.0, doc="largest stretch of an admissible pose")
     wrench_min: tuple[float, ...] = setting(TABLE_I_MIN, doc="fx fy fz in N, taux tauy tauz in N m")
     wrench_max: tuple[float, ...] = setting(TABLE_I_MAX, doc="fx fy fz in N, taux tauy tauz in N m")
-    full_box: bool = False
-    screen_margin: float = setting(1.2, above=0.0)
+    full_box: bool = setting(False, doc="keep every stable pose; no screen, no limits")
+    screen_margin: float = setting(1.2, above=0.0, doc="the rod screens at the limits times this")
 
     def __post_init__(self) -> None:
         super().__post_init__()

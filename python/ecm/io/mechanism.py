@@ -67,7 +67,7 @@ class Mechanism(Checked):
     0.605
     """
 
-    builtin: str = setting("cylinder", choices=("", *_SHAPES))
+    builtin: str = setting("cylinder", choices=("", *_SHAPES), doc="shape; empty: mesh, or none")
     """Shape; empty for a mesh, or if only the length is known."""
     length_m: float = setting(
         0.1034,
@@ -81,14 +81,17 @@ class Mechanism(Checked):
     disc_count: int = setting(0, low=0, doc="stacked discs, the half ones at both ends included")
     young_modulus_Pa: float = setting(0.65e6, low=0.0, doc="E at small strain; 0: unknown")
     poisson_ratio: float = setting(0.49, low=0.0, high=0.5, doc="0.49 for rubber")
-    material: Material | None = None
-    """Another model than neo-Hookean; E and nu above are then its values at small strain."""
+    material: Material | None = setting(
+        None, doc="another law than neo-Hookean; E and nu are then its values at small strain"
+    )
     density_kg_m3: float = setting(0.0, low=0.0, doc="0: own weight is ignored")
     free_length_m: float = setting(0.0, low=0.0, doc="length when detached; 0: same as length_m")
-    mesh_file: Path | None = None
-    """Mesh or CAD file with faces `base` and `top` (ecm.io.mesh) instead of a builtin shape."""
-    quality: str = setting("standard", choices=_QUALITIES)
-    """Element size of builtin shapes and of CAD."""
+    mesh_file: Path | None = setting(
+        None, doc="mesh or CAD file with faces `base` and `top` in place of builtin; in TOML: mesh"
+    )
+    quality: str = setting(
+        "standard", choices=_QUALITIES, doc="element size of builtin shapes and of CAD"
+    )
     axial_stiffness_N: float = setting(0.0, low=0.0, doc="EA of a rod; 0: from radius and E")
     shear_stiffness_N: float = setting(0.0, low=0.0, doc="GA of a rod with its shear correction")
     bending_stiffness_Nm2: float = setting(0.0, low=0.0, doc="EI of a rod")

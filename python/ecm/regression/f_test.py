@@ -6,7 +6,7 @@ that within cells (NIST/SEMATECH e-Handbook, 4.4.4.6).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -16,6 +16,8 @@ from ecm.io.arrays import F, I
 
 _DEPENDENT = 1e-5
 """A column is dependent where this share or less is orthogonal to the others."""
+_DRAWS, _SEED = 201, 7
+"""Draws of signs, the first of them the signs as they are."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,63 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     >>> test.dof, test.p < 1e-6
     (1, True)
     """
+    y, z, basis, size = _beside_fitted(whitened, design, fitted, weights)
+    explained, directions = explained_by_span(z, y)
+    rest = float(y @ y) - explained
+    return FTest.of(explained, directions, rest, size - basis.shape[1] - directions)
+
+
+def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> float:
+    """Chance of as much explained, where the components of a row may share their errors.
+
+    The F test takes every number as independent. Where the noise of the components is only assumed,
+    they are not, and columns explain more by chance. Here the rows change their signs at random:
+    what errors of a row share stays. The share that is explained then has a beta distribution, of
+    the mean and variance of 200 draws.
+
+    Parameters
+    ----------
+    whitened, design, fitted, weights
+        As for `omnibus_test`; the errors of a row may be of any size.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(0)
+    >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
+    >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
+    >>> columns = columns.reshape(30, 6, 18)
+    >>> nothing = np.zeros((30, 6, 0))
+    >>> alone = omnibus_test(error, columns, nothing).p
+    >>> alone < 0.01 < sign_chance(error, columns, nothing)
+    True
+    """
+    y, z, basis, _ = _beside_fitted(whitened, design, fitted, weights)
+    random = np.random.default_rng(_SEED)
+    signs = random.choice([-1.0, 1.0], (len(whitened), _DRAWS))
+    signs[:, 0] = 1.0
+    drawn = np.repeat(signs, whitened.shape[1], axis=0) * y[:, None]
+    drawn -= basis @ (basis.T @ drawn)
+    total = (drawn**2).sum(axis=0)
+    explained, directions = _explained(z, drawn)
+    if directions == 0 or not total.min() > 0.0:
+        return 1.0
+    shares = np.clip(explained / total, 0.0, 1.0)
+    mean, variance = float(shares[1:].mean()), float(shares[1:].var())
+    if not 0.0 < variance < mean * (1.0 - mean):
+        return 1.0
+    both = mean * (1.0 - mean) / variance - 1.0
+    return float(special.betainc((1.0 - mean) * both, mean * both, 1.0 - shares[0]))
+
+
+def with_sign_chance(test: FTest, whitened: F, design: F, fitted: F, weights: F) -> FTest:
+    """Return an omnibus test of several components with the larger of its p and `sign_chance`."""
+    if whitened.shape[1] < 2 or test.p > 0.5 or not np.isfinite(test.F):
+        return test
+    return replace(test, p=max(test.p, sign_chance(whitened, design, fitted, weights)))
+
+
+def _beside_fitted(whitened: F, design: F, fitted: F, weights: F | None) -> tuple[F, F, F, int]:
+    """Return weighted residual (r,) and columns (r, q) beside the fitted ones, their basis, r."""
     n, m, q = design.shape
     root = np.ones(n) if weights is None else np.sqrt(weights)
     y = (whitened * root[:, None]).ravel()
@@ -138,25 +197,28 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     basis = orthonormal(base)
     y = y - basis @ (basis.T @ y)
     z = z - basis @ (basis.T @ z)
-    explained, directions = explained_by_span(z, y)
-    rest = float(y @ y) - explained
-    size = int((root > 0.0).sum()) * m
-    return FTest.of(explained, directions, rest, size - basis.shape[1] - directions)
+    return y, z, basis, int((root > 0.0).sum()) * m
 
 
 def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     """Sum of squares of the response in the columns' span, and the dimension of the span."""
+    squares, rank = _explained(columns, response[:, None])
+    return float(squares[0]), rank
+
+
+def _explained(columns: F, responses: F) -> tuple[F, int]:
+    """Return the same for each of the responses (r, b): (b,), and the dimension."""
     norms = np.sqrt((columns**2).sum(axis=0))
     keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
     if not keep.any():
-        return 0.0, 0
+        return np.zeros(responses.shape[1]), 0
     scaled = columns[:, keep] / norms[keep]
     # The pivoted Cholesky factor of the normal equations shows dependent columns in any order and
     # costs a quarter of an orthonormal basis.
     factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
-    along = (scaled.T @ response)[order[:rank] - 1]
+    along = (scaled.T @ responses)[order[:rank] - 1]
     projected = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
-    return float(projected @ projected), int(rank)
+    return np.asarray((projected**2).sum(axis=0)), int(rank)
 
 
 def orthonormal(columns: F) -> F:

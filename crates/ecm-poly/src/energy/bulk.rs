@@ -1,6 +1,6 @@
 //! Evaluation of one pose or many, with the SIMD instructions of this machine and on all its cores.
 
-use std::vec::Vec;
+use alloc::vec::Vec;
 
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Vec6, Wrench};
@@ -120,9 +120,9 @@ pub(crate) fn one(
     let (mut wrench, mut stiffness) = (Wrench::default(), [[0.0; 6]; 6]);
     evaluator.run(Stiffnesses {
         kind,
-        poses: std::slice::from_ref(pose),
-        wrenches: std::slice::from_mut(&mut wrench),
-        stiffnesses: std::slice::from_mut(&mut stiffness),
+        poses: core::slice::from_ref(pose),
+        wrenches: core::slice::from_mut(&mut wrench),
+        stiffnesses: core::slice::from_mut(&mut stiffness),
     });
     (wrench, stiffness)
 }

@@ -1,7 +1,7 @@
 //! How the tables of an energy are made from exponents and coefficients.
 
-use std::collections::BTreeSet;
-use std::vec::Vec;
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
 
 use ecm_se3::Real;
 
@@ -108,7 +108,7 @@ fn parent(monomial: &Monomial) -> Option<(Monomial, u8)> {
 
 /// Orders of differentiation of the 28 rows.
 fn row_orders() -> Vec<Monomial> {
-    let mut rows = std::vec![[0; 6]];
+    let mut rows = alloc::vec![[0; 6]];
     rows.extend((0..6).map(first_order));
     for i in 0..6 {
         for j in i..6 {
@@ -144,8 +144,23 @@ pub(crate) fn unscaled(symmetry: Symmetry, row: &Monomial, scale: [f64; 2]) -> f
     let degrees = symmetry.lengths_and_angles();
     let mut factor = 1.0;
     for (&e, (lengths, angles)) in row.iter().zip(degrees) {
-        let unit = scale[0].powi(i32::from(lengths)) * scale[1].powi(i32::from(angles));
-        factor /= unit.powi(i32::from(e));
+        let unit = power(scale[0], lengths) * power(scale[1], angles);
+        factor /= power(unit, e);
     }
     factor
+}
+
+/// xⁿ by squaring, in the order of the compiler's own `powi`, which needs std.
+fn power(mut x: f64, mut n: u8) -> f64 {
+    let mut result = 1.0;
+    loop {
+        if n % 2 == 1 {
+            result *= x;
+        }
+        n /= 2;
+        if n == 0 {
+            return result;
+        }
+        x *= x;
+    }
 }

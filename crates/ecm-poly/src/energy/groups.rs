@@ -13,9 +13,9 @@
 //! | `face_tilt` | 1 | even and odd | any direction |
 //! | `anisotropy` | 2 | even | any direction |
 
-use std::format;
-use std::string::{String, ToString};
-use std::vec::Vec;
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 
 use crate::basis::advance;
 use crate::energy::invariants::Symmetry;
@@ -213,14 +213,14 @@ fn expanded(powers: [u8; 6], imaginary: bool) -> Vec<([u8; 6], f64)> {
     };
     // c_x, θ_x, C, C̄, D = −θ_z + i θ_y, D̄.
     let factors: [Complex; 6] = [
-        std::vec![(unit(0), [1.0, 0.0])],
-        std::vec![(unit(3), [1.0, 0.0])],
-        std::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, 1.0])],
-        std::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, -1.0])],
-        std::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, 1.0])],
-        std::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, -1.0])],
+        alloc::vec![(unit(0), [1.0, 0.0])],
+        alloc::vec![(unit(3), [1.0, 0.0])],
+        alloc::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, 1.0])],
+        alloc::vec![(unit(1), [1.0, 0.0]), (unit(2), [0.0, -1.0])],
+        alloc::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, 1.0])],
+        alloc::vec![(unit(5), [-1.0, 0.0]), (unit(4), [0.0, -1.0])],
     ];
-    let mut sum: Complex = std::vec![([0; 6], [1.0, 0.0])];
+    let mut sum: Complex = alloc::vec![([0; 6], [1.0, 0.0])];
     for (factor, &power) in factors.iter().zip(&powers) {
         for _ in 0..power {
             sum = times(&sum, factor);
@@ -239,14 +239,14 @@ pub(crate) fn in_coordinates(exponents: &[u8; 6]) -> Vec<([u8; 6], f64)> {
         (e, [sign, 0.0])
     };
     let variables: [Complex; 6] = [
-        std::vec![monomial(&[0], 1.0)],
-        std::vec![monomial(&[1, 1], 1.0), monomial(&[2, 2], 1.0)],
-        std::vec![monomial(&[4, 4], 1.0), monomial(&[5, 5], 1.0)],
-        std::vec![monomial(&[3], 1.0)],
-        std::vec![monomial(&[1, 4], 1.0), monomial(&[2, 5], 1.0)],
-        std::vec![monomial(&[1, 5], 1.0), monomial(&[2, 4], -1.0)],
+        alloc::vec![monomial(&[0], 1.0)],
+        alloc::vec![monomial(&[1, 1], 1.0), monomial(&[2, 2], 1.0)],
+        alloc::vec![monomial(&[4, 4], 1.0), monomial(&[5, 5], 1.0)],
+        alloc::vec![monomial(&[3], 1.0)],
+        alloc::vec![monomial(&[1, 4], 1.0), monomial(&[2, 5], 1.0)],
+        alloc::vec![monomial(&[1, 5], 1.0), monomial(&[2, 4], -1.0)],
     ];
-    let mut sum: Complex = std::vec![([0; 6], [1.0, 0.0])];
+    let mut sum: Complex = alloc::vec![([0; 6], [1.0, 0.0])];
     for (variable, &power) in variables.iter().zip(exponents) {
         for _ in 0..power {
             sum = times(&sum, variable);

@@ -5,38 +5,38 @@ pub mod plan;
 
 #[cfg(feature = "binary")]
 pub mod binary;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod bulk;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod evaluator;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod expansion;
 #[cfg(feature = "std")]
 pub mod fit;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod groups;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod model;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod regressor;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod simd;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 mod simd_tables;
 #[cfg(feature = "alloc")]
 pub mod tables;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub mod terms;
 
 #[cfg(feature = "std")]
 pub use fit::EnergyFit;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use groups::Group;
 pub use invariants::Symmetry;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use model::EnergyModel;
 pub use plan::EnergyPlan;
 #[cfg(feature = "alloc")]
 pub use tables::EnergyTables;
-#[cfg(feature = "std")]
+#[cfg(feature = "alloc")]
 pub use terms::EnergyTerms;

@@ -1,7 +1,7 @@
 //! A fitted energy: its tables, their covariance, and evaluation of many poses.
 
-use std::collections::BTreeMap;
-use std::vec::Vec;
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
 
 use ecm_se3::stiffness::StiffnessKind;
 use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
@@ -119,7 +119,7 @@ impl EnergyModel {
             broken: Broken::new(&terms, of_groups, scale, length_m)?,
             length_m,
             scale,
-            covariance: std::vec![0.0; coefficients.len().pow(2)],
+            covariance: alloc::vec![0.0; coefficients.len().pow(2)],
             rank: coefficients.len(),
             coefficients: coefficients.to_vec(),
             condition_number: f64::NAN,
@@ -128,6 +128,7 @@ impl EnergyModel {
         })
     }
 
+    #[cfg(feature = "std")]
     pub(crate) fn set_fit(
         &mut self,
         covariance: Vec<f64>,

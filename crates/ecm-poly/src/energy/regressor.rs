@@ -1,8 +1,8 @@
 //! The regressor Φ of an energy: wrenches are linear in its coefficients, h = Φ β.
 
-use std::boxed::Box;
-use std::format;
-use std::vec::Vec;
+use alloc::boxed::Box;
+use alloc::format;
+use alloc::vec::Vec;
 
 use ecm_se3::mid_frame::MidFrame;
 use ecm_se3::{Mat6, Pose, Vec6};
@@ -29,7 +29,7 @@ pub fn regressor(
     let poses = checked_poses("poses", poses)?;
     let regressor = Regressor::new(length_m, terms, scale)?;
     let k = regressor.columns();
-    let mut matrix = std::vec![0.0; 6 * poses.len() * k];
+    let mut matrix = alloc::vec![0.0; 6 * poses.len() * k];
     let mut scratch = regressor.scratch();
     for (pose, block) in poses.iter().zip(matrix.chunks_exact_mut((6 * k).max(1))) {
         regressor.rows(pose, |_| {}, &mut scratch, (block, k));
@@ -62,7 +62,7 @@ impl Regressor {
     ) -> Result<Self, ModelError> {
         check_length(length_m)?;
         check_scale(scale)?;
-        let symmetric = terms.symmetric().iter().map(|e| std::vec![(*e, 1.0)]);
+        let symmetric = terms.symmetric().iter().map(|e| alloc::vec![(*e, 1.0)]);
         let broken = terms.broken().iter().map(|term| term.monomials.clone());
         let parts = [
             Columns::new(terms.symmetry(), symmetric, scale),
@@ -77,7 +77,7 @@ impl Regressor {
     }
 
     pub(crate) fn scratch(&self) -> Scratch {
-        let slopes = |part: &Columns| std::array::from_fn(|_| std::vec![0.0; part.count]);
+        let slopes = |part: &Columns| core::array::from_fn(|_| alloc::vec![0.0; part.count]);
         Scratch {
             monomials: Box::new([1.0; LARGEST_MEMORY]),
             slopes: [slopes(&self.parts[0]), slopes(&self.parts[1])],
@@ -103,8 +103,8 @@ impl Regressor {
                 continue;
             }
             part.fill_slopes(&q, &mut scratch.monomials, slopes);
-            let wrenches: Mat6<f64> = std::array::from_fn(|i| {
-                let unit = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
+            let wrenches: Mat6<f64> = core::array::from_fn(|i| {
+                let unit = core::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
                 let mut wrench = frame.wrench(&part.symmetry.gradient(&q, &unit)).to_array();
                 weigh(&mut wrench);
                 wrench

@@ -1,6 +1,6 @@
 //! The tables of a [`SimdPlan`], made from exponents and coefficients.
 
-use std::vec::Vec;
+use alloc::vec::Vec;
 
 use ecm_se3::Real;
 

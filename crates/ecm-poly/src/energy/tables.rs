@@ -64,7 +64,6 @@ impl<R: Real> EnergyTables<R> {
     }
 
     /// As [`EnergyTables::plan`] without its checks, for `S` of at least [`EnergyTables::monomials`].
-    #[cfg(feature = "std")]
     #[inline(always)]
     pub(crate) fn checked_plan<const S: usize>(&self) -> EnergyPlan<'_, R, S> {
         debug_assert!(S.is_power_of_two() && self.products.len() < S);

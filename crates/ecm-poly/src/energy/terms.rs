@@ -1,8 +1,8 @@
 //! Monomials of an energy by symmetry and degree, and their names.
 
-use std::format;
-use std::string::String;
-use std::vec::Vec;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 use crate::basis::advance;
 use crate::energy::groups::{Group, GroupTerm, group_terms};

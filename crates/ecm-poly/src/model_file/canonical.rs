@@ -7,9 +7,9 @@
 //! to the same double, one digit before the point, like `1.5e-7`. The sum is SHA-256 in
 //! lower-case hexadecimal digits over all keys but `sha256`.
 
-use std::format;
-use std::string::String;
-use std::vec::Vec;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 use serde_json::{Map, Number, Value};
 use sha2::{Digest, Sha256};
@@ -70,8 +70,9 @@ fn write_number(number: &Number, text: &mut String) {
         text.push_str(&format!("{integer}"));
     } else {
         let x = number.as_f64().unwrap_or(f64::NAN);
-        if x.fract() == 0.0 && x.abs() < 9_007_199_254_740_992.0 {
-            text.push_str(&format!("{}", x as i64));
+        let whole = x as i64;
+        if whole as f64 == x && x.abs() < 9_007_199_254_740_992.0 {
+            text.push_str(&format!("{whole}"));
         } else {
             text.push_str(&format!("{x:e}"));
         }

@@ -1,7 +1,7 @@
 //! Layout of a model file: important keys first, tables row by row.
 
-use std::string::{String, ToString};
-use std::vec::Vec;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 
 use serde_json::{Map, Value};
 

@@ -22,9 +22,10 @@ pub mod canonical;
 mod check;
 mod layout;
 pub mod map;
+pub mod opened;
 mod unique;
 
-use std::string::{String, ToString};
+use alloc::string::{String, ToString};
 
 use serde_json::{Map, Value};
 
@@ -88,7 +89,7 @@ fn parse(text: &str) -> Result<Map<String, Value>, ModelError> {
         Value::Object(map) => Ok(map),
         other => Err(ModelError::Key {
             key: "format".to_string(),
-            found: std::format!("missing: the file holds {}", check::short(&other)),
+            found: alloc::format!("missing: the file holds {}", check::short(&other)),
             expected: "an object with the keys of a model file".to_string(),
         }),
     }

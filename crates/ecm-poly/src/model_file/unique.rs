@@ -1,9 +1,9 @@
 //! JSON whose objects have no duplicate keys: two values for one key would be ambiguous.
 
-use std::fmt;
-use std::format;
-use std::string::String;
-use std::vec::Vec;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};

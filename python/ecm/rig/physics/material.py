@@ -283,6 +283,10 @@ class Hysteresis(MaterialMemory):
             states[i] = z
         return states
 
+    def state_after(self, z: F, moved: F, length_m: float) -> F:
+        """Internal state z (6,) after a straight way `moved` (6,) of the pose."""
+        return self._along(z, moved * _metric_root(length_m))
+
     def _along(self, z: F, way: F) -> F:
         distance = float(np.linalg.norm(way))
         if distance == 0.0:

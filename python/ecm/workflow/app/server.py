@@ -15,6 +15,7 @@ from typing import Any
 
 from ecm.errors import EcmError, InputError
 from ecm.io.extras import require
+from ecm.report.web import WEB
 from ecm.workflow.app.disk import DiskError, sentence, writing
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
@@ -127,7 +128,7 @@ async def _left(_request: Any, _error: Exception) -> Any:
 class _Routes:
     def __init__(self, app: App) -> None:
         self.app = app
-        self.files = {path.name: path for path in _PAGE.iterdir() if path.is_file()}
+        self.files = {path.name: path for folder in (_PAGE, WEB) for path in folder.iterdir()}
         """The files of the page: only these names can be asked for."""
 
     async def page(self, request: Any) -> Any:

@@ -88,10 +88,9 @@ async function picture(root, state) {
   const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
   const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
   const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
-  const largest = Math.max(1e-9, ...size.slice(0, 20000));
   wait.replaceWith(workspace(poses, poses.row, poses.columns, size, {
     title: has ? "force" : label(any), unit: has ? "N" : "", name: "Measured poses with their forces",
-    forces: has ? {columns: force, scale: 400 * (poses.length_m ?? 0.1) / largest} : null}),
+    forces: has}),
   el("p", {class: "hint"}, `Lines are the measured forces on the top. A wrong axis, sign or offset shows as bodies `
     + `that fold, or points away from the top of the body at rest. ${poses.said}`));
 }

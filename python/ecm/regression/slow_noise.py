@@ -1,0 +1,186 @@
+"""Noise that stays alike along time: does anything explain more than it would by chance?
+
+Noise of a log is the sum of a slow part, which forgets itself exponentially (Ornstein-Uhlenbeck),
+and a white one. Both are fitted by maximum likelihood over a grid of correlation times and shares,
+with a Kalman filter, so that steps may differ. What columns explain beyond it is compared with
+what they explain in noise that was drawn from the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ecm.io.arrays import F, I
+
+_DRAWS, _SEED = 199, 11
+_TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
+_MOST_NUMBERS = 8_000_000
+"""Filtered numbers that are held at once."""
+
+
+@dataclass(frozen=True)
+class SlowNoise:
+    """Noise with a slow part, and whether columns explain more than it does.
+
+    Examples
+    --------
+    >>> SlowNoise(3.0, 0.9, 0.2).words()
+    'noise that stays alike for about 3 s, or an effect as slow: these rows cannot tell'
+    """
+
+    time_s: float
+    """Time in which the slow part falls to 1/e."""
+    share: float
+    """Its share of the variance."""
+    p: float
+    """Chance that such noise gives any of the columns as much."""
+
+    def words(self) -> str:
+        """Return it in plain words."""
+        return (
+            f"noise that stays alike for about {self.time_s:.2g} s, or an effect as slow: these "
+            "rows cannot tell"
+        )
+
+
+@dataclass(frozen=True)
+class _Series:
+    """N rows of m components in the order of time, run after run."""
+
+    steps: F
+    """(N,) time since the row before; infinite where a run begins."""
+    response: F
+    """(N, m)."""
+    base: F
+    """(N, m, b)."""
+    columns: F
+    """(N, m, k)."""
+
+
+def slow_noise(
+    time_s: F,
+    orders: Sequence[I],
+    response: F,
+    base: F,
+    columns: F,
+    blocks: Sequence[tuple[int, ...]],
+) -> SlowNoise | None:
+    """Fit noise with a slow part and test the columns beside it; None where the noise is white.
+
+    Parameters
+    ----------
+    time_s
+        (N,) of the rows.
+    orders
+        Rows of each run, in the order of time; other rows are left out.
+    response
+        (N, m) residual over its noise.
+    base
+        (N, m, b) columns that are free.
+    columns
+        (N, m, k) columns that are looked for.
+    blocks
+        Columns that belong together.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(0)
+    >>> time = np.arange(300.0)
+    >>> walk = np.convolve(random.standard_normal(340), 0.8 ** np.arange(41), "valid")[:, None]
+    >>> nothing, trend = np.ones((300, 1, 1)), (time / 300.0).reshape(300, 1, 1)
+    >>> found = slow_noise(time, [np.arange(300)], walk, nothing, trend, [(0,)])
+    >>> 2.0 < found.time_s < 10.0 and found.p > 0.01
+    True
+    """
+    order = np.concatenate(list(orders))
+    steps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
+    series = _Series(np.maximum(steps, 1e-9), response[order], base[order], columns[order])
+    finite = steps[np.isfinite(steps)]
+    longest = float(max(np.ptp(time_s[rows]) for rows in orders))
+    times = np.geomspace(max(float(np.median(finite)), 1e-9), longest / 4.0, _TIMES)
+    grid = np.array([(0.0, 0.0), *((t, share) for t in times for share in _SHARES)])
+    first = _deviances(series, grid, series.response[:, :, None], ())
+    best = int(np.argmin(first[0][:, 0]))
+    if best == 0:
+        return None
+    drawn = _drawn(series, *grid[best])
+    null, with_block = _deviances(
+        series, grid, np.concatenate([series.response[:, :, None], drawn], axis=2), blocks
+    )
+    # Each with the noise that suits it best; the block that gains most, as it was chosen.
+    gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0)
+    p = (1.0 + float((gains[1:] >= gains[0]).sum())) / len(gains)
+    return SlowNoise(float(grid[best, 0]), float(grid[best, 1]), p)
+
+
+def _drawn(series: _Series, time_s: float, share: float) -> F:
+    """Return (N, m, draws) noise of the given correlation time and share of the slow part."""
+    n, m = series.response.shape
+    random = np.random.default_rng(_SEED)
+    slow = random.standard_normal((n, m, _DRAWS))
+    keep = np.exp(-series.steps / time_s)
+    for i in range(1, n):
+        slow[i] = keep[i] * slow[i - 1] + np.sqrt(1.0 - keep[i] ** 2) * slow[i]
+    white = random.standard_normal((n, m, _DRAWS))
+    return np.asarray(np.sqrt(share) * slow + np.sqrt(1.0 - share) * white)
+
+
+def _deviances(
+    series: _Series, grid: F, responses: F, blocks: Sequence[tuple[int, ...]]
+) -> tuple[F, F]:
+    """Return -2 log likelihoods: (g, r) with the base, (g, blocks, r) with each block beside it."""
+    n, m, r = responses.shape
+    wide = [series.base, series.columns, responses] if blocks else [series.base, responses]
+    everything = np.concatenate(wide, axis=2)
+    at_once = max(1, _MOST_NUMBERS // everything.size)
+    size, b = n * m, series.base.shape[2]
+    null, beside = np.empty((len(grid), r)), np.empty((len(grid), len(blocks), r))
+    penalty = np.array([len(block) for block in blocks]) * np.log(size)
+    for start in range(0, len(grid), at_once):
+        part = grid[start : start + at_once]
+        innovations, log_determinant = _filtered(series.steps, part, everything)
+        for g, flat in enumerate(innovations):
+            basis = np.linalg.qr(flat[:, :b])[0]
+            rest = flat[:, b:] - basis @ (basis.T @ flat[:, b:])
+            squares = (rest[:, -r:] ** 2).sum(axis=0)
+            level = m * log_determinant[g]
+            null[start + g] = size * np.log(squares / size) + level
+            for i, gain in enumerate(_gains(rest[:, :-r], rest[:, -r:], blocks)):
+                left = np.maximum(squares - gain, 1e-12 * squares)
+                beside[start + g, i] = size * np.log(left / size) + level + penalty[i]
+    return null, beside
+
+
+def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
+    """Return (g, N m, q) whitened values (N, m, q) and (g,) log determinant of a component."""
+    n, m, q = values.shape
+    times, share = np.maximum(grid[:, 0], 1e-300), grid[:, 1]
+    out = np.empty((len(grid), n, m, q))
+    state, variance = np.zeros((len(grid), m, q)), share.copy()
+    log_determinant = np.zeros(len(grid))
+    for i in range(n):
+        keep = np.exp(-steps[i] / times)
+        state = keep[:, None, None] * state
+        variance = keep**2 * variance + (1.0 - keep**2) * share
+        total = variance + 1.0 - share
+        error = values[i] - state
+        out[:, i] = error / np.sqrt(total)[:, None, None]
+        state += (variance / total)[:, None, None] * error
+        variance = variance * (1.0 - share) / total
+        log_determinant += np.log(total)
+    return out.reshape(len(grid), n * m, q), log_determinant
+
+
+def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> list[F]:
+    """Return the squares of each response (s, r) that each block of columns (s, k) explains."""
+    matrix, vectors = columns.T @ columns, columns.T @ responses
+    gains = []
+    for block in blocks:
+        take = np.array(block, dtype=np.int64)
+        own = matrix[np.ix_(take, take)]
+        own = own + 1e-10 * np.diag(np.maximum(np.diag(own), 1e-200))
+        gains.append(np.asarray((vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=0)))
+    return gains

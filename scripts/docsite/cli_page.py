@@ -1,0 +1,76 @@
+"""The page of the command line, from the parsers themselves."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from ecm.cli.app import COMMANDS, load_command
+
+_HEAD = """# Commands
+
+Each command of `ecm` with its arguments and options, as its parser knows them. `--help` after a
+command prints the same. A command ends with an [exit code](errors.md): 0 done, 1 the computation
+failed, 2 bad input, 130 interrupted.
+
+All commands accept `--seed N` (the same seed gives the same bytes) and `--threads N` (0: all
+cores; the number does not change a result), also where the tables below leave them out because
+they change nothing.
+"""
+
+
+def page() -> str:
+    """Return the page of all commands."""
+    parts = [_HEAD]
+    for name, line in COMMANDS.items():
+        parts += _command(f"ecm {name}", load_command(name), line, 2)
+    return "\n".join(parts) + "\n"
+
+
+def _command(name: str, command: Any, line: str, level: int) -> list[str]:
+    parts = [f"\n{'#' * level} {name}\n", f"{line}\n" if line else ""]
+    children = getattr(command, "commands", None)
+    if children:
+        for child_name, child in children.items():
+            parts += _command(f"{name} {child_name}", child, "", level + 1)
+        return parts
+    shown = [p for p in command.params if not getattr(p, "hidden", False) and p.name != "help"]
+    arguments = [p for p in shown if p.param_type_name == "argument"]
+    usage = " ".join([name, *(_argument(p) for p in arguments), "[OPTIONS]"])
+    parts += [f"{command.help}\n" if command.help else "", f"```text\n{usage}\n```\n"]
+    parts += ["| argument or option | meaning | default |", "|---|---|---|"]
+    for p in shown:
+        parts.append(f"| {_names(p)} | {_cell(p.help or '')} | {_default(p)} |")
+    return parts
+
+
+def _argument(parameter: Any) -> str:
+    name = parameter.metavar or parameter.name.upper()
+    return str(name) if parameter.required else f"[{name}]"
+
+
+def _names(parameter: Any) -> str:
+    if parameter.param_type_name == "argument":
+        return f"`{_cell(_argument(parameter))}`"
+    names = ", ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
+    word = "" if parameter.is_bool_flag else (parameter.metavar or _choices(parameter))
+    return f"{names} {_cell(word)}".rstrip()
+
+
+def _choices(parameter: Any) -> str:
+    kind = parameter.type_descriptor.annotation
+    return "|".join(str(choice.value) for choice in kind) if issubclass(kind, Enum) else ""
+
+
+def _default(parameter: Any) -> str:
+    if parameter.required:
+        return "required"
+    value = parameter.default
+    value = getattr(value, "value", value)
+    if value is None or value is False or callable(value) or value in ("", (), []):
+        return ""
+    return f"`{value}`" if value is not True else "on"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")

@@ -1,0 +1,127 @@
+"""Pages of the Python interface, from the docstrings (whose examples `make test` runs)."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+ROOMS = (
+    "ecm",
+    "ecm.models",
+    "ecm.effects",
+    "ecm.comparison",
+    "ecm.designs",
+    "ecm.diagnosis",
+    "ecm.rig",
+    "ecm.report",
+)
+_TITLE = re.compile(r"^(\w[\w ]*)\n-{3,}\n", re.MULTILINE)
+_LISTS = ("Parameters", "Attributes", "Raises", "Returns", "Yields")
+
+
+def name_of(room: str) -> str:
+    """Name of the page of a part of the package."""
+    return f"reference/python_{room.rpartition('.')[2]}.md"
+
+
+def page(room: str) -> str:
+    """Return the page of a part: each public name with its signature and docstring."""
+    module = import_module(room)
+    parts = [f"# {room}\n", _text(inspect.getdoc(module) or "")]
+    for name in module.__all__:
+        thing = getattr(module, name)
+        if callable(thing):
+            parts += [f"\n## {name}\n", *_entry(room, name, thing)]
+        elif not name.startswith("_"):
+            parts += [f"\n## {name}\n", f"```python\n{name} = {_short(thing)}\n```\n"]
+    return "\n".join(parts) + "\n"
+
+
+def _entry(room: str, name: str, thing: Any) -> Iterator[str]:
+    kind = "class" if inspect.isclass(thing) else "def"
+    home = f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', '')}"
+    yield f"```python\n{kind} {room}.{name}{_signature(thing)}\n```\n"
+    if home != f"{room}.{name}" and room == "ecm" and home.rpartition(".")[2] != name:
+        yield f"The same as `{home}`.\n"
+    yield _docstring(inspect.getdoc(thing) or "")
+    if inspect.isclass(thing):
+        yield from _members(thing)
+
+
+def _members(cls: type) -> Iterator[str]:
+    """Public methods and properties that the class itself defines, a line each."""
+    rows = []
+    for name, member in vars(cls).items():
+        inner = member.__func__ if isinstance(member, (staticmethod, classmethod)) else member
+        text = inspect.getdoc(inner)
+        if name.startswith("_") or not text or not (callable(inner) or isinstance(inner, property)):
+            continue
+        call = "" if isinstance(inner, property) else "()"
+        rows.append(f"| `{name}{call}` | {' '.join(text.split(chr(10) * 2)[0].split())} |")
+    if rows:
+        yield "\n".join(["| member | meaning |", "|---|---|", *(_cell(row) for row in rows), ""])
+
+
+def _cell(row: str) -> str:
+    before, middle, after = row[:2], row[2:-2], row[-2:]
+    name, bar, text = middle.partition(" | ")
+    return before + name + bar + text.replace("|", "\\|") + after
+
+
+def _signature(thing: Any) -> str:
+    try:
+        text = str(inspect.signature(thing))
+    except (TypeError, ValueError):
+        return ""
+    text = re.sub(r"'([^']*)'", r"\1", text).replace("<factory>", "...")
+    if len(text) < 80:
+        return text
+    inside, _, returned = text[1:].rpartition(")")
+    return "(\n" + "".join(f"    {part},\n" for part in _split(inside)) + f"){returned}"
+
+
+def _split(text: str) -> list[str]:
+    """Arguments of a signature; commas inside brackets do not count."""
+    parts, depth, begin = [], 0, 0
+    for at, sign in enumerate(text):
+        depth += (sign in "([{") - (sign in ")]}")
+        if sign == "," and depth == 0:
+            parts.append(text[begin:at].strip())
+            begin = at + 1
+    return [*parts, text[begin:].strip()]
+
+
+def _docstring(text: str) -> str:
+    """A NumPy-style docstring as Markdown."""
+    pieces = _TITLE.split(text)
+    parts = [_text(pieces[0])]
+    for title, body in zip(pieces[1::2], pieces[2::2], strict=True):
+        parts.append(f"**{title}**\n")
+        if title == "Examples":
+            parts.append(f"```python\n{body.strip()}\n```\n")
+        else:
+            parts.append(_listed(body) if title in _LISTS else _text(body))
+    return "\n".join(parts)
+
+
+def _listed(body: str) -> str:
+    """`name` and its indented meaning, as a list."""
+    items: list[list[str]] = []
+    for line in body.strip().splitlines():
+        if line[:1].strip():
+            items.append([f"- `{line.strip()}`:"])
+        elif items:
+            items[-1].append(line.strip())
+    return "\n".join(" ".join(word for word in item if word) for item in items) + "\n"
+
+
+def _text(text: str) -> str:
+    return text.strip() + "\n"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) < 200 else text[:200] + " ..."

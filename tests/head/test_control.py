@@ -1,0 +1,99 @@
+"""The controller in C: allocation, observer, and set points with a model and with a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm import as_table, fit_model
+from ecm.head.allocation import gravity_wrench, held_pose, holding_forces
+from ecm.head.compiled import CompiledController, compile_controller
+from ecm.head.experiment import Robot
+from ecm.head.motions import Motions
+from ecm.head.settings import Control, HeadSettings, Tendons
+from ecm.head.tendons import tendon_lengths, tendon_matrix
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.models import Model
+from ecm.rig.frames import displaced
+from support.head import closed_neck, neck_pairs, statics
+from support.neck import LENGTH_M
+
+pytest.importorskip("mujoco")
+SETTINGS = HeadSettings(plant_step_s=1e-3)  # half the work; test_plant.py shows convergence
+
+
+def fitted(kind: str, softer: float = 1.0) -> Model:
+    poses, _ = neck_pairs(120, seed=1)
+    wrenches = softer * closed_neck().energy.predict(poses)
+    columns = dict(zip((*POSE, *WRENCH), np.hstack([poses, wrenches]).T, strict=True))
+    return fit_model(as_table(columns, meta=Meta(mechanism={"length_m": LENGTH_M})), kind)
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compile_controller(fitted("energy4-revolution"), tmp_path_factory.mktemp("head"))
+
+
+def test_the_wrench_of_a_tendon_is_minus_the_slope_of_its_length() -> None:
+    tendons = Tendons()
+    pose = np.array([0.1, 0.003, -0.002, 0.1, -0.2, 0.15])
+    matrix = tendon_matrix(tendons, pose)
+    for i, twist in enumerate(1e-6 * np.eye(6)):
+        ahead, behind = (displaced(pose[None], s * twist[None])[0] for s in (1.0, -1.0))
+        slope = (tendon_lengths(tendons, ahead) - tendon_lengths(tendons, behind)) / 2e-6
+        assert np.allclose(matrix[i], -slope, atol=1e-8)
+
+
+def test_the_allocation_in_c_is_that_of_scipy_within_the_limits(library: Path) -> None:
+    neck = closed_neck()
+    controller = CompiledController(library, SETTINGS, neck.rest, LENGTH_M)
+    random = np.random.default_rng(2)
+    at_limits = 0
+    for pose in neck_pairs(60, seed=3)[0]:
+        wrench, stiffness = statics(neck)(pose)
+        need = wrench - gravity_wrench(SETTINGS, pose) + random.normal(0.0, 1.0, 6)
+        forces, limited = controller.hold(pose, need, stiffness)
+        expected = holding_forces(SETTINGS, pose, need, stiffness, LENGTH_M)
+        assert np.allclose(forces, expected, atol=0.02)
+        at_limits += limited > 0
+    assert 5 < at_limits < 60  # both kinds were there
+
+
+def test_a_held_pose_is_in_equilibrium_and_its_forces_are_found_again(library: Path) -> None:
+    neck = closed_neck()
+    turned = np.array([0.05, -0.1, 0.08])
+    held = held_pose(statics(neck), SETTINGS, turned, length_m=LENGTH_M)
+    assert held.held
+    wrench, stiffness = statics(neck)(held.pose)
+    need = wrench - gravity_wrench(SETTINGS, held.pose)
+    assert np.allclose(tendon_matrix(SETTINGS.tendons, held.pose) @ held.forces_N, need, atol=1e-6)
+    controller = CompiledController(library, SETTINGS, held.pose, LENGTH_M)
+    assert np.allclose(controller.hold(held.pose, need, stiffness)[0], held.forces_N, atol=0.01)
+
+
+def test_a_right_model_holds_the_head_and_a_soft_one_does_not(
+    library: Path, tmp_path: Path
+) -> None:
+    neck = closed_neck()
+    motions = Motions(statics(neck), SETTINGS, LENGTH_M)
+    motion = motions.set_points(((0.0, 0.1, -0.08),))
+    right = Robot(SETTINGS, neck, library).run(motion).figures()
+    soft = compile_controller(fitted("energy4-revolution", softer=0.8), tmp_path)
+    wrong = Robot(SETTINGS, neck, soft).run(motion).figures()
+    assert right.settled_mm < 0.3
+    assert right.settled_deg < 0.3
+    assert wrong.settled_mm > 4.0 * right.settled_mm
+    assert right.least_force_N > 0.0
+
+
+def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
+    neck = closed_neck()
+    control = replace(SETTINGS, control=Control(compensation=1.0))
+    motion = Motions(statics(neck), SETTINGS, LENGTH_M).payload()
+    plain = Robot(SETTINGS, neck, library).run(motion).figures()
+    better = Robot(control, neck, library).run(motion).figures()
+    assert better.settled_deg < 0.4 * plain.settled_deg

@@ -1,0 +1,50 @@
+"""Tutorials, guides, explanations and notebooks run as they stand, and print what they say."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shutil
+from pathlib import Path
+
+import pytest
+
+from docsite.notebook_page import NOTEBOOKS
+from docsite.notebook_page import page as notebook_page
+from support.neck import ROOT
+from support.pages import blocks, follow, run_here
+
+PAGES = sorted(
+    page
+    for part in ("tutorials", "howto", "explain")
+    for page in (ROOT / "docs" / part).glob("*.md")
+    if any(block.language in ("python", "sh") for block in blocks(page))
+)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_runs_and_prints_what_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    follow(blocks(page), page.name, tmp_path, run_here)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(
+    path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    runpy.run_path(str(path))
+    printed = capsys.readouterr().out
+    # Its words stand on these figures.
+    if path.stem == "three_stiffnesses":
+        assert re.search(r"energy4 +work of one turn +-?0\.0000 mJ", printed)
+        assert "energy4  skew part of H over H: 0e+00" in printed
+    else:
+        error = {
+            n: float(e) for n, e in re.findall(r"(\w+) +held-out error: fy +([\d.]+)", printed)
+        }
+        assert error["energy5"] < error["energy4"] < 0.1 * error["linear"]
+    assert "```python" in notebook_page(path)
