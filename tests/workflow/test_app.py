@@ -25,6 +25,7 @@ from starlette.testclient import TestClient
 from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
+from ecm.rig.readings import HEADER
 from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
@@ -235,6 +236,23 @@ def sealed_table(path: Path) -> Path:
     seal = f'[file]\ntruth_sha256 = "{sha256(truth)}"\n'
     path.with_suffix(".toml").write_text(seal, encoding="utf-8")
     return table(path)
+
+
+def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None:
+    step = app.session.begin("example", {"name": "neck"})
+    with client_of(app) as client:
+        found = client.get("/api/live").json()
+        assert (found["row"], found["plan"]["length_m"]) == ([], 0.1034)
+        assert len(found["plan"]["columns"]["x_m"]) > 80
+        journal = app.session.folder / "data-1.journal.csv"
+        numbers = [0.1, *([0.0] * 11), 3.0, 4.0, 0.0, *([0.0] * 11)]
+        line = ",".join(map(repr, numbers))
+        journal.write_text(f"# campaign 1\n{HEADER}\n{line}\n{line}\n0.1,0.", encoding="utf-8")
+        found = client.get("/api/live").json()
+        assert (found["row"], found["columns"]["x_m"]) == ([1, 2], [0.1, 0.1])
+        assert found["force_N"] == [5.0, 5.0]
+        app.session.end(step.number, "cancelled", "", 0.0)
+        assert client.get("/api/live").json() == {"plan": None}
 
 
 # --- files of a person, and a full disk --------------------------------
@@ -580,6 +598,7 @@ def test_the_token_of_the_address_becomes_a_cookie_that_scripts_cannot_read(app:
         "/page/..%2fserver.py",
         "/page/server.py",
         "/api/view/..",
+        "/api/view/plan",
         "/api/view/__class__",
     ],
 )
