@@ -487,18 +487,25 @@ from ecm.workflow.app.server import App
 app = App.of(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
 app.jobs.start("check", {})
+if sys.argv[3] == "fit":
+    app.jobs.wait()
+    app.jobs.start("fit", {"model": "linear"})
 print(app.jobs._job.process.pid, flush=True)
 app.jobs.wait()
 """
 
 
-def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
+def killed(tmp_path: Path, verb: str) -> dict[str, bytes]:
+    """End a server by SIGKILL while it computes a step; the files of its folder before."""
     data, folder = table(tmp_path / "stage.csv"), tmp_path / "session"
     server = subprocess.Popen(
-        [sys.executable, "-c", _SERVER, str(folder), str(data)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _SERVER, str(folder), str(data), verb],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert server.stdout is not None
     worker = int(server.stdout.readline())
+    before = files_of(folder)
     os.kill(server.pid, signal.SIGKILL)
     server.wait()
     server.stdout.close()
@@ -507,12 +514,37 @@ def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Pat
             break
         time.sleep(0.01)
     assert not _alive(worker)
-    opened = App.of(folder)
+    return before
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """The tables, results and the journal of a session."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
+    killed(tmp_path, "check")
+    opened = App.of(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
         assert client.post("/api/again", json={"step": 2}).status_code == 200
         assert finished(client, opened)["check"]["rows"] == 24
+
+
+def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
+    before = killed(tmp_path, "fit")
+    assert "check-2.json" in before
+    assert "model-3.json" not in before
+    assert files_of(tmp_path / "session") == before
+    opened = App.of(tmp_path / "session")
+    with client_of(opened) as client:
+        state = client.get("/api/state").json()
+        assert [item["status"] for item in state["steps"]] == ["done", "done", "interrupted"]
+        assert (state["check"]["rows"], state["model"], state["fit"]) == (24, None, None)
+        assert client.post("/api/again", json={"step": 3}).status_code == 200
+        state = finished(client, opened)
+    assert (state["model"], state["compare"]["rows"]) == ("model-4.json", 24)
 
 
 def _alive(pid: int) -> bool:

@@ -23,9 +23,9 @@ from ecm.workflow.campaign_files import require_free
 from ecm.workflow.config import Config
 from ecm.workflow.console import Console, Silent
 from ecm.workflow.job import Job
-from support.browser import open_page
 from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
+from support.report_pages import open_page
 
 HALF = 140
 
