@@ -20,8 +20,9 @@ from ecm.fem.simulate import simulate
 from ecm.io.table import Table
 from ecm.rig import RigSettings
 from ecm.workflow.campaign_files import require_free
-from ecm.workflow.config import Config
+from ecm.workflow.config import Config, DesignTable, SelectTable
 from ecm.workflow.console import Console, Silent
+from ecm.workflow.identify import select
 from ecm.workflow.job import Job
 from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
@@ -125,6 +126,18 @@ OTHER = RigSettings.from_dict({"instrument": {"force_noise_N": 0.0}})
 def job(out: Path, console: Console | None = None) -> Job:
     """A job on the default rig."""
     return Job(Config(), out, seed=1, threads=1, console=console or Silent())
+
+
+def test_designs_are_for_the_last_degree_of_the_job(tmp_path: Path) -> None:
+    """Forty poses determine a quadratic of six columns (28 terms), but no cubic (84)."""
+    few = SelectTable(degrees=(1, 2), thresholds=(0.0,), energy_degrees=(4,), energy_poses=(20,))
+    config = Config(select=few, design=DesignTable(n=30, starts=1))
+    random = np.random.default_rng(0)
+    poses = random.uniform(-1.0, 1.0, (60, 6)) * np.repeat([0.01, 0.2], 3)
+    pairs = poses, poses @ random.normal(size=(6, 6))
+    job = Job(config, tmp_path, seed=1, threads=1, console=Silent())
+    designs = select(job, (pairs[0][:40], pairs[1][:40]), (pairs[0][40:], pairs[1][40:]))
+    assert designs["d"].efficiency > 0.8
 
 
 @pytest.mark.parametrize("change", ["edited", "of a real rig", "no table"])

@@ -247,17 +247,18 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
 
 
 def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
-    """One design of the job, kept as the stage of that name."""
+    """One design of the job for its last polynomial, kept as the stage of that name."""
     settings = job.config.design
+    model = f"poly:{job.config.select.degrees[-1]}"
 
     def compute() -> Mapping[str, Any]:
         search_settings = DesignSettings(
-            starts=settings.starts, seed=job.seed, threads=job.threads, **search
+            model=model, starts=settings.starts, seed=job.seed, threads=job.threads, **search
         )
         progress = job.console.progress(name)
         return dict(vars(optimal_design(poses, settings.n, search_settings, progress=progress)))
 
-    return Design(**job.stage(name, settings.n, settings.starts, poses).run(compute))
+    return Design(**job.stage(name, model, settings.n, settings.starts, poses).run(compute))
 
 
 def _errors(row: Mapping[str, Any]) -> str:
