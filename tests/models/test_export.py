@@ -24,7 +24,8 @@ from ecm.io.table import as_table
 from ecm.models import Model, fit_model
 from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
-from support.exports import done, with_time, written
+from support.exports import done, written
+from support.models import with_time
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
 
@@ -79,23 +80,6 @@ def test_the_c_loop_holds_the_platform(
         assert ran.returncode == 1
         assert "not held: after" in ran.stdout
         assert reason in ran.stdout
-
-
-@pytest.mark.parametrize(("name", "precision"), [("cubic", "double"), ("energy6", "single")])
-def test_the_rust_loop_holds_the_platform(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
-) -> None:
-    cargo = need_program("cargo")
-    folder = written(fitted[name], tmp_path, "rust", precision)
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target")}
-    ran = done(
-        cargo, "run", "--release", "--offline", "--example", "control",
-        cwd=folder, env=environment,
-    )  # fmt: skip
-    assert ran.returncode == 0, ran.stderr
-    assert "4000 ms" in ran.stdout
-    assert "margins: gain times" in ran.stdout
-    assert "held: the push moved the platform" in ran.stdout
 
 
 def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:

@@ -14,8 +14,9 @@ from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.export import export_files
 from ecm.models.export.compiler import WINDOWS, shared_library
-from support.exports import done, fitted, thousand_poses, with_time, written
+from support.exports import done, fitted, thousand_poses, written
 from support.fmu import Instance
+from support.models import with_time
 from support.programs import need_program
 
 F = NDArray[np.float64]

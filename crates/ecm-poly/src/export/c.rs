@@ -126,6 +126,12 @@ pub fn export_with_effects(
 /// K = dh/dp of a force to q and its derivative, in the words of `templates/energy.c`.
 const PARTIAL: &str = include_str!("templates/stiffness.c");
 
+/// The inputs of the steps as lines of a comment.
+fn input_table(effects: &Effects<f64>) -> String {
+    let [temperature, age] = effects.input_words();
+    format!(" *   temperature_degC  {temperature}\n *   age_s             {age}")
+}
+
 /// Texts of the effects of time; empty where there are none.
 #[derive(Default)]
 struct Steps {
@@ -146,7 +152,9 @@ impl Steps {
             Precision::Double => f64::EPSILON,
         };
         let number = |x: f64| format!("{x:e}");
-        let stack = ((numbers + 300) * precision.size() + 800).next_multiple_of(16);
+        let stack = ((numbers + 340) * precision.size() + 800).next_multiple_of(16);
+        let ahead = stack + (STATE_NUMBERS + 52) * precision.size();
+        let ranges = effects.input_ranges();
         let (header, source, kept) = if line {
             let source = include_str!("templates/stepper_line.c");
             (
@@ -165,6 +173,8 @@ impl Steps {
                 ("EFFECTS", &effects.names()),
                 ("STATE", &(kept * precision.size()).to_string()),
                 ("STEPSTACK", &stack.to_string()),
+                ("AHEADSTACK", &ahead.to_string()),
+                ("INPUTTABLE", &input_table(effects)),
             ],
         );
         let source = filled(
@@ -180,6 +190,9 @@ impl Steps {
                 ("REFERENCE", &number(effects.reference_degc)),
                 ("AGEING", &number(effects.ageing_per_s)),
                 ("SOFTENING", &number(effects.softening)),
+                ("SETSHARE", &number(effects.set_share)),
+                ("LEASTINPUTS", &row(&ranges.map(|r| r[0]))),
+                ("LARGESTINPUTS", &row(&ranges.map(|r| r[1]))),
                 ("DAMPING", &row(&effects.damping)),
                 ("FACTORIALS", &row(&factorials)),
                 ("EPSILON", &number(epsilon)),

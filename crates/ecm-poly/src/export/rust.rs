@@ -91,8 +91,8 @@ pub fn export_with_effects(
     let (steps, history) = match effects {
         Some(effects) => (
             match precision {
-                Precision::Single => steps(&effects.narrowed::<f32>(), effects, precision),
-                Precision::Double => steps(effects, effects, precision),
+                Precision::Single => steps(&effects.narrowed::<f32>(), effects, precision, numbers),
+                Precision::Double => steps(effects, effects, precision, numbers),
             },
             history_test(&History::new(&model, effects, precision)?),
         ),
@@ -215,7 +215,23 @@ fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
 }
 
 /// The steps of these constants, in the words of the template.
-fn steps<R: Real>(effects: &Effects<R>, exact: &Effects<f64>, precision: Precision) -> String {
+fn steps<R: Real>(
+    effects: &Effects<R>,
+    exact: &Effects<f64>,
+    precision: Precision,
+    numbers: usize,
+) -> String {
+    let stack = ((numbers + 500) * precision.size() + 1200).next_multiple_of(16);
+    let ahead = (STATE_NUMBERS + 48) * precision.size() + 64;
+    let [temperature, age] = exact.input_words();
+    let inputs = |end: usize| {
+        let [temperature, age] = exact.input_ranges().map(|range| number(range[end]));
+        format!("Inputs {{ temperature_degc: {temperature}, age_s: {age} }}")
+    };
+    let range = |range: &Option<[R; 2]>| match range {
+        Some(range) => format!("Some([{}])", list(range.iter().map(|&x| number(x)))),
+        None => "None".to_string(),
+    };
     let row = |values: &[R]| list(values.iter().map(|&x| number(x)));
     let branches = effects.branches.iter().map(|branch| {
         let (share, tau) = (number(branch.share), number(branch.tau_s));
@@ -239,6 +255,15 @@ fn steps<R: Real>(effects: &Effects<R>, exact: &Effects<f64>, precision: Precisi
             ("AGEING", &number(effects.ageing_per_s)),
             ("DAMPING", &row(&effects.damping)),
             ("SOFTENING", &number(effects.softening)),
+            ("SETSHARE", &number(effects.set_share)),
+            ("TEMPERATURES", &range(&effects.temperature_range_degc)),
+            ("AGES", &range(&effects.age_range_s)),
+            ("LEASTINPUTS", &inputs(0)),
+            ("LARGESTINPUTS", &inputs(1)),
+            ("TEMPERATUREWORDS", &temperature),
+            ("AGEWORDS", &age),
+            ("STEPSTACK", &stack.to_string()),
+            ("AHEADSTACK", &(stack + ahead).to_string()),
         ],
     )
 }
