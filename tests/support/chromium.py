@@ -29,6 +29,17 @@ _OPTIONS = (
 )
 
 
+_AT_REST = """new Promise(done => {
+  let last = -1;
+  const look = () => {
+    if (scrollY === last) done();
+    else { last = scrollY; setTimeout(look, 150); }
+  };
+  look();
+})"""
+"""A finger that drags a page lets it run on for a while."""
+
+
 class Page:
     """One page of the browser."""
 
@@ -68,7 +79,8 @@ class Page:
         return json.loads(line)
 
     def open(self, address: str) -> None:
-        """Load an address."""
+        """Load an address; what happened on the page before is forgotten."""
+        self.events.clear()
         self.call("Page.navigate", url=address)
 
     def js(self, expression: str) -> Any:
@@ -95,6 +107,60 @@ class Page:
         self.until(f"!document.querySelector({at}).disabled", seconds)
         self.js(f"document.querySelector({at}).click()")
 
+    def keys(self, *names: str) -> None:
+        """Press keys one after the other: `Tab`, `Enter`, ` `, `ArrowRight` or a letter."""
+        for name in names:
+            text = {"Enter": "\r"}.get(name, name if len(name) == 1 else "")
+            code = {"Tab": 9, "Enter": 13, " ": 32, "Escape": 27, "ArrowRight": 39}.get(name, 0)
+            self.call(
+                "Input.dispatchKeyEvent",
+                type="keyDown", key=name, text=text, windowsVirtualKeyCode=code,
+            )  # fmt: skip
+            self.call("Input.dispatchKeyEvent", type="keyUp", key=name, windowsVirtualKeyCode=code)
+
+    def tab_to(self, selector: str, seconds: float = 60.0) -> None:
+        """Go to an element with the Tab key alone."""
+        at = json.dumps(selector)
+        self.until(f"!document.querySelector({at}).disabled", seconds)
+        for _ in range(300):
+            if self.js(f"document.activeElement.matches({at})"):
+                return
+            self.keys("Tab")
+        raise AssertionError(f"the Tab key does not reach {selector}")
+
+    def finger(self, *points: tuple[float, float]) -> None:
+        """Put a finger down at the first point of the window, drag it along, and lift it."""
+        for kind, (x, y) in zip(
+            ["touchStart", *["touchMove"] * (len(points) - 1)], points, strict=True
+        ):
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y}])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def box(self, selector: str) -> tuple[float, float, float, float]:
+        """Scroll an element into the window; left, top, width and height there."""
+        at = json.dumps(selector)
+        self.js(f"document.querySelector({at}).scrollIntoView({{block: 'center'}})")
+        self.js(_AT_REST)
+        rect = self.js(
+            f"Object.values(document.querySelector({at}).getBoundingClientRect().toJSON())"
+        )
+        left, top, width, height = rect[:4]
+        return left, top, width, height
+
+    def unnamed(self) -> list[str]:
+        """Return the roles of what can be focused but has no name for a screen reader."""
+        nodes = self.call("Accessibility.getFullAXTree")["nodes"]
+        return [
+            node["role"]["value"]
+            for node in nodes
+            if not node.get("ignored")
+            and any(
+                p["name"] == "focusable" and p["value"]["value"] for p in node.get("properties", ())
+            )
+            and not node.get("name", {}).get("value", "").strip()
+            and node["role"]["value"] not in ("RootWebArea", "main", "generic")
+        ]
+
     def text(self) -> str:
         """Return what a person reads."""
         return str(self.js("document.body.innerText"))
@@ -110,7 +176,7 @@ class Page:
                 found.append(json.dumps(parameters["entry"])[:500])
             if event.get("method") == "Network.requestWillBeSent":
                 url = parameters["request"]["url"]
-                if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:")):
+                if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:", "file:")):
                     found.append(url)
         return found
 
@@ -120,6 +186,7 @@ class Page:
             "Emulation.setDeviceMetricsOverride",
             width=width, height=height, deviceScaleFactor=1, mobile=width < 500,
         )  # fmt: skip
+        self.call("Emulation.setTouchEmulationEnabled", enabled=width < 500)
         theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[theme])
 

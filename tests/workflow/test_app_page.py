@@ -120,6 +120,74 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
         assert state["check"]["rows"] == 40
 
 
+_DEPTH = """import("/page/depth.js").then(({picture}) => {
+  const size = 40, red = [255, 0, 0], blue = [0, 0, 255], flat = [1, 1, 1];
+  const plane = (left, right) => [[[0, 0, left], [0, size, left], [size, size, right]],
+    [[0, 0, left], [size, size, right], [size, 0, right]]];
+  const seen = order => {
+    const drawn = picture(size, size, 1);
+    for (const colour of order)
+      for (const t of colour === red ? plane(1, 1) : plane(0, 2)) drawn.triangle(t, flat, colour);
+    const context = new OffscreenCanvas(size, size).getContext("2d");
+    drawn.show(context);
+    return [10, 30].map(x => context.getImageData(x, 20, 1, 1).data[2] > 128 ? "slope" : "wall");
+  };
+  return JSON.stringify([seen([red, blue]), seen([blue, red])]);
+})"""
+
+
+def test_the_nearest_surface_is_seen_in_whatever_order_two_are_drawn(
+    page: Page, tmp_path: Path
+) -> None:
+    with served("--session", tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.documentElement.dataset.stage")
+        assert json.loads(page.js(_DEPTH)) == [["slope", "wall"]] * 2
+
+
+def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: Path) -> None:
+    data = drifting_table(tmp_path / "stage.csv")
+    marked = "document.querySelector('#marked-rows')?.textContent ?? ''"
+    with served(data, "--session", tmp_path / "session") as address:
+        page.open(address)
+        page.tab_to(".warning button")
+        page.keys("Enter")
+        page.tab_to("#to-model")
+        page.keys("Enter")
+        page.tab_to("#fit")
+        page.keys("Enter")
+        page.tab_to("#to-fails")
+        page.keys("Enter")
+        page.tab_to(".space canvas")
+        page.keys("ArrowRight", "n", " ", "n", " ")
+        page.until(f"({marked}).startsWith('2 rows marked')")
+        page.keys("Escape")
+        page.until(f"({marked}) === ''")
+        page.tab_to(".panel canvas:last-child")
+        page.keys("ArrowRight", " ")
+        page.until(f"({marked}).startsWith('1 row marked')")
+        assert page.unnamed() == []
+
+        page.size(360, 740)
+        page.keys("Escape")
+        page.until("document.documentElement.scrollWidth <= 360")
+        left, top, width, height = page.box(".panel")
+        across = [(left + width * k / 10, top + 0.5 * height) for k in range(2, 9)]
+        page.finger(*across)
+        page.until(f"/^[0-9]+ rows marked/.test({marked})")
+        before = page.js(marked)
+        left, top, width, height = page.box(".panel")
+        page.finger(*[(left + 0.5 * width, top + 0.2 * height + 15 * k) for k in range(8)])
+        assert page.js(marked) == before  # up and down moves the page
+        page.js("[...document.querySelectorAll('.views button')][0].click()")
+        left, top, width, height = page.box(".space")
+        page.finger((left + 5, top + 5), (left + 0.5 * width, top + 0.5 * height),
+                    (left + width - 5, top + height - 5))  # fmt: skip
+        page.until(f"({marked}).startsWith('80 rows marked')")
+        page.size(1280, 900)
+    assert page.problems() == []
+
+
 def _state(page: Page) -> dict:  # type: ignore[type-arg]
     text = page.js("fetch('/api/state').then(r => r.text())")
     return dict(json.loads(text))

@@ -55,6 +55,7 @@ def test_what_ecm_new_writes_is_valid(tmp_path: Path) -> None:
             {"simulate": {"n": 70, "n_test": 20}, "design": {"n": 50}},
             "[simulate] n - n_test = 50: expected at least 84, the coefficients",
         ),
+        ({"design": {"n": 83}}, "[design] n = 83: expected at least 84, the coefficients"),
         ({"design": {"n": 0}}, "[design]: n = 0: expected at least 1"),
         ({"design": {"n": True}}, "expected a whole number"),
         ({"design": {"starts": "10"}}, "[design]: starts = '10': expected a whole number"),

@@ -20,12 +20,13 @@ from ecm.fem.simulate import simulate
 from ecm.io.table import Table
 from ecm.rig import RigSettings
 from ecm.workflow.campaign_files import require_free
-from ecm.workflow.config import Config
+from ecm.workflow.config import Config, DesignTable, SelectTable
 from ecm.workflow.console import Console, Silent
+from ecm.workflow.identify import select
 from ecm.workflow.job import Job
-from support.browser import open_page
 from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
+from support.report_pages import open_page
 
 HALF = 140
 
@@ -127,6 +128,18 @@ def job(out: Path, console: Console | None = None) -> Job:
     return Job(Config(), out, seed=1, threads=1, console=console or Silent())
 
 
+def test_designs_are_for_the_last_degree_of_the_job(tmp_path: Path) -> None:
+    """Forty poses determine a quadratic of six columns (28 terms), but no cubic (84)."""
+    few = SelectTable(degrees=(1, 2), thresholds=(0.0,), energy_degrees=(4,), energy_poses=(20,))
+    config = Config(select=few, design=DesignTable(n=30, starts=1))
+    random = np.random.default_rng(0)
+    poses = random.uniform(-1.0, 1.0, (60, 6)) * np.repeat([0.01, 0.2], 3)
+    pairs = poses, poses @ random.normal(size=(6, 6))
+    job = Job(config, tmp_path, seed=1, threads=1, console=Silent())
+    designs = select(job, (pairs[0][:40], pairs[1][:40]), (pairs[0][40:], pairs[1][40:]))
+    assert designs["d"].efficiency > 0.8
+
+
 @pytest.mark.parametrize("change", ["edited", "of a real rig", "no table"])
 def test_a_table_that_the_job_did_not_measure_is_never_measured_over(
     plan: Table, tmp_path: Path, change: str
@@ -209,3 +222,6 @@ def test_the_report_opens_in_a_browser(quick_job: Path) -> None:
     assert figures >= 12
     assert seen.html.count('class="main-svg"') >= figures
     assert (quick_job / "report.html").stat().st_size < 10e6
+    text = (quick_job / "report.html").read_text(encoding="utf-8")
+    assert text.index('id="mechanism-0"') < text.index("<table>")
+    assert seen.attribute("mechanisms") == "1"

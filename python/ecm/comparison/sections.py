@@ -8,8 +8,10 @@ import numpy as np
 
 from ecm.comparison.comparison import Comparison
 from ecm.comparison.residual_figures import LINK
+from ecm.comparison.residual_points import residual_points
 from ecm.regression.f_test import FTest
 from ecm.report import figures as draw
+from ecm.report.mechanism import mechanism_blocks
 from ecm.report.page import (
     Block,
     FigureBlock,
@@ -20,6 +22,7 @@ from ecm.report.page import (
     warnings_table,
 )
 
+_DRAWN = 900
 _MEANING = {
     "physics base": "FEM of the body with E and ν free: what it leaves, no elasticity explains",
     "symmetric energy": "any elasticity or geometry that keeps the symmetry",
@@ -49,7 +52,7 @@ def compare_section(result: Comparison, warnings: Sequence[str]) -> Section:
         "RMSE": [item.rmse / f for item, f in zip(result.components, floor, strict=True)],
         "excess": [item.excess / f for item, f in zip(result.components, floor, strict=True)],
     }
-    blocks: list[Block] = [TextBlock(result.sentence(), strong=True)]
+    blocks: list[Block] = [TextBlock(result.sentence(), strong=True), *workspace_blocks(result)]
     blocks += [
         TableBlock("Residuals in the unit of each column.", header, rows),
         FigureBlock(
@@ -90,6 +93,23 @@ def pose_error_section(result: Comparison) -> Section:
             ),
         ]
     return Section("As pose error", blocks)
+
+
+def workspace_blocks(result: Comparison) -> list[Block]:
+    """Return the mechanism in its measured poses, coloured by residual."""
+    points = residual_points(result, _DRAWN)
+    return [
+        *mechanism_blocks(
+            result.compared.table,
+            "The mechanism bent into measured poses, coloured by the residual of the row over its "
+            f"noise. {points.sentence}".rstrip(),
+            rows=points.row - 1,
+            values=points.size,
+            title="residual",
+            unit="times the noise",
+            link=LINK,
+        )
+    ]
 
 
 def _lack_of_fit(result: Comparison, test: FTest | None) -> list[str]:

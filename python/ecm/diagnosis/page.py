@@ -9,9 +9,10 @@ from typing import Any
 
 from ecm.comparison.comparison import Comparison
 from ecm.comparison.residual_figures import residual_figure, residual_section
+from ecm.comparison.sections import workspace_blocks
 from ecm.diagnosis import sections as part
 from ecm.io.arrays import F
-from ecm.report.page import FigureBlock, Section, write_page
+from ecm.report.page import Block, FigureBlock, Section, write_page
 
 
 def write_diagnosis(
@@ -50,10 +51,9 @@ def write_diagnosis(
 def _residuals(document: Mapping[str, Any], compared: Comparison, predicted: F | None) -> Section:
     unknown = document["unknown"]
     section = residual_section(compared.where(), [] if unknown is None else unknown["variables"])
-    if predicted is None:
-        return section
-    figure = FigureBlock(
-        "What the answer predicts (crosses) on the residuals of the model before.",
-        residual_figure(compared.where(), predicted=predicted),
-    )
-    return replace(section, blocks=[section.blocks[0], figure, *section.blocks[1:]])
+    first: list[Block] = [section.blocks[0], *workspace_blocks(compared)]
+    if predicted is not None:
+        caption = "What the answer predicts (crosses) on the residuals of the model before."
+        figure = residual_figure(compared.where(), predicted=predicted)
+        first.append(FigureBlock(caption, figure))
+    return replace(section, blocks=[*first, *section.blocks[1:]])

@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 
 from ecm.io.cache import write_atomically
 from ecm.io.extras import require
+from ecm.report.web import look, script_of_space
 
 _WORD = re.compile(r"(?!\bto\b)[A-Za-z]{2}")
 """Two letters in a row: numbers have one at most (1e-3), and intervals have the word `to`."""
@@ -125,7 +126,28 @@ class FigureBlock:
     figure: dict[str, Any]
 
 
-Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock
+@dataclass(frozen=True)
+class MechanismBlock:
+    """The mechanism in space, bent into measured poses; `ecm.report.mechanism` makes it.
+
+    Parameters
+    ----------
+    caption
+        What the picture shows.
+    view
+        Outline, frames, rows and values as plain values.
+
+    Examples
+    --------
+    >>> MechanismBlock("Measured poses.", {"row": [1]}).view["row"]
+    [1]
+    """
+
+    caption: str
+    view: dict[str, Any]
+
+
+Block: TypeAlias = TextBlock | CodeBlock | TableBlock | FigureBlock | MechanismBlock
 
 
 @dataclass(frozen=True)
@@ -210,6 +232,7 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
     jinja2, plotly = require_report()
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     figures: list[dict[str, Any]] = []
+    views: list[dict[str, Any]] = []
     prepared = []
     for section in sections:
         blocks = []
@@ -219,13 +242,19 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
                 entry["index"] = len(figures)
                 entry["height"] = block.figure.get("layout", {}).get("height", 420)
                 figures.append(block.figure)
+            if isinstance(block, MechanismBlock):
+                entry["index"] = len(views)
+                views.append(block.view)
             blocks.append(entry)
         prepared.append({"title": section.title, "anchor": section.anchor, "blocks": blocks})
     page: str = environment.from_string(_TEMPLATE).render(
         title=title,
         lead=lead,
         sections=prepared,
+        look=look(),
         figures=_packed(json.dumps(figures, allow_nan=False)),
+        views=_packed(json.dumps(views, allow_nan=False)),
+        space=_packed(script_of_space()),
         plotly=_packed_script(plotly.get_plotlyjs),
     )
     return page
@@ -260,35 +289,25 @@ document.addEventListener("securitypolicyviolation",
 <title>{{ title }}</title>
 <link rel="icon" href="data:,">
 <style>
-:root { --ink: #1c2430; --soft: #5b6675; --line: #d9dee5; --paper: #ffffff; --wash: #f5f7f9; }
-* { box-sizing: border-box; }
-body { margin: 0; color: var(--ink); background: var(--paper);
-  font: 16px/1.5 system-ui, "DejaVu Sans", Arial, sans-serif; }
+{{ look }}
 header, main { max-width: 1080px; margin: 0 auto; padding: 0 24px; }
 header { padding-top: 32px; }
 h1 { font-size: 28px; line-height: 1.2; margin: 0 0 8px; }
 h2 { font-size: 20px; margin: 44px 0 10px; padding-top: 14px; border-top: 1px solid var(--line); }
 nav { display: flex; flex-wrap: wrap; gap: 4px 18px; margin: 16px 0; font-size: 14px; }
-nav a { color: var(--ink); }
-p { max-width: 76ch; margin: 8px 0; }
-p.strong { font-weight: 600; background: var(--wash); border-left: 4px solid var(--ink);
-  padding: 8px 12px; max-width: none; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 14px; margin: 6px 0 4px;
-  font-variant-numeric: tabular-nums; }
-th, td { padding: 4px 12px; text-align: right; border-bottom: 1px solid var(--line);
-  white-space: nowrap; }
-th { font-weight: 600; background: var(--wash); vertical-align: bottom; }
+th, td { padding: 4px 12px; text-align: right; white-space: nowrap; }
+th { vertical-align: bottom; }
 th.words, td.words { text-align: left; }
 td.words:last-child { white-space: normal; min-width: 16em; }
-tr[data-row] { cursor: pointer; }
-tr.marked td { font-weight: 700; background: var(--wash); }
-pre { background: var(--wash); border-left: 4px solid var(--line); padding: 8px 12px; margin: 6px 0;
-  overflow-x: auto; font: 13px/1.45 "DejaVu Sans Mono", monospace; }
+tr.marked td { font-weight: 700; background: var(--band); }
 figure { margin: 18px 0; }
 figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px 0; }
 figure.table { margin: 22px 0; }
-@media print { nav { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+figure > div[id^="figure-"] { background: white; border-radius: 10px; overflow: hidden; }
+.space { aspect-ratio: 16 / 9; }
+@media (max-width: 600px) { .space { aspect-ratio: 1; } header, main { padding: 0 12px; } }
+@media print { nav, .views { display: none; } h2 { break-after: avoid; }
+  figure { break-inside: avoid; } }
 </style>
 </head>
 <body>
@@ -303,7 +322,7 @@ figure.table { margin: 22px 0; }
 <h2>{{ s.title }}</h2>
 {% for e in s.blocks %}
 {% if e.kind == "TextBlock" %}
-<p{% if e.block.strong %} class="strong"{% endif %}>{{ e.block.text }}</p>
+<p{% if e.block.strong %} class="lead"{% endif %}>{{ e.block.text }}</p>
 {% elif e.kind == "CodeBlock" %}
 <figure class="table"><figcaption>{{ e.block.caption }}</figcaption>
 <pre>{{ e.block.text }}</pre></figure>
@@ -320,6 +339,9 @@ figure.table { margin: 22px 0; }
  {% endif %}>{% for cell in row %}<td{% if words[loop.index0] %} class="words"{% endif %}>
  {{- cell }}</td>{% endfor %}</tr>{% endfor %}
 </tbody></table></div>
+{% elif e.kind == "MechanismBlock" %}
+<figure><div id="mechanism-{{ e.index }}"></div>
+<figcaption>{{ e.block.caption }}</figcaption></figure>
 {% else %}
 <figure><div id="figure-{{ e.index }}" style="height:{{ e.height }}px"></div>
 <figcaption>{{ e.block.caption }}</figcaption></figure>
@@ -328,6 +350,9 @@ figure.table { margin: 22px 0; }
 </section>
 {% endfor %}
 </main>
+<div id="tip" role="tooltip" hidden></div>
+<script type="text/plain" id="packed-views">{{ views }}</script>
+<script type="text/plain" id="packed-space">{{ space }}</script>
 <script type="text/plain" id="packed-figures">{{ figures }}</script>
 <script type="text/plain" id="packed-plotly">{{ plotly }}</script>
 <script>
@@ -338,10 +363,25 @@ async function unpacked(id) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Response(stream).text();
 }
-async function draw() {
+async function run(id) {
   const script = document.createElement("script");
-  script.textContent = await unpacked("packed-plotly");
+  script.textContent = await unpacked(id);
   document.head.append(script);
+}
+async function drawMechanisms() {
+  const views = JSON.parse(await unpacked("packed-views"));
+  if (!views.length) return;
+  await run("packed-space");
+  views.forEach((v, i) => document.getElementById("mechanism-" + i)
+    .append(modules.scene.workspace(v, v.row, v.columns, v.values, v)));
+  modules.selection.onMark(() => views.forEach(v => {
+    if (v.link && !marking) markAll(v.link, [...modules.selection.marked]);
+  }));
+  document.documentElement.dataset.mechanisms = views.length;
+}
+async function draw() {
+  await drawMechanisms();
+  await run("packed-plotly");
   figures = JSON.parse(await unpacked("packed-figures"));
   figures.forEach((f, i) => {
     Plotly.newPlot("figure-" + i, f.data, f.layout,
@@ -353,18 +393,26 @@ async function draw() {
   });
   document.documentElement.dataset.figures = figures.length;
 }
-// A row marked anywhere is marked in every figure and table of the same link.
-let marked = "";
+// A row marked anywhere is marked in every figure, table and mechanism of the same link.
+let marked = "", marking = false;
 function mark(link, row) {
-  marked = marked === link + row ? "" : link + row;
-  document.documentElement.dataset.marked = marked && row;
+  markAll(link, marked === link + row ? [] : [row]);
+}
+function markAll(link, rows) {
+  marked = rows.length ? link + rows.join(",") : "";
+  document.documentElement.dataset.marked = rows.join(",");
+  const chosen = new Set(rows.map(String));
   figures.forEach((f, i) => f.data.forEach((trace, k) => {
     if (trace.meta !== link) return;
-    const at = trace.customdata.map(String).indexOf(String(row));
-    Plotly.restyle("figure-" + i, {selectedpoints: [marked ? (at < 0 ? [] : [at]) : null]}, [k]);
+    const at = trace.customdata.flatMap((r, j) => chosen.has(String(r)) ? [j] : []);
+    Plotly.restyle("figure-" + i, {selectedpoints: [marked ? at : null]}, [k]);
   }));
   document.querySelectorAll("tr[data-row]").forEach(tr => tr.classList.toggle("marked",
-    marked !== "" && tr.dataset.link === link && tr.dataset.row === String(row)));
+    tr.dataset.link === link && chosen.has(tr.dataset.row)));
+  if (typeof modules === "undefined") return;
+  marking = true;
+  modules.selection.mark(rows.map(Number));
+  marking = false;
 }
 document.querySelectorAll("tr[data-row]").forEach(tr => {
   tr.addEventListener("click", () => mark(tr.dataset.link, tr.dataset.row));
@@ -372,7 +420,7 @@ document.querySelectorAll("tr[data-row]").forEach(tr => {
 });
 const drawn = draw().catch(e => {
   document.documentElement.dataset.error = e.message;
-  document.querySelectorAll("main figure > div[id]").forEach(div => {
+  document.querySelectorAll("main figure > div[id]:empty").forEach(div => {
     div.textContent = "This figure needs a browser of 2023 or later: " + e.message;
   });
 });

@@ -118,6 +118,11 @@ class Config:
                 f"{self._where}[simulate] n - n_test = {pairs}: expected at least {needed}, the "
                 f"coefficients of [select] degrees {degree}"
             )
+        if self.design.n < needed:
+            raise InputError(
+                f"{self._where}[design] n = {self.design.n}: expected at least {needed}, the "
+                f"coefficients of [select] degrees {degree}"
+            )
 
     @property
     def _where(self) -> str:

@@ -16,7 +16,8 @@ import numpy as np
 
 from ecm._native import PolynomialModel as PolynomialEvaluator
 from ecm._native import __version__
-from ecm.comparison import compare
+from ecm.comparison import Comparison, compare
+from ecm.comparison.residual_points import residual_points
 from ecm.designs import Design, DesignSettings, diagnosable_plan, optimal_design, paper_plan
 from ecm.errors import MissingExtra
 from ecm.fem.simulate import Simulated, simulate
@@ -246,17 +247,18 @@ def select(job: Job, train: tuple[F, F], test: tuple[F, F]) -> dict[str, Design]
 
 
 def _design(job: Job, poses: F, name: str, **search: Any) -> Design:
-    """One design of the job, kept as the stage of that name."""
+    """One design of the job for its last polynomial, kept as the stage of that name."""
     settings = job.config.design
+    model = f"poly:{job.config.select.degrees[-1]}"
 
     def compute() -> Mapping[str, Any]:
         search_settings = DesignSettings(
-            starts=settings.starts, seed=job.seed, threads=job.threads, **search
+            model=model, starts=settings.starts, seed=job.seed, threads=job.threads, **search
         )
         progress = job.console.progress(name)
         return dict(vars(optimal_design(poses, settings.n, search_settings, progress=progress)))
 
-    return Design(**job.stage(name, settings.n, settings.starts, poses).run(compute))
+    return Design(**job.stage(name, model, settings.n, settings.starts, poses).run(compute))
 
 
 def _errors(row: Mapping[str, Any]) -> str:
@@ -332,8 +334,11 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
     job.figures["symmetric_share"] = share
     rest = np.array([[job.config.mechanism.length_m, 0.0, 0.0, 0.0, 0.0, 0.0]])
     stiffness = cubic.stiffness(rest)[0]
-    models, floor, best, model = _model_table(job, tables, cubic, physics)
+    models, floor, best, result = _model_table(job, tables, cubic, physics)
+    model, points = result.compared.model, residual_points(result)
     model.save(job.out / "model.json")
+    job.figures["workspace_poses"] = result.compared.table.poses[points.row - 1]
+    job.figures["workspace_residual"] = points.size
     step |= {
         "table_three": rows,
         "symmetric_share": {
@@ -354,7 +359,7 @@ def identify_models(job: Job, tables: dict[str, Table], physics: PhysicsMap) -> 
 
 def _model_table(
     job: Job, tables: dict[str, Table], cubic: Model, physics: PhysicsMap
-) -> tuple[list[dict[str, Any]], list[float], int, Model]:
+) -> tuple[list[dict[str, Any]], list[float], int, Comparison]:
     """Models trained on the D-optimal design, on the poses of the other one."""
     train, test = tables["d"].measured(), tables["maximin"].measured()
     few = train.select(np.random.default_rng([job.seed, 6]).permutation(len(train))[:20])
@@ -379,7 +384,7 @@ def _model_table(
     # The physics model stands for one body; what a user takes along is fitted to the data.
     fitted = [i for i, (name, _, _) in enumerate(candidates) if not name.startswith("physics")]
     best = min(fitted, key=lambda i: compared[i].whitened_rms)
-    return rows, [c.floor for c in compared[-1].components], best, candidates[best][1]
+    return rows, [c.floor for c in compared[-1].components], best, compared[best]
 
 
 # --- 4 the loop --------------------------------------------------------------
@@ -430,7 +435,7 @@ def _write_report(job: Job, times: dict[str, Any]) -> None:
         f"{job.config.design.n} poses, seed {job.seed}."
     )
     try:
-        sections = identify_sections(job.summary, job.figures, times)
+        sections = identify_sections(job.summary, job.figures, times, body)
         write_page(path, "Stiffness identification", lead, sections)
     except MissingExtra as error:
         job.console.print(f"{numbers}: the numbers; no report.html: {error}")

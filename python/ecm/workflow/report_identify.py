@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 
 from ecm.io.arrays import F
+from ecm.io.columns import POSE
+from ecm.io.mechanism import Mechanism
+from ecm.io.table import as_table
 from ecm.report import figures as draw
+from ecm.report.mechanism import mechanism_blocks
 from ecm.report.page import Block, FigureBlock, Section, TableBlock, TextBlock, number
 from ecm.workflow.paper import FEM_RATIO, KAPPA_RAW, SYMMETRIC_SHARE
 from ecm.workflow.report_arm import arm_section
@@ -25,12 +29,12 @@ _HEADER = ("fx N", "fy N", "fz N", "τx N m", "τy N m", "τz N m")
 
 
 def identify_sections(
-    summary: Mapping[str, Any], figures: Figures, times: Mapping[str, Any]
+    summary: Mapping[str, Any], figures: Figures, times: Mapping[str, Any], body: Mechanism
 ) -> list[Section]:
-    """Return every section of the page, in the order of the work."""
+    """Return every section of the page: the result, then the steps in the order of the work."""
     identified = summary["identify"]
     sections = [
-        _result(identified, times.get("stages_s", {})),
+        _result(identified, times.get("stages_s", {}), _workspace(figures, body)),
         _simulation(summary["simulate"], figures),
         _selection(summary["select"], figures),
         _designs(summary["select"], figures),
@@ -81,7 +85,26 @@ def _relative_errors(caption: str, series: Mapping[str, F], limit: float) -> Fig
     return FigureBlock(caption, figure)
 
 
-def _result(step: Mapping[str, Any], stages_s: Mapping[str, float]) -> Section:
+def _workspace(figures: Figures, body: Mechanism) -> list[Block]:
+    """The mechanism in the measured poses of the other design."""
+    poses, residual = figures["workspace_poses"], figures["workspace_residual"]
+    return [
+        *mechanism_blocks(
+            as_table(dict(zip(POSE, poses.T, strict=True))),
+            "The mechanism at rest and bent into measured poses that the model has not seen, "
+            "coloured by the residual of the row over its noise.",
+            rows=np.arange(len(poses)),
+            values=residual,
+            title="residual",
+            unit="times the noise",
+            body=body,
+        )
+    ]
+
+
+def _result(
+    step: Mapping[str, Any], stages_s: Mapping[str, float], workspace: Sequence[Block]
+) -> Section:
     models = step["models"]
     best = models[step["best"]]
     rows = [
@@ -103,6 +126,7 @@ def _result(step: Mapping[str, Any], stages_s: Mapping[str, float]) -> Section:
             f"{number(best['rmse'][4], 2)} N m in τy.",
             strong=True,
         ),
+        *workspace,
         TableBlock(
             "Root mean square error on measured poses of the other design, against the noise "
             "floor of the instruments (pose noise carried through K).",

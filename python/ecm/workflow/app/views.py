@@ -107,20 +107,18 @@ def compute_view(name: str, path: Path, tables: Sequence[Path], model: Path | No
 
 
 def poses(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
-    """Return the measured poses and wrenches, the surface of the body, and a line about it."""
+    """Return the measured poses and wrenches, the outline of the body, and a line about it."""
     from ecm.io.columns import POSE, WRENCH  # noqa: PLC0415 - the server does not need them
     from ecm.io.table import read_table  # noqa: PLC0415
+    from ecm.report.mechanism import view_of  # noqa: PLC0415
 
     table = read_table(list(tables))
     rows = _thinned(len(table))
     columns = [name for name in (*POSE, *WRENCH) if table.has(name)]
-    length = table.meta.length_m
     return {
         "row": (rows + 1).tolist(),
         "columns": {name: _short(table.column(name)[rows]) for name in columns},
-        "length_m": length,
-        "body": _surface(table),
-        "frames": _frames(table),
+        **view_of(table.meta),
         "said": _said(len(rows), len(table)),
     }
 
@@ -199,40 +197,26 @@ def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     }
 
 
+def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the poses of a plan, and the outline of the body."""
+    from ecm.io.columns import POSE  # noqa: PLC0415 - the server does not need them
+    from ecm.io.table import read_table  # noqa: PLC0415
+    from ecm.report.mechanism import view_of  # noqa: PLC0415
+
+    table = read_table(list(tables), need="predict")
+    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
+    return {**view_of(table.meta), "columns": columns}
+
+
 VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
     "poses": poses,
     "residuals": residuals,
     "effects": effects,
+    "plan": plan,
 }
+SHOWN = ("poses", "residuals", "effects")
+"""Those that the page may ask for by name."""
 NEED_MODEL = ("residuals", "effects")
-
-
-def _surface(table: Any) -> dict[str, Any] | None:
-    """Return the triangles of the undeformed body, None where the table does not describe one."""
-    body = table.meta.body()
-    if body is None or not body.has_body:
-        return None
-    mesh = body.mesh()
-    tetrahedra = np.asarray(mesh.tetrahedra)[:, :4]
-    faces = np.concatenate([tetrahedra[:, f] for f in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))])
-    _, first, count = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    outer = faces[first[count == 1]]
-    used, triangles = np.unique(outer, return_inverse=True)
-    return {
-        "points_m": _columns(np.asarray(mesh.nodes_m)[used]),
-        "triangles": triangles.reshape(outer.shape).T.tolist(),
-    }
-
-
-def _frames(table: Any) -> list[dict[str, Any]]:
-    """Return the frames of the description: name, origin in m, axes as rows."""
-    length = table.meta.length_m
-    frames = [{"name": "base", "origin_m": [0.0, 0.0, 0.0], "axes": np.eye(3).tolist()}]
-    if length is not None:
-        frames.append({"name": "top", "origin_m": [length, 0.0, 0.0], "axes": np.eye(3).tolist()})
-    return frames
 
 
 def _pose_error(found: Any, row: I) -> dict[str, Any] | None:

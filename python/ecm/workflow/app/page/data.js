@@ -4,6 +4,7 @@ import {idle, post, upload, view} from "./api.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
+import {live, measures} from "./live.js";
 import {workspace} from "./scene.js";
 
 const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
@@ -11,7 +12,8 @@ const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quate
   ["ZYX", "angles about turning z, y, x"]];
 
 export async function draw(root, state, app) {
-  if (!state.data.length) root.append(empty(state, app));
+  if (measures(state)) root.append(live());
+  else if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
   if (!state.check && (state.data.length || state.dropped.length)) root.append(mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
@@ -88,10 +90,9 @@ async function picture(root, state) {
   const poses = await view("poses", state), force = ["fx_N", "fy_N", "fz_N"].map(name => poses.columns[name]);
   const has = force.every(Boolean), any = Object.keys(poses.columns)[0];
   const size = has ? force[0].map((v, i) => Math.hypot(v, force[1][i], force[2][i])) : poses.columns[any] ?? [];
-  const largest = Math.max(1e-9, ...size.slice(0, 20000));
   wait.replaceWith(workspace(poses, poses.row, poses.columns, size, {
     title: has ? "force" : label(any), unit: has ? "N" : "", name: "Measured poses with their forces",
-    forces: has ? {columns: force, scale: 400 * (poses.length_m ?? 0.1) / largest} : null}),
+    forces: has}),
   el("p", {class: "hint"}, `Lines are the measured forces on the top. A wrong axis, sign or offset shows as bodies `
     + `that fold, or points away from the top of the body at rest. ${poses.said}`));
 }

@@ -1,9 +1,11 @@
 // Stage 2: kind and size of the model, the fit and its report.
 
+import {view} from "./api.js";
 import {chart} from "./chart.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help} from "./help.js";
+import {POSE} from "./scene.js";
 
 const KINDS = [
   ["physics", "Physics", "Finite elements of the described body; its stiffness is fitted. Best where the body is known."],
@@ -18,8 +20,8 @@ const KINDS = [
 // What a person has picked stays picked when the page is drawn again.
 let picked = null;
 
-export function draw(root, state, app) {
-  const now = picked ?? state.rungs[0]?.name ?? (state.check?.padding ? "energy6" : "linear");
+export async function draw(root, state, app) {
+  const now = picked ?? state.rungs[0]?.name ?? await usual(state);
   const curve = el("input", {type: "checkbox", id: "curve"});
   const kinds = el("div", {class: "cards", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
@@ -39,6 +41,13 @@ export function draw(root, state, app) {
   }
   const base = state.rungs[0]?.report;  // a later fit with an effect has no report of its own
   if (base) root.append(...report(base));
+}
+
+// An energy needs six coordinates and the length of the mechanism.
+async function usual(state) {
+  const {columns, length_m} = await view("poses", state);
+  const all = POSE.every(name => columns[name]) && !state.check.padding.length;
+  return all && length_m ? "energy6" : "linear";
 }
 
 function report(fit) {

@@ -4,6 +4,7 @@ import {sized, stamp, ticks, tip} from "./canvas.js";
 import {colours, rgb} from "./colours.js";
 import {el, number} from "./dom.js";
 
+const FINGER = 24, MOUSE = 10;
 const LEFT = 52, RIGHT = 46, TOP = 24, BOTTOM = 34, BINS = 28, MANY = 1500;
 const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 
@@ -151,8 +152,8 @@ export function panel({onbrush, say}) {
     return found;
   }
 
-  function nearest(x, y) {
-    let best = -1, distance = 100;
+  function nearest(x, y, within) {
+    let best = -1, distance = within ** 2;
     for (let i = 0; i < data.x.length; i += 1) {
       const d = (px(data.x[i]) - x) ** 2 + (py(data.y[i]) - y) ** 2;
       if (d < distance) { distance = d; best = i; }
@@ -169,21 +170,26 @@ export function panel({onbrush, say}) {
   });
   over.addEventListener("pointermove", event => {
     if (from) {
-      box = [...from, event.offsetX, event.offsetY];
+      const {offsetX: x, offsetY: y} = event;
+      // A finger that goes sideways marks all rows between, since up and down moves the page.
+      const flat = event.pointerType === "touch" && Math.abs(y - from[1]) < FINGER;
+      box = flat ? [from[0], TOP, x, height - BOTTOM] : [...from, x, y];
       onbrush(inside(), false);
     } else {
-      const i = nearest(event.offsetX, event.offsetY);
+      const i = nearest(event.offsetX, event.offsetY, MOUSE);
       tip(i < 0 ? "" : text(i), event);
     }
   });
   over.addEventListener("pointerleave", event => tip("", event));
   over.addEventListener("pointerup", event => {
-    const i = nearest(event.offsetX, event.offsetY);
-    const found = box && Math.hypot(box[2] - box[0], box[3] - box[1]) > 5 ? inside() : i < 0 ? [] : [i];
+    if (!from) return;
+    const i = nearest(event.offsetX, event.offsetY, event.pointerType === "touch" ? FINGER : MOUSE);
+    const moved = Math.hypot(event.offsetX - from[0], event.offsetY - from[1]) > 5;
+    const found = box && moved ? inside() : i < 0 ? [] : [i];
     from = box = null;
     onbrush(found, true);
   });
-  over.addEventListener("pointercancel", () => { from = box = null; ask(); });
+  over.addEventListener("pointercancel", () => { from = box = null; onbrush(null, true); });
   over.addEventListener("keydown", event => {
     if (!data) return;
     order ??= data.x.map((_, i) => i).sort((a, b) => data.x[a] - data.x[b]);

@@ -26,7 +26,7 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
     el("div", {class: "row"}, el("label", {for: "variable"}, "Against"), variable,
       el("span", {}, "shown"), kinds, help(KINDS[kind])),
     el("p", {class: "hint"}, "The shaded band is the ", term("noise floor"), ". Bars at the right count the "
-      + "rows. Drag a box to mark rows in all figures; arrow keys and space do the same."),
+      + "rows. Drag a box, or a finger sideways, to mark rows in all figures; arrow keys and space do the same."),
     rows, grid, live);
   const place = new Map(residuals.row.map((row, i) => [row, i]));
   const chosenIndices = () => [...marked].flatMap(row => place.has(row) ? [place.get(row)] : []);
@@ -50,8 +50,10 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
     look(effect);
   }
 
+  // Null: the page took the finger, and the marks stay as they were.
   function onbrush(indices, done) {
-    if (done) mark(indices.map(i => residuals.row[i]));
+    if (!indices) showMarks();
+    else if (done) mark(indices.map(i => residuals.row[i]));
     else for (const item of panels) item.mark(indices);
   }
 

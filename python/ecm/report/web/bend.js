@@ -2,7 +2,7 @@
 // The curve leaves and arrives along the x axes of the two frames; the twist grows evenly. It is a
 // sketch of the shape: no equation of the material is solved for it.
 
-const AROUND = 18, ALONG = 10;
+const AROUND = 24, ALONG = 12;
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const unit = a => { const n = Math.hypot(...a) || 1; return a.map(v => v / n); };
@@ -18,20 +18,13 @@ export function axesOf(theta) {
 }
 
 // The radius of a body of revolution at places from 0 (base) to 1 (top).
-export function profileOf(view) {
-  const length = view.length_m || 0.1;
-  if (!view.body) return {length, radius: () => 0.14 * length};
-  const [x, y, z] = view.body.points_m, bins = new Array(9).fill(0);
-  x.forEach((v, i) => {
-    const k = Math.round(8 * Math.min(1, Math.max(0, v / length)));
-    bins[k] = Math.max(bins[k], Math.hypot(y[i], z[i]));
-  });
-  const known = bins.flatMap((r, k) => r > 0 ? [k] : []);
+export function profileOf({length_m, outline_m}) {
+  const length = length_m || 0.1;
+  if (!outline_m) return {length, radius: () => 0.14 * length};
+  const last = outline_m.length - 1;
   const radius = s => {
-    const at = 8 * s;
-    const low = known.filter(k => k <= at).at(-1) ?? known[0];
-    const high = known.find(k => k >= at) ?? low;
-    return high === low ? bins[low] : bins[low] + (at - low) / (high - low) * (bins[high] - bins[low]);
+    const at = last * s, k = Math.min(last - 1, Math.floor(at));
+    return outline_m[k] + (at - k) * (outline_m[k + 1] - outline_m[k]);
   };
   return {length, radius};
 }

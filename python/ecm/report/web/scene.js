@@ -6,17 +6,18 @@ import {el, number} from "./dom.js";
 import {bodyColour, space} from "./space.js";
 import {mark, marked, onMark} from "./selection.js";
 
-const POSE = ["x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"];
-const mm = values => values.map(v => v * 1e3);
+export const POSE = ["x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"];
+export const mm = values => values.map(v => v * 1e3);
 const FEW = 4;
+const HOW = "Drag turns. A click or a tap marks one row, shift and drag or “Mark a box” those in a box.";
 
-// `values` of the rows colour them; `title` and `unit` say what they are.
-export function workspace(view, rows, columns, values, {title, unit, forces = null, name}) {
+// `values` of the rows colour them; `title` and `unit` say what they are; `forces`: draw them, too.
+export function workspace(view, rows, columns, values, {title, unit, forces = false, name}) {
   const pose = POSE.map(key => columns[key]);
   if (!pose.slice(0, 3).every(Boolean)) {
     return el("div", {class: "waiting"}, "No picture in space: the table has not all of x, y and z.");
   }
-  const full = pose.every(Boolean), profile = profileOf(view);
+  const full = pose.every(Boolean), profile = profileOf(view), force = forces ? forcesOf(columns, profile) : null;
   const largest = quantile(values, 0.98), scale = scaleOf(largest);
   const [x, y, z] = pose.slice(0, 3).map(mm);
   const order = values.map((_, i) => i).sort((a, b) => (values[b] ?? 0) - (values[a] ?? 0));
@@ -35,8 +36,8 @@ export function workspace(view, rows, columns, values, {title, unit, forces = nu
       const here = pose.map(values => values[i]);
       bodies.push(inMm(bent(profile, here), scale(values[i]), 1));
       frames.push({name: "", origin: [x[i], y[i], z[i]], axes: axesOf(here.slice(3)), size: 180 * profile.length});
-      if (forces) lines.push({from: [x[i], y[i], z[i]], colour: css(scale(largest)),
-        to: [x, y, z].map((values_, k) => values_[i] + forces.scale * forces.columns[k][i])});
+      if (force) lines.push({from: [x[i], y[i], z[i]], colour: css(scale(largest)),
+        to: [x, y, z].map((values_, k) => values_[i] + force.scale * force.columns[k][i])});
     }
     drawn.set({bodies, frames, lines, points: {x, y, z, row: rows,
       colour: values.map(scale),
@@ -50,8 +51,15 @@ export function workspace(view, rows, columns, values, {title, unit, forces = nu
       `${title}: 0`, el("i"), `${number(largest)} ${unit}`),
     el("p", {class: "hint"}, full
       ? "Bent bodies: poses far apart, or up to three marked ones; between its two end frames the shape "
-        + "is sketched. Drag turns, shift and drag marks, a click marks one row."
-      : "Drag turns, shift and drag marks, a click marks one row."));
+        + `is sketched. ${HOW}` : HOW));
+}
+
+// Forces as lines: the largest is four tenths of the mechanism long.
+function forcesOf(columns, {length}) {
+  const found = ["fx_N", "fy_N", "fz_N"].map(name => columns[name]);
+  if (!found.every(Boolean)) return null;
+  const largest = found[0].reduce((most, v, i) => Math.max(most, Math.hypot(v, found[1][i], found[2][i])), 1e-9);
+  return {columns: found, scale: 400 * length / largest};
 }
 
 function quantile(values, share) {

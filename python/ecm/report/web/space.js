@@ -1,0 +1,284 @@
+// Bodies, frames and points in space on a canvas: turned by a drag, a finger or the arrow keys.
+
+import {colours, css, rgb} from "./colours.js";
+import {sized, stamp, tip} from "./canvas.js";
+import {lit, normalsOf, picture} from "./depth.js";
+import {button, el} from "./dom.js";
+import {marked} from "./selection.js";
+
+const AXES = ["#d0460f", "#008f67", "#2a78c2"];
+const WHILE_TURNING = 4000, MANY = 3000;
+const START = {turn: -0.75, lift: 0.32, zoom: 1};
+const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
+const FAINT = 0.3, ROOM = 0.006;  // of what lies behind a body; room of a point on its surface, of the whole
+const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
+
+// scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
+// frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
+export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
+  const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
+    + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
+  const live = el("p", {class: "hidden", "aria-live": "polite"});
+  const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
+  const place = el("div", {class: "space"}, canvas);
+  const node = el("div", {}, place, live, el("div", {class: "row views"}, boxes,
+    button("Next view", () => look(VIEWS[view = (view + 1) % VIEWS.length])),
+    button("+", () => look({...eye, zoom: Math.min(8, 1.25 * eye.zoom)}), {"aria-label": "Larger"}),
+    button("−", () => look({...eye, zoom: Math.max(0.3, eye.zoom / 1.25)}), {"aria-label": "Smaller"})));
+  let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
+  let centre = [0, 0, 0], extent = [], reach = 1, shown = [], turning = false, box = null, asked = false;
+  let view = 0, cursor = -1, rest = 0;
+
+  const redraw = sized(canvas, draw);
+  const ask = () => {
+    if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
+  };
+  const look = next => { eye = {...next}; ask(); };
+  const marking = on => {
+    place.classList.toggle("marking", on);
+    boxes.setAttribute("aria-pressed", String(on));
+  };
+
+  function set(next) {
+    scene = {bodies: [], frames: [], lines: [], ...next};
+    cursor = -1;
+    for (const body of scene.bodies) body.normals = normalsOf(body);
+    const all = [...scene.bodies.flatMap(body => body.points),
+      ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
+    const {points} = scene;
+    if (points) for (let i = 0; i < points.x.length; i += 1) all.push([points.x[i], points.y[i], points.z[i]]);
+    const low = [0, 1, 2].map(i => all.reduce((m, p) => Math.min(m, p[i]), Infinity));
+    const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
+    centre = low.map((v, i) => (v + high[i]) / 2);
+    reach = Math.hypot(...low.map((v, i) => high[i] - v)) || 1;
+    extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
+    // What is seen from the start lies in the middle of the picture.
+    const at = extent.map(projection(0, 0, START, 1)), middle = k =>
+      (Math.min(...at.map(point => point[k])) + Math.max(...at.map(point => point[k]))) / 2;
+    const [right, up] = [middle(0), -middle(1)], c = Math.cos(START.turn), s = Math.sin(START.turn);
+    const u = Math.cos(START.lift), v = Math.sin(START.lift);
+    centre = [centre[0] + u * up, centre[1] + c * right - v * s * up, centre[2] + s * right + v * c * up];
+    ask();
+  }
+
+  // The x axis of the base points up: the mechanism stands on its clamped face.
+  function projection(width, height, {turn, lift, zoom} = eye, size = zoom * fit(width, height)) {
+    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
+    return ([x, y, z]) => {
+      const up = x - centre[0], a = y - centre[1], b = z - centre[2];
+      const right = c * a + s * b, away = -s * a + c * b;
+      return [width / 2 + size * right, height / 2 - size * (u * up + v * away), u * away - v * up];
+    };
+  }
+
+  // Pixels a mm with which all is seen from the start, with room at the edges.
+  function fit(width, height) {
+    const look = projection(0, 0, START, 1);
+    const at = extent.map(look), side = k => Math.max(1e-6, ...at.map(point => Math.abs(point[k])));
+    return 0.44 * Math.min(width / side(0), height / side(1));
+  }
+
+  function draw(context, width, height) {
+    const project = projection(width, height), palette = colours();
+    context.clearRect(0, 0, width, height);
+    const solid = picture(width, height, turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
+    for (const body of scene.bodies) if (body.alpha === 1) drawBody(solid, body, project);
+    solid.show(context);
+    const clear = scene.bodies.filter(body => body.alpha < 1);
+    if (clear.length) {
+      const ghost = solid.over();
+      for (const body of clear) drawBody(ghost, body, project);
+      context.globalAlpha = clear[0].alpha;
+      ghost.show(context);
+      context.globalAlpha = 1;
+    }
+    const hidden = at => solid.hides(at, ROOM * reach);
+    for (const line of scene.lines) drawLine(context, project(line.from), project(line.to), {colour: line.colour, width: 2, hidden});
+    for (const frame of scene.frames) drawFrame(context, project, frame, {palette, hidden});
+    drawPoints(context, project, palette, hidden);
+    if (box) {
+      context.strokeStyle = palette.second;
+      context.setLineDash([4, 3]);
+      context.strokeRect(box[0], box[1], box[2] - box[0], box[3] - box[1]);
+      context.setLineDash([]);
+    }
+  }
+
+  function drawBody(on, body, project) {
+    const at = body.points.map(project), {turn, lift} = eye;
+    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(lift), v = Math.sin(lift);
+    const bright = ([x, y, z]) => {
+      const away = -s * y + c * z;
+      return lit([c * y + s * z, u * x + v * away, u * away - v * x]);
+    };
+    body.triangles.forEach((corners, t) =>
+      on.triangle(corners.map(i => at[i]), body.normals[t].map(bright), body.colour));
+  }
+
+  // Each point can be seen and marked: one behind a body is faint. While turning, some are left out.
+  function drawPoints(context, project, palette, hidden) {
+    const {points} = scene;
+    shown = [];
+    if (!points) return;
+    const n = points.x.length, step = turning ? Math.ceil(n / WHILE_TURNING) : 1, few = n <= MANY;
+    for (let i = 0; i < n; i += step) {
+      const at = project([points.x[i], points.y[i], points.z[i]]);
+      shown.push([at[0], at[1], i, hidden(at)]);
+    }
+    const on = shown.filter(([, , i]) => marked.has(points.row[i]));
+    const off = on.length ? shown.filter(([, , i]) => !marked.has(points.row[i])) : shown;
+    if (few) {
+      for (const [x, y, i, behind] of off) {
+        context.globalAlpha = behind ? FAINT : 1;
+        disc(context, x, y, css(points.colour[i]), palette.wash, 3.6);
+      }
+      context.globalAlpha = 1;
+      for (const [x, y] of on) disc(context, x, y, palette.second, palette.ink, 5.5);
+    } else {
+      const at = {x: item => item[0], y: item => item[1]}, second = rgb(palette.second), wash = rgb(palette.wash);
+      const faint = colour => colour.map((v, k) => FAINT * v + (1 - FAINT) * wash[k]);
+      stamp(context, off, {...at, ink: ([, , i, behind]) => behind ? faint(points.colour[i]) : points.colour[i], size: 2.2});
+      if (on.length) stamp(context, on, {...at, ink: () => second, size: 3.4});
+    }
+    const here = cursor >= 0 && shown.find(([, , i]) => i === cursor);
+    if (here) {
+      context.strokeStyle = palette.ink;
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(here[0], here[1], 8, 0, 7);
+      context.stroke();
+    }
+  }
+
+  // The nearest point within so many pixels, or null.
+  function nearest(x, y, within = MOUSE) {
+    let best = null, distance = within ** 2;
+    for (const [px, py, i] of shown) {
+      const d = (px - x) ** 2 + (py - y) ** 2;
+      if (d < distance) { distance = d; best = i; }
+    }
+    return best;
+  }
+
+  let from = null;
+  canvas.addEventListener("pointerdown", event => {
+    from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: event.shiftKey || place.classList.contains("marking")};
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", event => {
+    const {offsetX: x, offsetY: y} = event;
+    if (!from) {
+      const i = nearest(x, y);
+      tip(i === null ? "" : scene.points.text(i), event);
+    } else if (from.marks) {
+      box = [from.x, from.y, x, y];
+      ask();
+    } else {
+      turning = true;
+      eye = {...eye, turn: from.eye.turn - 0.008 * (x - from.x),
+        lift: Math.max(-1.5, Math.min(1.5, from.eye.lift + 0.008 * (y - from.y)))};
+      ask();
+    }
+  });
+  const end = event => {
+    if (!from) return;
+    const still = Math.hypot(event.offsetX - from.x, event.offsetY - from.y) < STILL;
+    if (event.type === "pointercancel") {
+      // The page scrolls: nothing is marked.
+    } else if (box && !still) {
+      const [x0, x1] = [box[0], box[2]].sort((a, b) => a - b);
+      const [y0, y1] = [box[1], box[3]].sort((a, b) => a - b);
+      onbox(shown.filter(([x, y]) => x >= x0 && x <= x1 && y >= y0 && y <= y1)
+        .map(([, , i]) => scene.points.row[i]));
+    } else if (still) {
+      const i = nearest(event.offsetX, event.offsetY, event.pointerType === "touch" ? TOUCH : MOUSE);
+      if (i !== null) onpick(scene.points.row[i]);
+    }
+    from = box = null;
+    turning = false;
+    ask();
+  };
+  canvas.addEventListener("pointerup", end);
+  canvas.addEventListener("pointercancel", end);
+  canvas.addEventListener("pointerleave", event => tip("", event));
+  canvas.addEventListener("wheel", event => {
+    if (document.activeElement !== canvas && !event.ctrlKey) return;  // the page scrolls
+    event.preventDefault();
+    eye.zoom = Math.max(0.3, Math.min(8, eye.zoom * Math.exp(-0.001 * event.deltaY)));
+    ask();
+  }, {passive: false});
+  const rows = step => {
+    const n = scene.points?.x.length ?? 0;
+    if (!n) return;
+    cursor = (cursor + step + n) % n;
+    live.textContent = scene.points.text(cursor);
+  };
+  const toggle = () => {
+    if (cursor < 0) return;
+    const row = scene.points.row[cursor], at = cursor;
+    onbox(marked.has(row) ? [...marked].filter(other => other !== row) : [...marked, row]);
+    cursor = at;
+  };
+  const keys = {
+    ArrowLeft: () => { eye.turn += 0.12; }, ArrowRight: () => { eye.turn -= 0.12; },
+    ArrowUp: () => { eye.lift = Math.min(1.5, eye.lift + 0.12); }, ArrowDown: () => { eye.lift = Math.max(-1.5, eye.lift - 0.12); },
+    "+": () => { eye.zoom *= 1.15; }, "=": () => { eye.zoom *= 1.15; }, "-": () => { eye.zoom /= 1.15; },
+    Home: () => { eye = {...START}; }, n: () => rows(1), p: () => rows(-1), " ": toggle, Escape: () => onbox([]),
+  };
+  canvas.addEventListener("keydown", event => {
+    if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+    keys[event.key]();
+    event.preventDefault();
+    turning = event.key.startsWith("Arrow");  // coarse while a key is held
+    clearTimeout(rest);
+    rest = setTimeout(() => { turning = false; ask(); }, REST_MS);
+    ask();
+  });
+  canvas.addEventListener("blur", () => { cursor = -1; ask(); });
+  return {node, set, redraw: ask};
+}
+
+// A line that is faint where a body lies before it.
+function drawLine(context, a, b, {colour, width, hidden}) {
+  const pieces = Math.max(1, Math.ceil(Math.hypot(b[0] - a[0], b[1] - a[1]) / 4));
+  const at = k => a.map((v, m) => v + k / pieces * (b[m] - v));
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  for (let k = 0; k < pieces; k += 1) {
+    const from = at(k), to = at(k + 1);
+    context.globalAlpha = hidden(at(k + 0.5)) ? FAINT : 1;
+    context.beginPath();
+    context.moveTo(from[0], from[1]);
+    context.lineTo(to[0], to[1]);
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+}
+
+function drawFrame(context, project, {origin, axes, name, size}, {palette, hidden}) {
+  const from = project(origin);
+  axes.forEach((axis, i) => {
+    const to = project(origin.map((v, m) => v + size * axis[m]));
+    drawLine(context, from, to, {colour: AXES[i], width: name ? 3 : 1.6, hidden});
+    if (!name) return;
+    context.fillStyle = palette.ink;
+    context.font = "13px system-ui, sans-serif";
+    const text = `${"xyz"[i]}${i === 0 ? ` ${name}` : ""}`;
+    context.strokeStyle = palette.wash;
+    context.lineWidth = 3;
+    context.strokeText(text, to[0] + 5, to[1] + 4);
+    context.fillText(text, to[0] + 5, to[1] + 4);
+  });
+}
+
+function disc(context, x, y, fill, edge, r) {
+  context.beginPath();
+  context.arc(x, y, r, 0, 7);
+  context.fillStyle = fill;
+  context.fill();
+  context.lineWidth = 1;
+  context.strokeStyle = edge;
+  context.stroke();
+}
+
+export const bodyColour = () => rgb(colours().body);
