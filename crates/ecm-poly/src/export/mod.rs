@@ -9,6 +9,7 @@ mod history;
 pub mod model;
 pub mod rust;
 mod source;
+mod terms;
 
 use std::string::String;
 

@@ -3,7 +3,7 @@
 use ecm_poly::Pose;
 use ecm_poly::adapt::{Adapter as Settings, Outcome, Parameter, Reading, State, branch_wrenches};
 use ecm_poly::export::model::Model;
-use ecm_poly::stepper::{Effects, Inputs, State as StepperState, Stepper};
+use ecm_poly::stepper::{Effects, Inputs, STATE_NUMBERS, State as StepperState, Stepper};
 use ecm_se3::{Mat6, Vec6};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -217,7 +217,7 @@ impl Adapter {
         numbers.extend(s.counts.map(f64::from));
         numbers.push(f64::from(s.held));
         if let Some(mechanism) = &self.mechanism {
-            numbers.extend(super::stepper::numbers_of(mechanism));
+            numbers.extend(mechanism.to_numbers());
         }
         PyArray1::from_vec(py, numbers)
     }
@@ -226,14 +226,19 @@ impl Adapter {
     fn set_state(&mut self, state: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let numbers = vector(&state);
         let mechanism = match numbers.get(NUMBERS..) {
-            Some([]) => None,
-            Some(rest) => Some(super::stepper::state_of(rest)?),
-            None => {
-                return Err(ModelError::new_err(format!(
-                    "state has {} numbers, expected at least {NUMBERS}",
-                    numbers.len()
-                )));
-            }
+            Some([]) => Some(None),
+            Some(rest) => <[f64; STATE_NUMBERS]>::try_from(rest)
+                .ok()
+                .and_then(|rest| StepperState::from_numbers(&rest))
+                .map(Some),
+            None => None,
+        };
+        let (Some(mechanism), true) = (mechanism, numbers.iter().all(|x| x.is_finite())) else {
+            return Err(ModelError::new_err(format!(
+                "state has {} numbers, expected {NUMBERS} or {} that are finite: take one that was stored",
+                numbers.len(),
+                NUMBERS + STATE_NUMBERS
+            )));
         };
         let mut own = self.settings.init();
         let mut next = numbers.iter().copied();

@@ -9,8 +9,8 @@ use serde_json::{Map, Value};
 use super::history::History;
 use super::{Settings, chosen, list, table};
 use crate::error::ModelError;
-use crate::export::c::half_turn_squared;
 use crate::export::model::{Model, identifier};
+use crate::export::terms::half_turn_squared;
 use crate::export::{Precision, SourceFile, filled};
 
 /// The files, beside those of the model that `name` names as well.
@@ -28,13 +28,9 @@ pub fn export(
     let kept = chosen(settings);
     let count = kept.len();
     let real = |x: &f64| format!("R({x:e})");
-    let (kind, epsilon, half_turn) = match precision {
-        Precision::Single => (
-            "float",
-            f64::from(f32::EPSILON),
-            f64::from(half_turn_squared::<f32>()),
-        ),
-        Precision::Double => ("double", f64::EPSILON, half_turn_squared::<f64>()),
+    let (kind, epsilon) = match precision {
+        Precision::Single => ("float", f64::from(f32::EPSILON)),
+        Precision::Double => ("double", f64::EPSILON),
     };
     let places: Vec<String> = (kept.iter().enumerate())
         .map(|(i, item)| format!("    {name}_parameter_{} = {i},\n", item.1.name()))
@@ -76,7 +72,7 @@ pub fn export(
         ("GRAVITY", pair(&settings.gravity)),
         ("INTERVAL", real(&settings.interval_s)),
         ("EPSILON", format!("{epsilon:e}")),
-        ("HALFTURN", format!("{half_turn:e}")),
+        ("HALFTURN", half_turn_squared(precision)),
         ("FACTORIALS", list(&factorials, real)),
         ("STATE", (numbers * precision.size() + 20).to_string()),
         ("STACK", stack.next_multiple_of(16).to_string()),
