@@ -8,7 +8,7 @@ import {term} from "./help.js";
 import {mm, POSE} from "./scene.js";
 import {bodyColour, space} from "./space.js";
 
-const EVERY_MS = 250;
+const EVERY_MS = 150;
 
 export const measures = state => state.running !== null
   && (state.steps.find(step => step.number === state.running.step)?.command ?? "").startsWith("ecm campaign ");
