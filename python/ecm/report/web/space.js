@@ -15,13 +15,13 @@ const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
 // frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
-export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
+export function space(name, {onpick = () => {}, onbox = null} = {}) {
   const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
   const place = el("div", {class: "space"}, canvas);
-  const node = el("div", {}, place, live, el("div", {class: "row views"}, boxes,
+  const node = el("div", {}, place, live, el("div", {class: "row views"}, onbox ? boxes : null,
     button("Next view", () => look(VIEWS[view = (view + 1) % VIEWS.length])),
     button("+", () => look({...eye, zoom: Math.min(8, 1.25 * eye.zoom)}), {"aria-label": "Larger"}),
     button("−", () => look({...eye, zoom: Math.max(0.3, eye.zoom / 1.25)}), {"aria-label": "Smaller"})));
@@ -162,7 +162,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
 
   let from = null;
   canvas.addEventListener("pointerdown", event => {
-    from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: event.shiftKey || place.classList.contains("marking")};
+    from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: onbox && (event.shiftKey || place.classList.contains("marking"))};
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", event => {
@@ -214,7 +214,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     live.textContent = scene.points.text(cursor);
   };
   const toggle = () => {
-    if (cursor < 0) return;
+    if (cursor < 0 || !onbox) return;
     const row = scene.points.row[cursor], at = cursor;
     onbox(marked.has(row) ? [...marked].filter(other => other !== row) : [...marked, row]);
     cursor = at;
@@ -223,7 +223,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     ArrowLeft: () => { eye.turn += 0.12; }, ArrowRight: () => { eye.turn -= 0.12; },
     ArrowUp: () => { eye.lift = Math.min(1.5, eye.lift + 0.12); }, ArrowDown: () => { eye.lift = Math.max(-1.5, eye.lift - 0.12); },
     "+": () => { eye.zoom *= 1.15; }, "=": () => { eye.zoom *= 1.15; }, "-": () => { eye.zoom /= 1.15; },
-    Home: () => { eye = {...START}; }, n: () => rows(1), p: () => rows(-1), " ": toggle, Escape: () => onbox([]),
+    Home: () => { eye = {...START}; }, n: () => rows(1), p: () => rows(-1), " ": toggle, Escape: () => onbox?.([]),
   };
   canvas.addEventListener("keydown", event => {
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
