@@ -27,11 +27,18 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     button("−", () => look({...eye, zoom: Math.max(0.3, eye.zoom / 1.25)}), {"aria-label": "Smaller"})));
   let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
   let centre = [0, 0, 0], extent = [], reach = 1, shown = [], turning = false, box = null, asked = false;
-  let view = 0, cursor = -1, rest = 0;
+  let view = 0, cursor = -1, rest = 0, coarse = false;
 
   const redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
+  };
+  // A picture at once, and a sharp one when nothing has changed for a while.
+  const soon = () => {
+    coarse = true;
+    clearTimeout(rest);
+    rest = setTimeout(() => { coarse = false; ask(); }, REST_MS);
+    ask();
   };
   const look = next => { eye = {...next}; ask(); };
   const marking = on => {
@@ -42,6 +49,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   function set(next) {
     scene = {bodies: [], frames: [], lines: [], ...next};
     cursor = -1;
+    soon();
     for (const body of scene.bodies) body.normals = normalsOf(body);
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
@@ -81,7 +89,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   function draw(context, width, height) {
     const project = projection(width, height), palette = colours();
     context.clearRect(0, 0, width, height);
-    const solid = picture(width, height, turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
+    const solid = picture(width, height, coarse || turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
     for (const body of scene.bodies) if (body.alpha === 1) drawBody(solid, body, project);
     solid.show(context);
     const clear = scene.bodies.filter(body => body.alpha < 1);
@@ -229,10 +237,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
     keys[event.key]();
     event.preventDefault();
-    turning = event.key.startsWith("Arrow");  // coarse while a key is held
-    clearTimeout(rest);
-    rest = setTimeout(() => { turning = false; ask(); }, REST_MS);
-    ask();
+    soon();
   });
   canvas.addEventListener("blur", () => { cursor = -1; ask(); });
   return {node, set, redraw: ask};
