@@ -170,7 +170,7 @@ BRUSH = """new Promise(async done => {
 PAINT = """new Promise(done => {
   const look = () => {
     const paint = performance.getEntriesByName("first-contentful-paint")[0];
-    const drawn = document.documentElement.dataset.stage;
+    const drawn = document.documentElement?.dataset.stage;
     if (paint && drawn) done([paint.startTime, performance.now()]);
     else setTimeout(look, 5);
   };
