@@ -3,7 +3,8 @@
     .venv/bin/python benches/head.py --seeds 20 --out out/head
 
 Each row and seed is one file below --out and is not run again, so that the command goes on where it
-was stopped. `--rows` takes a part, `--steps N` measures the worst step of N instead.
+was stopped. `--rows` takes a part, `--steps N` measures the worst step of N instead,
+`--workspace` prints what four tendons can hold.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ecm.head.allocation import largest_turns, uncontrolled
 from ecm.head.compiled import CompiledController
 from ecm.head.identification import ROWS, robot
 from ecm.head.neck_wrench import fem_neck
@@ -48,6 +50,17 @@ def worst_step(bench: Bench, row: str, steps: int) -> None:
     )
 
 
+def print_workspace(bench: Bench) -> None:
+    """Print the largest turns that are held, and what is uncontrolled at rest."""
+    motions = bench.motions()
+    length = bench.neck.length_m
+    turns = np.degrees(largest_turns(motions.neck, bench.settings, length))
+    for axis, (low, high) in zip("xyz", turns, strict=True):
+        print(f"about {axis}: {-low:.0f} to {high:.0f} degrees")
+    for row in uncontrolled(motions.neck, bench.settings, motions.upright.pose, length):
+        print("uncontrolled: " + " ".join(f"{value:+.2f}" for value in row))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
@@ -55,10 +68,14 @@ def main() -> None:
     parser.add_argument("--rows", type=int, nargs="*", default=range(len(ROWS)))
     parser.add_argument("--step-s", type=float, default=1e-3, help="step of the plant")
     parser.add_argument("--steps", type=int, default=0)
+    parser.add_argument("--workspace", action="store_true", help="what four tendons can hold")
     given = parser.parse_args()
     neck = fem_neck(folder=cache_directory())
     bench = Bench(neck, HeadSettings(plant_step_s=given.step_s), Mechanism(), given.out)
     rows = [list(ROWS)[i] for i in given.rows]
+    if given.workspace:
+        print_workspace(bench)
+        return
     if given.steps:
         for row in rows:
             worst_step(bench, row, given.steps)

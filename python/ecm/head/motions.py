@@ -73,7 +73,7 @@ class Motions:
     """
 
     def __init__(self, neck: Statics, settings: HeadSettings, length_m: float) -> None:
-        self._neck, self._settings, self._length = neck, settings, length_m
+        self.neck, self._settings, self._length = neck, settings, length_m
         self.upright = self._held(np.zeros(3), None)
         """Where every motion begins."""
 
@@ -140,7 +140,7 @@ class Motions:
         return self._settings.control.dt_s
 
     def _held(self, turned_rad: F, start: HeldPose | None) -> HeldPose:
-        found = held_pose(self._neck, self._settings, turned_rad, start, length_m=self._length)
+        found = held_pose(self.neck, self._settings, turned_rad, start, length_m=self._length)
         if not found.held:
             forces = ", ".join(f"{force:.0f}" for force in found.forces_N)
             raise InputError(

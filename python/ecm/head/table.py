@@ -170,7 +170,7 @@ def table_lines(results: Sequence[dict[str, Any]]) -> list[str]:
 
 def _values(results: Sequence[dict[str, Any]], motion: str, name: str) -> list[float]:
     found = [m[name] for item in results for m in item["motions"] if m["motion"] == motion]
-    return [float(value) for value in found]
+    return [float("nan") if value is None else float(value) for value in found]
 
 
 def _cell(results: Sequence[dict[str, Any]], motion: str, name: str) -> str:
