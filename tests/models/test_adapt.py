@@ -43,10 +43,10 @@ def adapter(model: Model) -> Adapter:
     return model.controller().adapt(settings)
 
 
-def moving(seconds: float, seed: int) -> F:
+def moving(seconds: float, seed: int, each_s: float = 2.0) -> F:
     """(N, 6) smooth ways between poses like those of the training."""
-    corners = workspace_poses(int(seconds / 2.0) + 2, 100 + seed)
-    place, share = np.divmod(np.arange(int(seconds * RATE)) / (2.0 * RATE), 1.0)
+    corners = workspace_poses(int(seconds / each_s) + 2, 100 + seed)
+    place, share = np.divmod(np.arange(int(seconds * RATE)) / (each_s * RATE), 1.0)
     i, s = place.astype(int), (0.5 - 0.5 * np.cos(np.pi * share))[:, None]
     return np.asarray(corners[i] + s * (corners[i + 1] - corners[i]))
 
@@ -93,12 +93,10 @@ def test_error_stays_at_the_floor_while_the_modulus_falls(adapter: Adapter) -> N
 
 @pytest.mark.parametrize("what", ["payload", "zero"])
 def test_half_a_kilogram_is_found_and_told_from_the_zero(adapter: Adapter, what: str) -> None:
-    poses = moving(42.0, 3)
+    poses = moving(42.0, 3, 0.5)
     true, on = wrench(poses), int(40 * RATE)
     load = weight(poses, 0.5)
-    if (
-        what == "zero"
-    ):  # the same change of the reading at that moment, but it turns with the sensor
+    if what == "zero":  # the same at that moment, but it turns with the sensor
         turn = rotation_matrices(np.ascontiguousarray(poses[on : on + 1, 3:]))[0]
         load = zero(poses, np.concatenate([turn.T @ load[on, :3], turn.T @ load[on, 3:]]))
     true[on:] += load[on:]
