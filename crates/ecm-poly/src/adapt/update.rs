@@ -17,7 +17,7 @@ impl<R: Real> Factor<R> {
             for k in 0..j {
                 // entries[k][k] is 1/D, and entries[j][k] still L D.
                 let scaled = entries[j][k] * entries[k][k];
-                pivot = pivot - entries[j][k] * scaled;
+                pivot -= entries[j][k] * scaled;
             }
             let inverse = if pivot > R::ZERO {
                 R::ONE / pivot
@@ -27,7 +27,7 @@ impl<R: Real> Factor<R> {
             for i in j + 1..6 {
                 let mut sum = entries[i][j];
                 for k in 0..j {
-                    sum = sum - entries[i][k] * (entries[j][k] * entries[k][k]);
+                    sum -= entries[i][k] * (entries[j][k] * entries[k][k]);
                 }
                 entries[i][j] = sum;
             }
@@ -42,7 +42,7 @@ impl<R: Real> Factor<R> {
         let mut x = *right;
         for i in 0..6 {
             for k in 0..i {
-                x[i] = x[i] - e[i][k] * e[k][k] * x[k];
+                x[i] -= e[i][k] * e[k][k] * x[k];
             }
         }
         for i in 0..6 {
@@ -50,7 +50,7 @@ impl<R: Real> Factor<R> {
         }
         for i in (0..6).rev() {
             for k in i + 1..6 {
-                x[i] = x[i] - e[k][i] * e[i][i] * x[k];
+                x[i] -= e[k][i] * e[i][i] * x[k];
             }
         }
         x
