@@ -291,7 +291,12 @@ fn bounds_hold() {
     plant.scale = 0.9;
     let mut state = adapter.init();
     follow(&adapter, &mut state, &mut plant, 10.0, free);
-    assert_eq!(state.values[0], 0.95);
+    // 0.9 without the bound; it may move away from the bound again.
+    assert!(
+        (0.95..0.96).contains(&state.values[0]),
+        "{}",
+        state.values[0]
+    );
 }
 
 #[test]
