@@ -1,6 +1,6 @@
 # make demo   sets up, builds and runs the main job (the paper's three steps) into ./demo
 # make test   sets up, builds and runs every test
-# make docs   sets up, builds and writes the documentation as a site into ./site
+# make docs   sets up, builds and writes the documentation as a site into ./site (Python >= 3.11)
 #
 # Needs a Rust toolchain, Python >= 3.10 and make. Programs that only some tests need
 # are listed in apt.txt; a missing one is one named line in the summary.
@@ -28,7 +28,7 @@ demo: build-demo
 test: test-rust test-python
 
 docs: build
-	@$(STEP) "Pages of the crates by rustdoc" $(CARGO) doc --quiet --no-deps \
+	@$(STEP) "Pages of the crates by rustdoc" $(CARGO) doc --release --quiet --no-deps \
 	  -p ecm-se3 -p ecm-poly -p ecm-fem -p ecm-doe
 	@$(STEP) "Site of the documentation" env PYTHONPATH=scripts $(BIN)/python -m docsite target/doc
 	@echo "Open site/index.html in a browser."

@@ -476,6 +476,14 @@ class Stepper:
     ) -> tuple[_F, _F] | None:
         """Wrench (6,) and tangent (6, 6); None, and the state stays, where it is refused."""
 
+    def predict_ahead(
+        self, poses: _F, dt: float, temperature_degc: float, age_s: float
+    ) -> tuple[_F, _F]:
+        """Wrenches (n, 6), tangents (n, 6, 6) of the poses before one that is refused."""
+
+    def inputs_inside(self, temperature_degc: float, age_s: float) -> bool:
+        """Whether both are in the ranges for which the model was measured."""
+
     def settled(self, pose: _F, temperature_degc: float, age_s: float) -> tuple[_F, _F] | None:
         """Wrench (6,) and stiffness (6, 6) after a long rest; None where the pose is refused."""
 

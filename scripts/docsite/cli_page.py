@@ -28,20 +28,31 @@ def page() -> str:
 
 
 def _command(name: str, command: Any, line: str, level: int) -> list[str]:
-    parts = [f"\n{'#' * level} {name}\n", f"{line}\n" if line else ""]
+    parts = [f"\n{'#' * level} {name}\n"]
     children = getattr(command, "commands", None)
     if children:
+        parts.append(f"{line}\n")
         for child_name, child in children.items():
             parts += _command(f"{name} {child_name}", child, "", level + 1)
         return parts
     shown = [p for p in command.params if not getattr(p, "hidden", False) and p.name != "help"]
     arguments = [p for p in shown if p.param_type_name == "argument"]
     usage = " ".join([name, *(_argument(p) for p in arguments), "[OPTIONS]"])
-    parts += [f"{command.help}\n" if command.help else "", f"```text\n{usage}\n```\n"]
+    parts += [*_help(command.help or line), f"```text\n{usage}\n```\n"]
     parts += ["| argument or option | meaning | default |", "|---|---|---|"]
     for p in shown:
         parts.append(f"| {_names(p)} | {_cell(p.help or '')} | {_default(p)} |")
     return parts
+
+
+def _help(text: str) -> list[str]:
+    """Paragraphs of a help; indented lines stay as they are."""
+    paragraphs = [part.strip("\n") for part in text.replace("\b", "").split("\n\n")]
+    return [
+        f"```text\n{part}\n```\n" if part.startswith("  ") else f"{part}\n"
+        for part in paragraphs
+        if part
+    ]
 
 
 def _argument(parameter: Any) -> str:

@@ -44,7 +44,7 @@ COMMANDS = sorted(set(REGISTRY) - {"material"})  # a group: `material fit`
 
 def test_the_commands_are_those_of_this_version() -> None:
     names = "identify simulate fit predict design campaign check compare diagnose refit reveal"
-    assert sorted([*names.split(), "app", "effects", "export", "import", "new"]) == COMMANDS
+    assert sorted([*names.split(), "app", "effects", "export", "head", "import", "new"]) == COMMANDS
 
 
 def test_help_of_all_loads_no_command() -> None:

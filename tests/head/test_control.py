@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from ecm import as_table, fit_model
-from ecm.head.allocation import gravity_wrench, held_pose, holding_forces
+from ecm.head.allocation import (
+    gravity_wrench,
+    held_pose,
+    holding_forces,
+    largest_turns,
+    uncontrolled,
+)
 from ecm.head.compiled import CompiledController, compile_controller
 from ecm.head.experiment import Robot
 from ecm.head.motions import Motions
@@ -73,6 +79,22 @@ def test_a_held_pose_is_in_equilibrium_and_its_forces_are_found_again(library: P
     assert np.allclose(tendon_matrix(SETTINGS.tendons, held.pose) @ held.forces_N, need, atol=1e-6)
     controller = CompiledController(library, SETTINGS, held.pose, LENGTH_M)
     assert np.allclose(controller.hold(held.pose, need, stiffness)[0], held.forces_N, atol=0.01)
+
+
+def test_four_tendons_turn_the_head_and_leave_two_directions_uncontrolled() -> None:
+    neck = closed_neck()
+    turns = largest_turns(statics(neck), SETTINGS, LENGTH_M, step=0.05)
+    assert (turns >= 0.1).all()
+    assert np.allclose(turns[[0, 2], 0], turns[[0, 2], 1])  # the head is alike to both sides
+    held = held_pose(statics(neck), SETTINGS, np.zeros(3), length_m=LENGTH_M)
+    left = uncontrolled(statics(neck), SETTINGS, held.pose, LENGTH_M)
+    # A change of the forces moves the equilibrium, but not along these directions.
+    scale = np.repeat([1.0, LENGTH_M], 3)
+    stiffness = statics(neck)(held.pose)[1]
+    for change in np.eye(4):
+        moved = np.linalg.solve(stiffness, tendon_matrix(SETTINGS.tendons, held.pose) @ change)
+        assert np.abs(left @ (scale * moved)).max() < 1e-9 * np.linalg.norm(scale * moved)
+    assert np.allclose(left @ left.T, np.eye(2))
 
 
 def test_a_right_model_holds_the_head_and_a_soft_one_does_not(

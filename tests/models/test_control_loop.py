@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from ecm.models.control.poles import Gains
 from ecm.models.export import export_files, poses_to_hold
 from support.campaigns import campaign
 from support.campaigns import model as physics_model
+from support.control_loops import errors_in_c, exported_to
 
 F = NDArray[np.float64]
 
@@ -68,8 +69,9 @@ KINDS = ("cubic", "poly:2", "energy4", "energy6", "energy4+precurvature", "physi
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_model_is_held_at_200_poses_on_other_mechanisms_with_delays(
-    kind: str,
+    kind: str, tmp_path: Path
 ) -> None:
+    """The exported C: 20 % softer and stiffer, 0 to 3 ms late, each pose with one of these."""
     model = physics_model() if kind == "physics" else fit_model(campaign(seed=3), kind)
     loop = designed(model)
     assert len(loop.poses) == 200
@@ -77,11 +79,10 @@ def test_every_kind_of_model_is_held_at_200_poses_on_other_mechanisms_with_delay
     assert loop.gain_margin[0] < 0.55
     assert loop.gain_margin[1] > 1.9
     assert loop.delay_margin_s >= 0.001
-    cases = np.array(list(itertools.product((0.8, 1.2), range(4))))
-    each = cases[np.arange(200) % len(cases)]
-    found = errors_after(model, loop, each[:, 0], each[:, 1].astype(np.int64), 1.0)
+    errors = errors_in_c(exported_to(model, "c", tmp_path), tmp_path)
+    assert len(errors) == 200
     # The slowest error has fallen by e^-decay.
-    assert found.max() < 1e-5
+    assert errors[:, 0].max() < 1e-5
 
 
 def test_more_delay_than_the_margin_loses_the_platform() -> None:

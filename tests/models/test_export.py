@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from ecm.cli.options.export import Target
 from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.models import Model, fit_model
 from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
-from support.exports import done, with_time, written
+from support.exports import done, written
+from support.models import with_time
 from support.neck import ROOT, Done
 from support.programs import need_program, need_rust_target
 
@@ -77,23 +80,6 @@ def test_the_c_loop_holds_the_platform(
         assert ran.returncode == 1
         assert "not held: after" in ran.stdout
         assert reason in ran.stdout
-
-
-@pytest.mark.parametrize(("name", "precision"), [("cubic", "double"), ("energy6", "single")])
-def test_the_rust_loop_holds_the_platform(
-    fitted: dict[str, Model], name: str, precision: str, tmp_path: Path
-) -> None:
-    cargo = need_program("cargo")
-    folder = written(fitted[name], tmp_path, "rust", precision)
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target")}
-    ran = done(
-        cargo, "run", "--release", "--offline", "--example", "control",
-        cwd=folder, env=environment,
-    )  # fmt: skip
-    assert ran.returncode == 0, ran.stderr
-    assert "4000 ms" in ran.stdout
-    assert "margins: gain times" in ran.stdout
-    assert "held: the push moved the platform" in ran.stdout
 
 
 def linked(folder: Path, core: str, *sources: object, level: str = "-O2") -> Path:
@@ -340,3 +326,25 @@ def test_each_target_has_a_line_in_the_help() -> None:
         export_files(fit_model(campaign(seed=3), "linear"), "lisp")
     with pytest.raises(InputError, match="--to fmu is written in double"):
         export_files(fit_model(campaign(seed=3), "linear"), "fmu", precision="single")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "degree", "precision"),
+    [(POSE, WRENCH, 2, "double"), (("y_m",), ("fy_N",), 5, "single"),
+     (("x_m", "theta_z_rad"), ("fx_N", "fy_N", "tau_z_Nm"), 4, "double")],
+)  # fmt: skip
+def test_a_polynomial_of_any_shape_is_a_crate(
+    inputs: tuple[str, ...], outputs: tuple[str, ...], degree: int, precision: str, tmp_path: Path
+) -> None:
+    cargo = need_program("cargo")
+    table = campaign(seed=3).measured()
+    columns = {name: table.column(name) for name in (*inputs, *outputs)}
+    model = fit_model(as_table(columns), f"poly:{degree}")
+    folder = written(model, tmp_path, "rust", precision)
+    assert not (folder / "src" / "evaluation").exists()
+    environment = {
+        **os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target"), "RUSTFLAGS": "-D warnings",
+    }  # fmt: skip
+    ran = done(cargo, "test", "--offline", "--test", "golden", cwd=folder, env=environment)
+    assert ran.returncode == 0, ran.stderr + ran.stdout
+    assert "2 passed" in ran.stdout

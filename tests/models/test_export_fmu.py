@@ -14,8 +14,9 @@ from ecm.io.table import as_table
 from ecm.models import fit_model
 from ecm.models.export import export_files
 from ecm.models.export.compiler import WINDOWS, shared_library
-from support.exports import done, fitted, thousand_poses, with_time, written
+from support.exports import done, fitted, thousand_poses, written
 from support.fmu import Instance
+from support.models import with_time
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -141,7 +142,8 @@ def test_the_sources_compile_without_warnings_and_with_a_prefix(
         built = done(gcc, *WARNINGS, "-O1", prefix, "-c", source, "-o", made)
         assert (built.returncode, built.stderr) == (0, "")
         listed = done(nm, "--defined-only", "--extern-only", made).stdout.split()[2::3]
-        assert listed
+        # Importers look for all functions, also those that co-simulation never calls.
+        assert len(listed) == {2: 34, 3: 75}[version]
         assert all(name.startswith(f"neck_fmi{version}") for name in listed)
     assert export_files(fitted("energy6"), "fmu", "neck").files == {
         path.name: path.read_bytes() for path in static.glob("*.fmu")

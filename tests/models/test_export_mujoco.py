@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ecm._native import rotation_matrices
 from ecm.models.export.mujoco import largest_step
-from support.exports import HEAD, done, fitted, thousand_poses, with_time, written
+from support.exports import HEAD, done, fitted, thousand_poses, written
+from support.models import with_time
 from support.neck import ROOT
 from support.programs import need_program
 

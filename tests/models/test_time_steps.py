@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ecm._native import ModelError
 from ecm.effects import Effect, Rows
 from ecm.effects.friction import Hysteresis
 from ecm.effects.modulus import Ageing, MullinsSoftening, TemperatureModulus
@@ -18,15 +18,17 @@ from ecm.effects.motion import ViscousDamping
 from ecm.effects.permanent_set import PermanentSet
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.sensor import FtsOffset
+from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import FileMeta, Meta
 from ecm.io.table import Table, as_table
-from ecm.models import Model, fit_model
+from ecm.models import Model, file, fit_model, load_model
 from ecm.models.control import LoopSettings
 from ecm.models.controller import Controller
-from ecm.models.export import export_files, poses_in_domain
-from ecm.models.joint_fit import FittedEffect
+from ecm.models.export import export_files
+from ecm.models.folding import poses_in_domain
 from support.campaigns import campaign
+from support.models import BRANCHES, FRICTION, TEMPERATURE, with_effects
 from support.programs import need_program
 
 F = NDArray[np.float64]
@@ -36,11 +38,6 @@ LOOP = LoopSettings(mass_kg=2.0, inertia_kg_m2=0.01)
 @pytest.fixture(scope="module")
 def plain() -> Model:
     return fit_model(campaign(seed=3), "energy4")
-
-
-def with_effects(model: Model, *effects: tuple[Effect, list[float]]) -> Model:
-    fitted = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
-    return replace(model, effects=tuple(fitted))
 
 
 def recorded(model: Model, count: int = 60) -> Table:
@@ -70,8 +67,8 @@ def at_rest(model: Model) -> Controller:
 ONE_BY_ONE: list[tuple[Effect, list[float]]] = [
     (StressRelaxation(5.0, "linear", frame="middle"), [0.3]),
     (StressRelaxation(5.0, "elastic", frame="middle"), [0.3]),
-    (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
-    (TemperatureModulus(21.0), [0.004]),
+    BRANCHES,
+    TEMPERATURE,
     (Ageing(), [1e-5]),
     (MullinsSoftening(), [0.1]),
 ]
@@ -103,7 +100,7 @@ def test_steps_are_what_the_effect_predicts_along_a_recorded_table(
 
 def test_springs_that_slip_follow_the_visits_of_a_campaign(plain: Model) -> None:
     """Each reading is reached over the pose before it: two moves a row."""
-    model = with_effects(plain, (Hysteresis("middle", 2e-3), [3e-4]))
+    model = with_effects(plain, FRICTION)
     table = campaign(seed=3).measured()
     table = table.with_columns({"run": np.zeros(len(table))})
     expected = model.predict(table)
@@ -156,8 +153,7 @@ def test_damping_is_that_of_an_even_motion(plain: Model) -> None:
 
 def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path: Path) -> None:
     gcc = need_program("gcc")
-    friction = (Hysteresis("middle", 2e-3), [3e-4])
-    model = with_effects(plain, *ONE_BY_ONE[2:4], friction, (FtsOffset(), [1.0] * 6))
+    model = with_effects(plain, *ONE_BY_ONE[2:4], FRICTION, (FtsOffset(), [1.0] * 6))
     exported = export_files(model, "c", "neck", loop=LOOP)
     assert exported.left_out == ("fts_offset",)
     assert any("fts_offset (an error of the instruments" in note for note in exported.notes)
@@ -186,18 +182,23 @@ def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path
     np.testing.assert_allclose(np.array(state), controller.state, rtol=1e-9, atol=1e-9)
 
 
-def test_what_has_no_step_stays_out_with_its_reason(plain: Model) -> None:
+@pytest.mark.parametrize(
+    "relaxation", [StressRelaxation(5.0, "linear"), StressRelaxation(5.0, path="visits")]
+)
+def test_what_has_no_step_stays_out_with_its_reason(
+    plain: Model, relaxation: StressRelaxation
+) -> None:
     model = with_effects(
         plain,
         (Hysteresis("local"), [1e-4]),
-        (PermanentSet(), [1e-2]),
+        (PermanentSet("summed", 0.01), [1e-2]),
         (MullinsSoftening(0.7), [0.1]),
-        (StressRelaxation(5.0, "linear"), [0.3]),
+        (relaxation, [0.3]),
     )
     exported = export_files(model, "c", loop=LOOP)
     assert exported.left_out == tuple(item.id for item in model.effects)
     (note,) = (note for note in exported.notes if note.startswith("Left out"))
-    for word in ("pose before", "visits", "median", "base axes"):
+    for word in ("pose before", "read twice as often", "median", "base axes"):
         assert word in note
     assert "ecm_model_step" not in exported.files["ecm_model.h"]
     polynomial = with_effects(fit_model(campaign(seed=3), "cubic"), ONE_BY_ONE[0])
@@ -241,3 +242,138 @@ def test_a_refused_step_leaves_the_state_and_a_saved_state_goes_on(plain: Model)
     after, tangent = controller.step(poses[9], 1e9)
     np.testing.assert_allclose(after, settled, rtol=1e-9)
     np.testing.assert_allclose(tangent, stiffness, rtol=1e-6, atol=1e-3)
+
+
+def test_a_pose_or_state_that_is_none_is_refused_with_its_shape_or_place(plain: Model) -> None:
+    controller = with_effects(plain, ONE_BY_ONE[2]).controller()
+    with pytest.raises(ModelError, match="call init"):
+        controller.predict_ahead(np.zeros((1, 6)), 0.01)
+    rest = plain.rest_pose("a test")
+    for wrong in (rest, rest[0, :5], np.zeros(())):
+        for call in (controller.init, controller.settled, lambda p: controller.step(p, 0.01)):
+            with pytest.raises(InputError, match="one pose a step"):
+                call(wrong)
+    controller.init(rest[0])
+    with pytest.raises(InputError, match=r"expected \(N, 6\)"):
+        controller.predict_ahead(rest[0], 0.01)
+    saved = controller.state
+    for place, wrong in ((0, np.nan), (48, np.inf)):
+        damaged = saved.copy()
+        damaged[place] = wrong
+        with pytest.raises(ModelError, match=rf"state\[{place}\] is"):
+            controller.state = damaged
+    for wrong in (saved[:48], saved.reshape(7, 7)):
+        with pytest.raises((InputError, ModelError), match="49"):
+            controller.state = wrong
+    assert controller.state.tobytes() == saved.tobytes()
+
+
+def test_planned_poses_are_predicted_as_they_will_be_stepped(plain: Model) -> None:
+    controller = with_effects(plain, *ONE_BY_ONE[2:4], FRICTION).controller()
+    poses = poses_in_domain(plain, 12)
+    controller.init(poses[0])
+    controller.step(poses[1], 0.1)
+    saved = controller.state
+    wrenches, tangents = controller.predict_ahead(poses[2:], 0.02, temperature_degC=26.0)
+    assert controller.state.tobytes() == saved.tobytes()
+    for pose, wrench, tangent in zip(poses[2:], wrenches, tangents, strict=True):
+        h, k = controller.step(pose, 0.02, temperature_degC=26.0)
+        assert (h.tobytes(), k.tobytes()) == (wrench.tobytes(), tangent.tobytes())
+    blocked = np.vstack([poses[:3], np.full(6, np.nan), poses[:2]])
+    wrenches, tangents = controller.predict_ahead(blocked, 0.02)
+    assert np.isfinite(wrenches[:3]).all()
+    assert np.isfinite(tangents[:3]).all()
+    assert np.isnan(wrenches[3:]).all()
+    assert np.isnan(tangents[3:]).all()
+    assert np.isnan(controller.predict_ahead(poses, -1.0)[0]).all()
+
+
+def test_inputs_have_names_defaults_and_ranges_in_the_file_the_controller_and_the_c(
+    tmp_path: Path,
+) -> None:
+    gcc = need_program("gcc")
+    table = campaign(seed=3)
+    ranges = {
+        name: (float(values.min()), float(values.max()))
+        for name in ("temperature_degC", "time_s")
+        for values in (table.measured().column(name),)
+    }
+    low, high = ranges["temperature_degC"]
+    last = ranges["time_s"][1]
+    reference = 0.5 * (low + high)
+    fitted = fit_model(table, "energy4")
+    model = with_effects(fitted, (TemperatureModulus(reference), [0.004]), (Ageing(), [1e-6]))
+    model.save(tmp_path / "model.json")
+    model = load_model(tmp_path / "model.json")
+    assert model.conditions == ranges
+    controller = model.controller()
+    told = controller.inputs["temperature_degC"]
+    assert (told.default, told.least, told.largest) == (reference, low, high)
+    assert controller.inputs["age_s"].largest == last
+    exported = export_files(model, "c", "neck", loop=LOOP)
+    assert any(note.startswith("Inputs of the steps: temperature_degC") for note in exported.notes)
+    for path, text in exported.files.items():
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    assert f"default {reference}, from {low} to {high}" in exported.files["neck.h"]
+    rust = export_files(model, "rust", "neck", loop=LOOP).files["src/lib.rs"]
+    assert f"default {reference}, from {low} to {high}" in rust
+    library = tmp_path / "neck.so"
+    subprocess.run([gcc, "-shared", "-fPIC", tmp_path / "neck.c", "-o", library], check=True)
+    code = ctypes.CDLL(str(library))
+    for temperature, age, inside in (
+        (low, 0.0, 1), (high, last, 1), (low - 0.01, 0.0, 0), (high + 0.01, 0.0, 0),
+        (reference, last + 1.0, 0), (reference, -1.0, 0), (np.nan, 0.0, 0), (reference, np.inf, 0),
+    ):  # fmt: skip
+        inputs = (ctypes.c_double * 2)(temperature, age)
+        assert code.neck_inputs_inside(inputs) == inside
+        assert controller.inputs_inside(temperature_degC=temperature, age_s=age) == bool(inside)
+    # Outside them a step extrapolates and stays finite.
+    pose = poses_in_domain(model, 1)[0]
+    controller.init(pose)
+    assert np.isfinite(controller.step(pose, 0.1, temperature_degC=high + 50.0)[0]).all()
+
+
+def test_a_model_file_without_ranges_is_read_and_says_so(plain: Model, tmp_path: Path) -> None:
+    model = with_effects(plain, (TemperatureModulus(21.0), [0.004]), (Ageing(), [1e-6]))
+    document = model.document()
+    del document["conditions"]
+    file.write_document(document, tmp_path / "old.json")
+    old = load_model(tmp_path / "old.json")
+    assert old.conditions == {}
+    controller = old.controller()
+    assert sum("not in the model file" in text for text in controller.effects.warnings) == 2
+    assert controller.inputs_inside()
+    assert not controller.inputs_inside(temperature_degC=21.5)
+    assert not controller.inputs_inside(age_s=1.0)
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-3])
+def test_a_set_follows_the_largest_pose_and_stays(plain: Model, share: float) -> None:
+    """h(p - s) for the fitted h - K s: they differ by the square of the set."""
+    model = with_effects(plain, (PermanentSet(), [share]))
+    table = recorded(model)
+    controller = at_rest(model)
+    assert controller.effects.acting == ["permanent_set"]
+    (said,) = controller.effects.warnings
+    assert "not passive" in said
+    found = np.array([controller.step(pose, 1.0)[0] for pose in table.poses])
+    static = plain.predict(table.poses)
+    own = model.predict(table) - static
+    assert np.abs(found - static - own).max() < 5.0 * share * np.abs(own).max()
+    # No rest takes it away, and `settled`, which knows no path, leaves it out.
+    after, _ = controller.step(table.poses[-1], 1e9)
+    assert after.tobytes() == found[-1].tobytes()
+    settled, _ = controller.settled(table.poses[-1])
+    np.testing.assert_allclose(settled, static[-1], rtol=1e-9, atol=1e-9)
+
+
+def test_a_summed_set_is_no_function_of_the_motion(plain: Model) -> None:
+    """Why it has no step: the same motion, read twice as often, has another set."""
+    model = with_effects(plain, (PermanentSet("summed", 0.0), [1e-2]))
+    table = recorded(model)
+    twice = table.select(np.repeat(np.arange(len(table)), 2))
+    time = twice.column("time_s") + np.tile([0.0, 1e-4], len(table))
+    static = plain.predict(table.poses)
+    once = model.predict(table) - static
+    again = model.predict(twice.with_columns({"time_s": time}))[::2] - static
+    assert np.abs(again[-1]).max() > 1.3 * np.abs(once[-1]).max()

@@ -236,6 +236,23 @@ def test_relaxation_goes_on_along_a_way_of_several_pieces() -> None:
     assert chain.carried(h, time, restart)[2] == pytest.approx(np.zeros(6), abs=0.0)
 
 
+def test_relaxing_stress_turns_with_the_middle_of_the_body() -> None:
+    """A pull along x that has not relaxed yet, after a turn of the top by 0.6 rad about z."""
+    chain = Relaxation(0.2, shares=(1.0,), times_s=(1e9,))
+    angle, reach, pull = 0.6, 0.1, 50.0
+    along = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0])
+    poses = np.zeros((3, 6))
+    poses[:2, 0] = reach
+    poses[2, :3], poses[2, 5] = reach * along, angle
+    h = np.zeros((3, 6))
+    h[1, 0] = pull
+    h[2, :3] = pull * along
+    found = chain.along(poses, h, np.arange(3.0), np.zeros(3, dtype=bool))
+    # The section's resultant has not changed by the turn: no torque, the same pull along it.
+    assert found[2, :3] == pytest.approx(0.2 * pull * along, rel=1e-8)
+    assert found[2, 3:] == pytest.approx(np.zeros(3), abs=1e-9)
+
+
 def test_softening_spares_first_visits_and_takes_later_ones() -> None:
     factor = Softening(0.1, energy_J=0.3).factor_of(np.array([0.1, 0.5, 1.5, 0.5, 1.5]))
     assert factor[[0, 1, 2, 4]] == pytest.approx(1.0)

@@ -176,7 +176,7 @@ class Page:
                 found.append(json.dumps(parameters["entry"])[:500])
             if event.get("method") == "Network.requestWillBeSent":
                 url = parameters["request"]["url"]
-                if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:")):
+                if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:", "file:")):
                     found.append(url)
         return found
 

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ecm.effects import Effect
-from ecm.effects.friction import Hysteresis
-from ecm.effects.modulus import TemperatureModulus
-from ecm.effects.relaxation import StressRelaxation
 from ecm.models import Model, fit_model
 from ecm.models.control import LoopSettings
 from ecm.models.export import export_files
-from ecm.models.joint_fit import FittedEffect
 from support.campaigns import campaign, workspace_poses
 
 F = NDArray[np.float64]
@@ -53,17 +47,6 @@ def done(*command: object, **settings: object) -> subprocess.CompletedProcess[st
 def fitted(name: str) -> Model:
     """A model of the closed-form mechanism."""
     return fit_model(campaign(seed=3), name)
-
-
-def with_time(model: Model) -> Model:
-    """Two relaxing branches, springs that slip, and temperature."""
-    effects: list[tuple[Effect, list[float]]] = [
-        (StressRelaxation(0.5, "linear", 60.0, frame="middle"), [0.3, 0.2]),
-        (Hysteresis("middle", 2e-3), [3e-4]),
-        (TemperatureModulus(21.0), [0.004]),
-    ]
-    found = [FittedEffect(e, np.array(v), np.full(len(v), 0.1)) for e, v in effects]
-    return replace(model, effects=tuple(found))
 
 
 @lru_cache(maxsize=1)

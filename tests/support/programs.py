@@ -33,10 +33,10 @@ def need_rust_target(triple: str) -> None:
 
 
 def need_packages(*names: str) -> None:
-    """Skip where a package of the group `docs` is not installed."""
+    """Skip where a package of the group `dev` is not installed."""
     for name in names:
         if find_spec(name) is None:
-            _missing(f"{name} is not installed (pip install --group docs)")
+            _missing(f"{name} is not installed (pip install --group dev)")
 
 
 def _missing(message: str) -> None:

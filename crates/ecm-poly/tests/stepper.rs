@@ -34,6 +34,7 @@ fn effects(all: bool) -> Effects<f64> {
         effects.ageing_per_s = 1e-6;
         effects.damping = [30.0, 0.1];
         effects.softening = 0.08;
+        effects.set_share = 0.02;
     }
     effects
 }
@@ -113,6 +114,37 @@ proptest! {
     }
 
     #[test]
+    fn what_lies_ahead_is_what_the_steps_will_be(way in way()) {
+        let model = neck();
+        let stepper = Stepper { model: &model, effects: effects(true) };
+        let inputs = Inputs { temperature_degc: 27.0, age_s: 5e3 };
+        let mut state = stepper.init(&pose(&way[0].0)).unwrap();
+        stepper.step(&mut state, &pose(&way[1].0), 0.3, &inputs).unwrap();
+        let before = state;
+        let path: Vec<_> = way.iter().map(|(q, _)| pose(q)).collect();
+        let ahead: Vec<_> = stepper.predict_ahead(&state, path.clone(), 0.02, &inputs).collect();
+        prop_assert_eq!(state, before);
+        let taken = path.iter().map(|p| stepper.step(&mut state, p, 0.02, &inputs).unwrap());
+        prop_assert_eq!(ahead, taken.collect::<Vec<_>>());
+        // It ends where a step would be refused.
+        let beyond = Pose::from_array(&[1e200, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let blocked = [path[0], beyond, path[1]];
+        prop_assert_eq!(stepper.predict_ahead(&state, blocked, 0.02, &inputs).count(), 1);
+    }
+
+    #[test]
+    fn a_state_goes_through_its_numbers(way in way()) {
+        let model = neck();
+        let stepper = Stepper { model: &model, effects: effects(true) };
+        let mut state = stepper.init(&pose(&way[0].0)).unwrap();
+        stepper.step(&mut state, &pose(&way[1].0), 0.3, &stepper.effects.default_inputs()).unwrap();
+        let mut numbers = state.to_numbers();
+        prop_assert_eq!(State::from_numbers(&numbers), Some(state));
+        numbers[way.len() * 6] = f64::NAN;
+        prop_assert_eq!(State::from_numbers(&numbers), None);
+    }
+
+    #[test]
     fn a_straight_way_may_be_cut_anywhere(way in way(), share in 0.0..1.0f64) {
         let model = neck();
         let mut effects = effects(false);
@@ -137,6 +169,7 @@ proptest! {
         let mut effects = effects(true);
         effects.friction = [0.0; 6];
         effects.softening = 0.0;
+        effects.set_share = 0.0;
         let stepper = Stepper { model: &model, effects };
         let inputs = Inputs { temperature_degc: 15.0, age_s: 0.0 };
         let mut state = stepper.init(&pose(&way[0].0)).unwrap();
@@ -190,11 +223,12 @@ proptest! {
     #[test]
     fn a_turn_and_an_exchange_of_the_ends_change_nothing(way in way(), angle in -3.0..3.0f64) {
         let model = neck();
-        // Without damping, which is one of the top frame, W, which is one of the pose, and friction,
+        // Without damping, which is one of the top frame, W and set, which are of the pose, and friction,
         // whose springs slip along two fixed axes.
         let mut effects = effects(true);
         effects.damping = [0.0; 2];
         effects.softening = 0.0;
+        effects.set_share = 0.0;
         effects.friction = [0.0; 6];
         let stepper = Stepper { model: &model, effects };
         let inputs = effects.default_inputs();
@@ -287,6 +321,49 @@ fn what_cannot_be_a_step_is_refused_and_leaves_the_state() {
             .chain(k.as_flattened())
             .all(|x| x.is_finite())
     );
+}
+
+/// The rest pose has moved by the share of the farthest pose, and stays there.
+#[test]
+fn a_set_moves_the_rest_pose() {
+    let model = neck();
+    let mut effects = Effects::none(LENGTH);
+    effects.set_share = 0.02;
+    let stepper = Stepper {
+        model: &model,
+        effects,
+    };
+    let inputs = effects.default_inputs();
+    let far = pose(&[2e-3, 6e-3, 0.0, 0.1, 0.0, 0.3]).to_array();
+    let rest = Pose::at_rest(LENGTH).to_array();
+    let mut state = stepper.init(&Pose::at_rest(LENGTH)).unwrap();
+    for share in [0.5, 1.0, 0.4, -0.3] {
+        let p = core::array::from_fn(|j| rest[j] + share * (far[j] - rest[j]));
+        stepper
+            .step(&mut state, &Pose::from_array(&p).unwrap(), 0.1, &inputs)
+            .unwrap();
+    }
+    let moved = core::array::from_fn(|j| rest[j] + 0.02 * (far[j] - rest[j]));
+    let at_set = Pose::from_array(&moved).unwrap();
+    let (h, k) = stepper.step(&mut state, &at_set, 0.1, &inputs).unwrap();
+    let (unloaded, stiffness) = model.wrench_and_stiffness(&Pose::at_rest(LENGTH));
+    assert!(difference(&h, &unloaded) < 1e-12);
+    assert!(largest(&k) - largest(&stiffness) < 1e-9 * largest(&k));
+}
+
+#[test]
+fn inputs_are_inside_their_ranges_or_not() {
+    let mut effects = Effects::<f64>::none(LENGTH);
+    effects.temperature_range_degc = Some([15.0, 30.0]);
+    effects.age_range_s = Some([0.0, 60.0]);
+    let inside = |temperature_degc, age_s| {
+        effects.inputs_inside(&Inputs {
+            temperature_degc,
+            age_s,
+        })
+    };
+    assert!(inside(15.0, 0.0) && inside(30.0, 60.0));
+    assert!(!inside(14.9, 0.0) && !inside(20.0, 61.0) && !inside(f64::NAN, 1.0));
 }
 
 #[test]

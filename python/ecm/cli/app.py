@@ -28,6 +28,7 @@ COMMANDS = {
     "effects": "The physical effects that can be named.",
     "material": "A material from tests.",
     "export": "A model as C or Rust for a controller.",
+    "head": "A simulated head misses, then hits.",
     "app": "The whole loop in a browser.",
     "new": "A config, rig or data file to begin from.",
 }
@@ -61,7 +62,7 @@ class _Commands(TyperGroup):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         # One line, so that all commands fit on one screen.
-        formatter.write("\nOptions: --version, --help (also of each command)\n")
+        formatter.write("Options: --version, --help (also of each command)\n")
         self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

@@ -26,6 +26,7 @@ from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.table import Table
 from ecm.regression.approach import approach_sides, order_of_visits
+from ecm.regression.folds import is_continuous
 from ecm.regression.rows import Rows
 
 _PATHS = (0.02, 0.05, 0.12)
@@ -50,7 +51,7 @@ class Hysteresis(LinearEffect):
         "the same poses from both sides at half the speed, and after a rest of a minute",
     )
     signature = "odd in the side of approach, not conservative, zero mean for balanced approaches"
-    needs = "poses reached from both sides (approach)"
+    needs = "poses reached from both sides (approach), or a continuous test"
     kind = "time"
     rivals = {
         "stress_relaxation": "both_sides",
@@ -70,7 +71,9 @@ class Hysteresis(LinearEffect):
             self.parameters = tuple(replace(c, name=f"c_{name}") for name in coordinates)
 
     def missing(self, table: Table) -> Missing | None:
-        """Needs poses approached from both sides; with a memory also time."""
+        """Needs poses approached from both sides, with a memory also time; or a continuous test."""
+        if is_continuous(table):
+            return needs_full(table) or needs_time(table)
         lacking = needs_full(table) or (needs_time(table) if self.yield_m > 0.0 else None)
         if lacking is not None:
             return lacking
@@ -85,10 +88,15 @@ class Hysteresis(LinearEffect):
         return None
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Local stiffness, or that at rest; with time also springs that slip after three paths."""
+        """Local stiffness, or that at rest; with time also springs that slip after three paths.
+
+        A continuous test has the path itself, along which springs of the mid frame slip.
+        """
         if needs_time(table) is not None:
             return (Hysteresis("local"), Hysteresis("rest"))
         slipping = [Hysteresis(k, path) for k in ("middle", "each") for path in _paths(table)]
+        if is_continuous(table):
+            return (slipping[1], slipping[0], slipping[2])
         return (Hysteresis("local"), slipping[1], Hysteresis("rest"), slipping[0], *slipping[2:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:

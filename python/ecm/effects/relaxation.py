@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,7 +98,17 @@ class StressRelaxation(LinearEffect):
         return lacking
 
     def variants(self, table: Table) -> tuple[Effect, ...]:
-        """Time constants that the dwell times or the samples can distinguish."""
+        """Time constants that the dwell times or the samples can distinguish.
+
+        An effect that has two branches keeps two.
+        """
+        if is_continuous(table) and self.branches == 2:
+            pairs = itertools.combinations(time_constants(table)[::2], 2)
+            return tuple(
+                StressRelaxation(fast, overstress, slow, frame=_frame(table))
+                for fast, slow in pairs
+                for overstress in ("linear", "elastic")
+            )
         if is_continuous(table):
             return tuple(
                 StressRelaxation(float(t), overstress, frame=_frame(table))
@@ -116,15 +127,17 @@ class StressRelaxation(LinearEffect):
         return (plain[1], visits[2], *plain[:1], *plain[2:], *visits[:2], *visits[3:])
 
     def refined(self, table: Table, round_: int) -> tuple[Effect, ...]:
-        """Time constants between this one and its neighbours."""
+        """Time constants between these and their neighbours, one at a time."""
         if not self.overstress:
             return ()
         taus = time_constants(table)
         step = (taus[-1] / taus[0]) ** (0.5 ** (round_ + 1) / (len(taus) - 1))
-        return tuple(
-            replace(self, tau_s=self.tau_s * factor, second_tau_s=0.0)
-            for factor in (1 / step, step)
-        )
+        factors = (1 / step, step)
+        first = tuple(replace(self, tau_s=self.tau_s * factor) for factor in factors)
+        if self.branches == 1:
+            return first
+        slow = self.second_tau_s
+        return (*first, *(replace(self, second_tau_s=slow * factor) for factor in factors))
 
     def refinement(self, table: Table) -> tuple[Effect, ...]:
         """The same with a second branch, slower or faster; none where there is one already."""

@@ -121,3 +121,45 @@ def held_pose(
 def _unbalanced(neck: Statics, settings: HeadSettings, pose: F, forces: F) -> F:
     wrench = neck(pose)[0] - gravity_wrench(settings, pose)
     return np.asarray(wrench - tendon_matrix(settings.tendons, pose) @ forces)
+
+
+def largest_turns(neck: Statics, settings: HeadSettings, length_m: float, step: float = 0.02) -> F:
+    """(3, 2) largest angle in rad that is held about each axis of the base, both ways.
+
+    The head turns from upright in steps; the last that is held counts.
+
+    Parameters
+    ----------
+    neck
+        Statics of the neck.
+    settings
+        The robot.
+    length_m
+        Length of the neck.
+    step
+        Step in rad.
+    """
+    upright = held_pose(neck, settings, np.zeros(3), length_m=length_m)
+    found = np.zeros((3, 2))
+    for axis in range(3):
+        for side, sign in enumerate((-1.0, 1.0)):
+            at, turned = upright, np.zeros(3)
+            while abs(turned[axis]) < 1.0:
+                turned[axis] += sign * step
+                at = held_pose(neck, settings, turned, at, length_m=length_m)
+                if not at.held:
+                    break
+                found[axis, side] = abs(turned[axis])
+    return found
+
+
+def uncontrolled(neck: Statics, settings: HeadSettings, pose: F, length_m: float) -> F:
+    """(2, 6) directions of the pose that no small change of the forces reaches, orthonormal.
+
+    In metres, rotations times the neck's length: what is left of the six directions beside
+    K^-1 A.
+    """
+    scale = np.repeat([1.0, length_m], 3)
+    moved = np.linalg.solve(neck(pose)[1], tendon_matrix(settings.tendons, pose))
+    left = np.linalg.svd(scale[:, None] * moved)[0]
+    return np.asarray(left[:, 4:].T)

@@ -44,9 +44,11 @@ class Identified:
     model: str = ""
     """Short name of the model; empty: none."""
     poses: int = 0
-    """Poses of the campaign; with effects each is visited twice."""
+    """Poses of the campaign."""
     effects: tuple[str, ...] = ()
     """Effects of time that are added and fitted."""
+    plan: str = "plain"
+    """`plain`: each pose once; `diagnosable`: twice, from two sides, with several dwells."""
     share: float = 1.0
     """Size of the campaign's box over that of the workspace."""
 
@@ -59,7 +61,7 @@ ROWS: dict[str, Identified] = {
     "energy4, 10 poses": Identified("energy4", 10),
     "energy6, 50 poses": Identified("energy6", 50),
     "physics, 50 poses": Identified("physics", 50),
-    "energy6 with effects of time": Identified("energy6", 50, _EFFECTS),
+    "energy6 with effects of time": Identified("energy6", 50, _EFFECTS, "diagnosable"),
     "plant's truth": Identified("truth"),
 }
 """The rows of the table, in its order."""
@@ -90,12 +92,14 @@ def measured(
     meta = Meta(mechanism=mechanism.to_dict())
     candidates = as_table(dict(zip(POSE, poses.T, strict=True)), meta=meta)
     kind = row.model if row.model.startswith(("energy", "cubic", "linear")) else "energy4"
-    design = DesignSettings(model=kind, length_m=neck.length_m, seed=seed, starts=1)
+    design = DesignSettings(model=kind, length_m=neck.length_m, seed=seed, starts=1, iterations=4)
     try:
         chosen = optimal_design(poses, row.poses, design)
     except InputError:
         chosen = optimal_design(poses, row.poses, replace(design, model="energy4"))
-    plan = (diagnosable_plan if row.effects else plain_plan)(candidates, chosen, seed=seed)
+    plan = (diagnosable_plan if row.plan == "diagnosable" else plain_plan)(
+        candidates, chosen, seed=seed
+    )
     options = CampaignOptions(source=neck, folder=folder, threads=1)
     return run_campaign(plan, _RIG, hide=neck.hidden(), seed=seed, options=options)
 

@@ -73,7 +73,7 @@ class Motions:
     """
 
     def __init__(self, neck: Statics, settings: HeadSettings, length_m: float) -> None:
-        self._neck, self._settings, self._length = neck, settings, length_m
+        self.neck, self._settings, self._length = neck, settings, length_m
         self.upright = self._held(np.zeros(3), None)
         """Where every motion begins."""
 
@@ -111,17 +111,20 @@ class Motions:
         push = lambda time_s: wrench if time_s >= 0.3 else None  # noqa: E731
         return self._motion("payload", still, holds=True, push=push)
 
-    def warming(self, degC: float = 10.0) -> Motion:
-        """An hour: five times a turn and back, quarters of an hour at rest between them.
+    def warming(self, degC: float = 10.0, times: int = 5) -> Motion:
+        """An hour: a turn and back some times, at rest for the rest of the hour between them.
 
         The rests are passed in one step, in plant and controller: their answer to it is exact.
         """
         legs = [(np.zeros(3), 0.0, 0.3)]
-        for _ in range(5):
+        for _ in range(times):
             legs += [(np.array([0.0, 0.12, 0.1]), 0.5, 0.7), (np.zeros(3), 0.5, 0.0)]
         cycle = round((0.5 + 0.7 + 0.5) / self._dt)
         first = round(0.3 / self._dt)
-        pauses = tuple((first + i * cycle, 900.0, 22.0 + degC * i / 4.0) for i in range(1, 5))
+        part = 1.0 / (times - 1)
+        pauses = tuple(
+            (first + i * cycle, 3600.0 * part, 22.0 + degC * i * part) for i in range(1, times)
+        )
         motion = self._motion("hour of warming", self._legs(legs), holds=True, pauses=pauses)
         return motion
 
@@ -137,7 +140,7 @@ class Motions:
         return self._settings.control.dt_s
 
     def _held(self, turned_rad: F, start: HeldPose | None) -> HeldPose:
-        found = held_pose(self._neck, self._settings, turned_rad, start, length_m=self._length)
+        found = held_pose(self.neck, self._settings, turned_rad, start, length_m=self._length)
         if not found.held:
             forces = ", ".join(f"{force:.0f}" for force in found.forces_N)
             raise InputError(

@@ -9,7 +9,7 @@ import numpy as np
 from ecm._native import Stepper, seal_model
 from ecm.errors import InputError
 from ecm.io.arrays import F
-from ecm.models.time_effects import TimeEffects
+from ecm.models.time_effects import Input, TimeEffects
 
 
 class Controller:
@@ -69,21 +69,65 @@ class Controller:
         age_s
             Time since the campaign in which ageing was found began.
         """
-        temperature = self._reference if temperature_degC is None else temperature_degC
-        found = self._native.step(_pose(pose), dt_s, temperature, age_s)
+        found = self._native.step(_pose(pose), dt_s, self._temperature(temperature_degC), age_s)
         return _nothing() if found is None else found
+
+    def predict_ahead(
+        self,
+        poses: F,
+        dt_s: float,
+        *,
+        temperature_degC: float | None = None,
+        age_s: float = 0.0,
+    ) -> tuple[F, F]:
+        """Wrenches (N, 6) and tangents (N, 6, 6) along planned poses; the state stays.
+
+        From the first pose on at which `step` would refuse all is NaN.
+
+        Parameters
+        ----------
+        poses
+            (N, 6) planned poses, m and rad.
+        dt_s
+            Time from the last step to the first pose, and from each pose to the next.
+        temperature_degC, age_s
+            As in `step`, for the whole path.
+        """
+        path = np.ascontiguousarray(poses, dtype=np.float64)
+        if path.ndim != 2 or path.shape[1] != 6:
+            raise InputError(f"poses of shape {path.shape}: expected (N, 6)")
+        told = self._temperature(temperature_degC), age_s
+        taken = self._native.predict_ahead(path, dt_s, *told)
+        whole = np.full((len(path), 6), np.nan), np.full((len(path), 6, 6), np.nan)
+        for all_rows, rows in zip(whole, taken, strict=True):
+            all_rows[: len(rows)] = rows
+        return whole
+
+    @property
+    def inputs(self) -> dict[str, Input]:
+        """Inputs that an effect follows, by name, with default and measured range."""
+        return self.effects.inputs
+
+    def inputs_inside(self, *, temperature_degC: float | None = None, age_s: float = 0.0) -> bool:
+        """Whether the inputs are in the ranges for which the model was measured.
+
+        Outside them the effects go on as straight lines; the step stays finite.
+        """
+        return self._native.inputs_inside(self._temperature(temperature_degC), age_s)
 
     def settled(
         self, pose: F, *, temperature_degC: float | None = None, age_s: float = 0.0
     ) -> tuple[F, F]:
-        """Wrench (6,) and stiffness (6, 6) after a long rest, without friction."""
-        temperature = self._reference if temperature_degC is None else temperature_degC
-        found = self._native.settled(_pose(pose), temperature, age_s)
+        """Wrench (6,) and stiffness (6, 6) after a long rest, without friction and set."""
+        found = self._native.settled(_pose(pose), self._temperature(temperature_degC), age_s)
         return _nothing() if found is None else found
 
     @property
     def state(self) -> F:
-        """(49,) numbers that hold what the mechanism remembers; set them to go on from there."""
+        """(49,) numbers that hold what the mechanism remembers; set them to go on from there.
+
+        Numbers that are not finite are refused.
+        """
         state = self._native.state
         if state is None:
             raise InputError("no state yet: call init(pose) first")
@@ -91,11 +135,20 @@ class Controller:
 
     @state.setter
     def state(self, numbers: F) -> None:
-        self._native.state = np.ascontiguousarray(numbers, dtype=np.float64)
+        found = np.ascontiguousarray(numbers, dtype=np.float64)
+        if found.ndim != 1:
+            raise InputError(f"state of shape {found.shape}: expected (49,), as it was stored")
+        self._native.state = found
+
+    def _temperature(self, given: float | None) -> float:
+        return self._reference if given is None else given
 
 
 def _pose(pose: F) -> F:
-    return np.asarray(pose, dtype=np.float64)
+    found = np.asarray(pose, dtype=np.float64)
+    if found.shape != (6,):
+        raise InputError(f"pose of shape {found.shape}: expected (6,), one pose a step")
+    return found
 
 
 def _nothing() -> tuple[F, F]:

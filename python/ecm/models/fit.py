@@ -16,7 +16,7 @@ from ecm.models.model import Model
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import parse_model
 from ecm.models.specification import FittedMap, ModelSpecification, Weights
-from ecm.models.training import domain_of, training_of
+from ecm.models.training import conditions_of, domain_of, training_of
 from ecm.regression.thinning import spread_rows
 
 
@@ -122,6 +122,7 @@ def _model(fitted: FittedMap, table: Table) -> Model:
         covariance=covariance,
         training=training,
         domain=domain_of(table, base.inputs),
+        conditions=conditions_of(table),
         length_m=base.length_m or table.meta.length_m,
         scene=table.meta.scene,
     )

@@ -42,6 +42,10 @@ class Fitted(Protocol):
         """Range of each pose column."""
 
     @property
+    def conditions(self) -> Mapping[str, tuple[float, float]]:
+        """Range of temperature and time in the training data."""
+
+    @property
     def training(self) -> Mapping[str, Any]:
         """What the model file says of its training data."""
 

@@ -31,7 +31,13 @@ from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
 from ecm.models.registry import map_from_document
 from ecm.models.time_effects import time_effects
-from ecm.models.training import domain_of, noise_for, training_of, was_trained_on
+from ecm.models.training import (
+    conditions_of,
+    domain_of,
+    noise_for,
+    training_of,
+    was_trained_on,
+)
 from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
@@ -67,6 +73,8 @@ class Model:
     """Training data: hash, rows, source."""
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range of each pose column in the training data."""
+    conditions: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range of temperature_degC and time_s in the training data, where it has them."""
     length_m: float | None = None
     """Length of the mechanism, for effects that need it where the base does not state it."""
     scene: Scene = field(default_factory=Scene)
@@ -417,6 +425,7 @@ class Model:
             "base_frozen": self.base_frozen,
             "correlations": [list(pair) for pair in self.correlations],
             "domain": {name: list(pair) for name, pair in self.domain.items()},
+            "conditions": {name: list(pair) for name, pair in self.conditions.items()},
             "training": dict(self.training),
             "history": [step.to_dict() for step in self.history],
         }
@@ -453,7 +462,7 @@ class Model:
         table, freeze_base = without_zero_readings(as_table(table)), self.base_frozen
         training = training_of(table)
         same_rows = was_trained_on(self.training, table)
-        domain = domain_of(table, self.inputs)
+        domain, conditions = domain_of(table, self.inputs), conditions_of(table)
         if len(table) > most_rows:
             total, table = len(table), table.thinned(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
@@ -480,6 +489,7 @@ class Model:
             covariance=self.covariance if freeze_base else joint.covariance[:k, :k],
             training=training,
             domain=domain,
+            conditions=conditions,
             correlations=correlations_of(joint, freeze_base),
             previous=self.previous if self.changed else self,
             changed=False,
@@ -518,6 +528,10 @@ def _rows_of_poses(poses: F) -> F:
     return np.ascontiguousarray(poses, dtype=np.float64)
 
 
+def _ranges(document: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+    return {name: (float(low), float(high)) for name, (low, high) in document.items()}
+
+
 def load_model(path: str | Path) -> Model:
     """Read a model file.
 
@@ -553,7 +567,8 @@ def load_model(path: str | Path) -> Model:
             training=dict(document["training"]),
             length_m=document["length_m"],
             scene=file.scene_of(document.get("scene", {})),
-            domain={name: (float(a), float(b)) for name, (a, b) in document["domain"].items()},
+            domain=_ranges(document["domain"]),
+            conditions=_ranges(document.get("conditions", {})),
             base_frozen=bool(document.get("base_frozen", False)),
             correlations=tuple((a, b, float(r)) for a, b, r in document.get("correlations", ())),
             history=tuple(FitRecord(**step) for step in document.get("history", ())),

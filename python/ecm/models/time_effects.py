@@ -17,6 +17,7 @@ from ecm.effects import Effect
 from ecm.effects.friction import Hysteresis
 from ecm.effects.mid_frame import generalised, wrench_of
 from ecm.effects.modulus import MullinsSoftening, TemperatureModulus
+from ecm.effects.permanent_set import PermanentSet
 from ecm.effects.relaxation import StressRelaxation
 from ecm.effects.rod_strain import rest_stiffness
 from ecm.io.arrays import F
@@ -29,6 +30,31 @@ _NOT_PASSIVE = (
 )
 _ALIKE = 0.3
 """Change over the noise by which data cannot tell two forms of relaxation apart."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """A named input of the steps, beside pose and time.
+
+    Examples
+    --------
+    >>> Input(21.0, 18.0, 25.5).sentence("temperature_degC")
+    'temperature_degC (default 21, measured from 18 to 25.5)'
+    """
+
+    default: float
+    """Value at which the input changes nothing."""
+    least: float
+    """Least value in the training data."""
+    largest: float
+    """Largest value in the training data."""
+
+    def sentence(self, name: str) -> str:
+        """Name, default and range in words."""
+        return (
+            f"{name} (default {self.default:.4g}, measured from {self.least:.4g} "
+            f"to {self.largest:.4g})"
+        )
 
 
 @dataclass
@@ -50,15 +76,33 @@ class TimeEffects:
     """Why each of the others does not."""
     warnings: list[str] = field(default_factory=list)
     """What may give energy, and what was replaced."""
+    stiffer: float = 0.0
+    """Share by which a sudden move meets more stiffness than a slow one."""
+
+    @property
+    def inputs(self) -> dict[str, Input]:
+        """Inputs that an effect follows, by name: `temperature_degC`, `age_s`."""
+        known = {
+            "temperature_degC": ("temperature_range_degc", self.document.get("reference_degc")),
+            "age_s": ("age_range_s", 0.0),
+        }
+        return {
+            name: Input(float(default or 0.0), *self.document[key])
+            for name, (key, default) in known.items()
+            if key in self.document
+        }
 
     def sentences(self) -> tuple[str, ...]:
         """What steps, what is left out and why, in words."""
         said = []
         if self.acting:
             said.append(
-                f"Steps with a state: {', '.join(self.acting)}; functions init, step and settled, "
-                "docs/control.md."
+                f"Steps with a state: {', '.join(self.acting)}; functions init, step, settled "
+                "and predict_ahead, docs/control.md."
             )
+        if self.inputs:
+            listed = ", ".join(item.sentence(name) for name, item in self.inputs.items())
+            said.append(f"Inputs of the steps: {listed}.")
         if self.left_out:
             listed = "; ".join(f"{id} ({why})" for id, why in self.left_out.items())
             said.append(f"Left out: {listed}.")
@@ -116,9 +160,9 @@ def _add(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
         "ageing": _ageing,
         "viscous_damping": _damping,
         "mullins_softening": _softening,
+        "permanent_set": _set,
     }
     reasons = {
-        "permanent_set": "it counts the visits of a campaign, which a motion does not have",
         "inertia": "the mass of what moves: it belongs to the robot's dynamics",
     }
     if effect.id in makers:
@@ -160,7 +204,7 @@ def _along(model: Fitted) -> F:
 
 
 def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, values: F) -> str:
-    if effect.overstress and effect.frame != "middle":
+    if (effect.overstress or effect.path) and effect.frame != "middle":
         return "fitted in base axes, as older versions did: ecm refit fits it in the mid frame"
     along = _along(model)
     linear = effect.overstress == "linear"
@@ -181,6 +225,7 @@ def _relaxation(found: TimeEffects, model: Fitted, effect: StressRelaxation, val
         found.warnings.append("stress_relaxation is not passive: a factor is below zero.")
     found.document["stiffness"] = along.tolist()
     found.document["branches"] = _branches(effect, values, linear)
+    found.stiffer += float(np.maximum(values, 0.0).sum())
     return ""
 
 
@@ -195,6 +240,7 @@ def _friction(found: TimeEffects, model: Fitted, effect: Hysteresis, values: F) 
     length = model.known_length_m or 1.0
     spring = _along(model) * float(values[0]) / effect.yield_m
     found.document["friction"] = spring.tolist()
+    found.stiffer += max(0.0, float(values[0]) / effect.yield_m)
     found.document["slip"] = [effect.yield_m] * 3 + [effect.yield_m / length] * 3
     if (spring < 0.0).any():
         found.warnings.append("hysteresis is not passive: its springs are below zero.")
@@ -206,11 +252,26 @@ def _temperature(found: TimeEffects, model: Fitted, effect: TemperatureModulus, 
         return "its reference temperature is not in the model file; ecm refit writes it"
     found.document["softer_per_kelvin"] = float(values[0])
     found.document["reference_degc"] = effect.reference_degC
+    measured = model.conditions.get("temperature_degC")
+    if measured is None:
+        measured = (effect.reference_degC, effect.reference_degC)
+        found.warnings.append(
+            "temperature_modulus: the range of temperatures is not in the model file, so that only "
+            "the reference counts as inside; ecm refit writes it."
+        )
+    found.document["temperature_range_degc"] = list(measured)
     return ""
 
 
 def _ageing(found: TimeEffects, model: Fitted, effect: Effect, values: F) -> str:
     found.document["ageing_per_s"] = float(values[0])
+    least, largest = model.conditions.get("time_s", (0.0, 0.0))
+    if "time_s" not in model.conditions:
+        found.warnings.append(
+            "ageing: the range of ages is not in the model file, so that only 0 s counts as "
+            "inside; ecm refit writes it."
+        )
+    found.document["age_range_s"] = [min(least, 0.0), largest]
     return ""
 
 
@@ -225,5 +286,27 @@ def _softening(found: TimeEffects, model: Fitted, effect: MullinsSoftening, valu
     found.document["softening"] = float(values[0])
     found.warnings.append(
         "mullins_softening is not passive: p h / 2 is not the stored energy of a nonlinear body."
+    )
+    return ""
+
+
+def _set(found: TimeEffects, model: Fitted, effect: PermanentSet, values: F) -> str:
+    if effect.memory != "largest":
+        return (
+            "its memory sums the readings of a campaign: the same motion read twice as often would "
+            "leave another set"
+        )
+    rest = model.rest_pose("permanent_set")
+    poses = poses_in_domain(model, 500)
+    moved = float(values[0]) * (poses[::-1] - rest)
+    stepped = model.base.predict(poses - moved) - model.base.predict(poses)
+    fitted = -np.einsum("nij,nj->ni", model.base.stiffness(poses), moved)
+    change = np.sqrt(((stepped - fitted) ** 2).mean(axis=0))
+    share = float(np.max(change / noise_sd(model)))
+    found.document["set_share"] = float(values[0])
+    found.warnings.append(
+        f"permanent_set moves the rest pose, h(p - s), which differs from the fitted -K s by at "
+        f"most {share:.2g} of the measurement noise. It is not passive: a set has no energy where "
+        "the mechanism is turned."
     )
     return ""

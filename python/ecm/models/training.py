@@ -52,6 +52,18 @@ def noise_for(base: StiffnessMap, table: Table, before: Noise, *, same_rows: boo
     return estimate_noise(rows, rows.sensor_load, fallback=before)
 
 
+CONDITIONS = ("temperature_degC", "time_s")
+"""Columns beside the pose that effects of the mechanism follow."""
+
+
+def conditions_of(table: Table) -> dict[str, tuple[float, float]]:
+    """Range of temperature and time over measured rows, of those that the table has."""
+    measured = table.measured()
+    there = {name: measured.column(name) for name in CONDITIONS if measured.has(name)}
+    known = {name: values[np.isfinite(values)] for name, values in there.items()}
+    return {name: (float(v.min()), float(v.max())) for name, v in known.items() if len(v)}
+
+
 def domain_of(table: Table, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Range of each pose column over measured poses."""
     measured = table.measured()

@@ -1,6 +1,6 @@
 /* Instructions and stack of one call. Under `qemu -icount shift=0` an instruction takes 1 ns of virtual
  * time, and SysTick counts it at 25 MHz: 40 instructions a tick. Compile with -DMODEL=name.
- * Prints for h, then for h and K, with -DSTEPS also for a step of 1 ms: the least and the most
+ * Prints for h, then for h and K, with -DSTEPS also for a step of 1 ms and one ahead: the least and the most
  * instructions over the golden poses, and the most bytes of stack. */
 #include <stdint.h>
 
@@ -28,7 +28,7 @@ enum { CALLS = 10, POSES = 16, PAINTED = 4096 };
 static JOIN(MODEL, _real) h[6], k[36];
 #ifdef STEPS
 static JOIN(MODEL, _state) state;
-enum { LAST = 3 };
+enum { LAST = 4 };
 #else
 enum { LAST = 2 };
 #endif
@@ -40,6 +40,7 @@ static void __attribute__((noinline)) call(int what, int pose)
     if (what == 2) JOIN(MODEL, _value_and_stiffness)(p, h, k);
 #ifdef STEPS
     if (what == 3) JOIN(MODEL, _step)(&state, p, (JOIN(MODEL, _real))1e-3, 0, h, k);
+    if (what == 4) JOIN(MODEL, _predict_ahead)(&state, p, 1, (JOIN(MODEL, _real))1e-3, 0, h, 0);
 #endif
 }
 

@@ -51,6 +51,9 @@ impl Effects<f64> {
         effects.reference_degc = number(document, "reference_degc", Some(0.0))?;
         effects.ageing_per_s = number(document, "ageing_per_s", Some(0.0))?;
         effects.softening = number(document, "softening", Some(0.0))?;
+        effects.set_share = number(document, "set_share", Some(0.0))?;
+        effects.temperature_range_degc = range(document, "temperature_range_degc")?;
+        effects.age_range_s = range(document, "age_range_s")?;
         Ok(effects)
     }
 
@@ -64,9 +67,29 @@ impl Effects<f64> {
             ("ageing", self.ageing_per_s != 0.0),
             ("viscous_damping", any(&self.damping)),
             ("mullins_softening", self.softening != 0.0),
+            ("permanent_set", self.set_share != 0.0),
         ];
         let acting: Vec<&str> = names.iter().filter(|n| n.1).map(|n| n.0).collect();
         acting.join(", ")
+    }
+
+    /// Ranges of temperature (°C) and age (s); where any will do, all finite numbers of f32.
+    pub fn input_ranges(&self) -> [[f64; 2]; 2] {
+        let known = [self.temperature_range_degc, self.age_range_s];
+        known.map(|range| range.unwrap_or([-3e38, 3e38]))
+    }
+
+    /// Default and range of temperature (°C) and age (s), in words.
+    pub fn input_words(&self) -> [String; 2] {
+        let defaults = self.default_inputs();
+        let all = [
+            (defaults.temperature_degc, self.temperature_range_degc),
+            (defaults.age_s, self.age_range_s),
+        ];
+        all.map(|(default, range)| match range {
+            Some([low, high]) => format!("default {default}, from {low} to {high}"),
+            None => format!("default {default}, any: nothing follows it"),
+        })
     }
 
     /// The nearest constants of another precision.
@@ -87,6 +110,9 @@ impl Effects<f64> {
             ageing_per_s: R::from_f64(self.ageing_per_s),
             damping: self.damping.map(R::from_f64),
             softening: R::from_f64(self.softening),
+            set_share: R::from_f64(self.set_share),
+            temperature_range_degc: self.temperature_range_degc.map(|r| r.map(R::from_f64)),
+            age_range_s: self.age_range_s.map(|r| r.map(R::from_f64)),
         }
     }
 }
@@ -114,6 +140,25 @@ fn number(
             .map_or("missing".to_string(), Value::to_string);
         wrong(name, found, "a finite number")
     })
+}
+
+/// None where it is missing.
+fn range(
+    document: &Map<String, Value>,
+    name: &'static str,
+) -> Result<Option<[f64; 2]>, ModelError> {
+    let Some(value) = document.get(name) else {
+        return Ok(None);
+    };
+    let range = numbers::<2>(document, name)?;
+    if range[0] <= range[1] {
+        return Ok(Some(range));
+    }
+    Err(wrong(
+        name,
+        value.to_string(),
+        "a least and a largest number",
+    ))
 }
 
 /// Zeros where the list is missing.

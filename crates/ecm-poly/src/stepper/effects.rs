@@ -41,6 +41,12 @@ pub struct Effects<R> {
     pub damping: [R; 2],
     /// η: h (1 − η (1 − W/W_max)), W = |(p − p0) · h|/2.
     pub softening: R,
+    /// Share of the deflection at W_max that stays as a set s: h(p − s).
+    pub set_share: R,
+    /// Temperatures (°C) for which the model was measured; None: any.
+    pub temperature_range_degc: Option<[R; 2]>,
+    /// Ages (s) for which the model was measured; None: any.
+    pub age_range_s: Option<[R; 2]>,
 }
 
 impl<R: Real> Effects<R> {
@@ -62,7 +68,31 @@ impl<R: Real> Effects<R> {
             ageing_per_s: R::ZERO,
             damping: [R::ZERO; 2],
             softening: R::ZERO,
+            set_share: R::ZERO,
+            temperature_range_degc: None,
+            age_range_s: None,
         }
+    }
+
+    /// Whether the inputs are in the ranges for which the model was measured.
+    ///
+    /// A step outside is finite and extrapolates: the effects go on as straight lines.
+    ///
+    /// ```
+    /// use ecm_poly::stepper::{Effects, Inputs};
+    /// let mut effects = Effects::none(0.1);
+    /// effects.temperature_range_degc = Some([18.0, 26.0]);
+    /// let at = |temperature_degc| Inputs { temperature_degc, age_s: 1e6 };
+    /// assert!(effects.inputs_inside(&at(20.0)));
+    /// assert!(!effects.inputs_inside(&at(30.0)) && !effects.inputs_inside(&at(f64::NAN)));
+    /// ```
+    pub fn inputs_inside(&self, inputs: &Inputs<R>) -> bool {
+        let inside = |range: &Option<[R; 2]>, x: R| match range {
+            Some([low, high]) => *low <= x && x <= *high,
+            None => x.is_finite(),
+        };
+        inside(&self.temperature_range_degc, inputs.temperature_degc)
+            && inside(&self.age_range_s, inputs.age_s)
     }
 
     /// The factor of temperature and age on h.

@@ -1,4 +1,4 @@
-//! Effects of time in steps of any length: relaxation, friction, temperature, damping, softening.
+//! Effects of time in steps of any length: relaxation, friction, temperature, damping, softening, set.
 //!
 //! The static map gives h and K at a pose. A [`Stepper`] adds what depends on the way there: it takes
 //! the path since the step before as straight in the mid-frame coordinates q = (c, θ) and passed at
@@ -9,6 +9,7 @@
 //!
 //! and a spring that slips z ← clamp(z + Δq, ±limit). The wrench is that of Σ g m + κ z, turned with
 //! the mid frame: stress stays with the material, and a turn of the base turns everything.
+//! After a set the rest pose has moved by a share of the farthest pose: h(p − s) acts in place of h(p).
 //! Work is done on Q dq, so that branches of k q (k ≥ 0, g ≥ 0) and springs that slip only take energy.
 //!
 //! ```
@@ -35,6 +36,7 @@
 
 mod decay;
 mod effects;
+mod state;
 
 #[cfg(feature = "std")]
 mod document;
@@ -45,41 +47,17 @@ mod models;
 
 pub use decay::Decay;
 pub use effects::{BRANCHES, Branch, Effects, Inputs};
+pub use state::{STATE_NUMBERS, State};
 
-use ecm_se3::linear::add;
+use ecm_se3::linear::{add, apply, sub};
 use ecm_se3::mid_frame::MidFrame;
-use ecm_se3::{Mat6, Pose, Real, Vec6, Wrench};
+use ecm_se3::{Mat6, Pose, Real, Vec3, Vec6, Wrench, half_rotation};
 
 /// A static map from pose to wrench.
 pub trait Elastic<R> {
     /// h and K = ∂h/∂p.
     fn wrench_and_stiffness(&self, pose: &Pose<R>) -> (Wrench<R>, Mat6<R>);
 }
-
-/// What a mechanism remembers: plain numbers, which may be stored and loaded.
-///
-/// [`STATE_NUMBERS`] numbers: 392 bytes in double, 196 in single precision.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
-pub struct State<R> {
-    /// Pose of the last step.
-    pub pose: Vec6<R>,
-    /// q there.
-    pub coordinates: Vec6<R>,
-    /// Q of the static wrench there.
-    pub force: Vec6<R>,
-    /// Stretch z of the springs that slip (m, rad).
-    pub stretch: Vec6<R>,
-    /// m of each branch (N, N m).
-    pub memory: [Vec6<R>; BRANCHES],
-    /// What rounding left out of m: else slow branches would stand still in single precision.
-    pub carry: [Vec6<R>; BRANCHES],
-    /// W_max (J).
-    pub largest: R,
-}
-
-/// Numbers of a [`State`].
-pub const STATE_NUMBERS: usize = 25 + 12 * BRANCHES;
 
 /// A static map with effects of time.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +79,12 @@ struct Here<R> {
     work_slope: Vec6<R>,
 }
 
+/// The static map at the pose less the set; the derivative is that to the pose.
+struct AfterSet<R> {
+    wrench: Wrench<R>,
+    stiffness: Mat6<R>,
+}
+
 impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     /// The state after an infinite rest at a pose that was reached without friction.
     ///
@@ -109,7 +93,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
     pub fn init(&self, pose: &Pose<R>) -> Option<State<R>> {
         let here = self.here(pose)?;
         Some(State {
-            pose: here.pose,
+            farthest: here.pose,
             coordinates: here.frame.coordinates(),
             force: here.frame.generalised_force(&here.wrench),
             stretch: [R::ZERO; 6],
@@ -137,6 +121,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         }
         let here = self.here(pose)?;
         let effects = &self.effects;
+        let set = self.after_set(&here, state)?;
         let q = here.frame.coordinates();
         let force = here.frame.generalised_force(&here.wrench);
         let decays = effects.branches.map(|branch| Decay::new(dt / branch.tau_s));
@@ -180,7 +165,13 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let (largest, softer) = self.softer(&here, state.largest);
         let size = self.effects.size(inputs);
         let loss = effects.softening * softer;
-        let mut wrench = here.scaled(size - loss);
+        // With a set h(p − s) stands for h(p), which temperature and the largest load scale.
+        let own = if set.is_some() {
+            size - loss - R::ONE
+        } else {
+            size - loss
+        };
+        let mut wrench = here.scaled(own);
         let carried = here.frame.wrench(&total);
         wrench.force = add(&wrench.force, &carried.force);
         wrench.torque = add(&wrench.torque, &carried.torque);
@@ -189,7 +180,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let hessian = here.frame.hessian(&turning, &steep);
         let turned = here.frame.wrench(&turning);
         let beside = here.frame.partial_from_generalised(&hessian, &turned);
-        let factor = size - loss + elastic;
+        let factor = own + elastic;
         let mut tangent: Mat6<R> = core::array::from_fn(|i| {
             core::array::from_fn(|j| factor * here.stiffness[i][j] + beside[i][j])
         });
@@ -201,6 +192,16 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 }
             }
         }
+        if let Some(set) = &set {
+            wrench.force = add(&wrench.force, &set.wrench.force);
+            wrench.torque = add(&wrench.torque, &set.wrench.torque);
+            for (row, more) in tangent.iter_mut().zip(&set.stiffness) {
+                for (k, x) in row.iter_mut().zip(more) {
+                    *k += *x;
+                }
+            }
+        }
+        let moved = self.moved(&q, &state.coordinates);
         for j in 0..6 {
             let damping = if dt > R::ZERO {
                 effects.damping[j / 3] / dt
@@ -209,7 +210,7 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
             };
             // A dt so short that this overflows is a sudden move as well.
             if damping.is_finite() {
-                let more = damping * (here.pose[j] - state.pose[j]);
+                let more = damping * moved[j];
                 match j {
                     0..3 => wrench.force[j] += more,
                     _ => wrench.torque[j - 3] += more,
@@ -217,14 +218,45 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
                 tangent[j][j] += damping;
             }
         }
-        state.pose = here.pose;
+        if here.work > state.largest {
+            state.farthest = here.pose;
+        }
         state.coordinates = q;
         state.force = force;
         state.largest = largest;
         Some((wrench, tangent))
     }
 
-    /// The limit of a long rest at a pose, and K there: no friction, nothing softened.
+    /// The steps through poses that are planned, dt (s) apart, from a state that stays as it is.
+    ///
+    /// Ends before the first pose at which [`Stepper::step`] would refuse.
+    ///
+    /// ```
+    /// use ecm_poly::stepper::{Effects, Stepper};
+    /// use ecm_poly::{Pose, PoseModel};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// # let neck = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/corpus/energy4.json");
+    /// let model = PoseModel::from_json(&std::fs::read_to_string(neck)?)?;
+    /// let stepper = Stepper { model: &model, effects: Effects::none(0.1034) };
+    /// let state = stepper.init(&Pose::at_rest(0.1034)).ok_or("no finite wrench")?;
+    /// let path = [0.103, 0.1025, 0.102].map(Pose::at_rest);
+    /// let inputs = stepper.effects.default_inputs();
+    /// let wrenches = stepper.predict_ahead(&state, path, 0.02, &inputs).map(|(h, _)| h.force[0]);
+    /// assert!(wrenches.collect::<Vec<_>>().is_sorted_by(|a, b| a > b));
+    /// # Ok(()) }
+    /// ```
+    pub fn predict_ahead(
+        &self,
+        state: &State<R>,
+        poses: impl IntoIterator<Item = Pose<R>>,
+        dt: R,
+        inputs: &Inputs<R>,
+    ) -> impl Iterator<Item = (Wrench<R>, Mat6<R>)> {
+        let (mut ahead, inputs) = (*state, *inputs);
+        (poses.into_iter()).map_while(move |pose| self.step(&mut ahead, &pose, dt, &inputs))
+    }
+
+    /// The limit of a long rest at a pose, and K there: no friction, nothing softened, no set.
     #[inline]
     pub fn settled(&self, pose: &Pose<R>, inputs: &Inputs<R>) -> Option<(Wrench<R>, Mat6<R>)> {
         if !inputs.are_finite() {
@@ -234,6 +266,40 @@ impl<R: Real, M: Elastic<R>> Stepper<'_, R, M> {
         let size = self.effects.size(inputs);
         let tangent = here.stiffness.map(|row| row.map(|k| size * k));
         Some((here.scaled(size), tangent))
+    }
+
+    /// h and K at the pose less the set; None where they are not finite, no set where it is none.
+    #[inline(always)]
+    fn after_set(&self, here: &Here<R>, state: &State<R>) -> Option<Option<AfterSet<R>>> {
+        let share = self.effects.set_share;
+        if share * share <= R::ZERO {
+            return Some(None);
+        }
+        let grows = here.work > state.largest;
+        let farthest = if grows { &here.pose } else { &state.farthest };
+        let mut shifted = core::array::from_fn(|j| here.pose[j] - share * farthest[j]);
+        shifted[0] += share * self.effects.length_m;
+        let (wrench, stiffness) = self.model.wrench_and_stiffness(&Pose::checked(&shifted)?);
+        let sum = (wrench.to_array().iter()).fold(R::ZERO, |sum, &x| sum + x);
+        // At the farthest pose the set grows with the pose.
+        let rate = if grows { R::ONE - share } else { R::ONE };
+        let stiffness = stiffness.map(|row| row.map(|k| rate * k));
+        sum.is_finite()
+            .then_some(Some(AfterSet { wrench, stiffness }))
+    }
+
+    /// Change of the pose between two q; not at all where they are equal.
+    #[inline(always)]
+    fn moved(&self, q: &Vec6<R>, before: &Vec6<R>) -> Vec6<R> {
+        if self.effects.damping[0] * self.effects.damping[0] <= R::ZERO {
+            return core::array::from_fn(|j| q[j] - before[j]);
+        }
+        let position = |q: &Vec6<R>| -> Vec3<R> {
+            let stretched = [q[0] + self.effects.length_m, q[1], q[2]];
+            apply(&half_rotation(&[q[3], q[4], q[5]]), &stretched)
+        };
+        let way = sub(&position(q), &position(before));
+        core::array::from_fn(|j| if j < 3 { way[j] } else { q[j] - before[j] })
     }
 
     /// W_max with this pose, and 1 − W/W_max.

@@ -145,6 +145,7 @@ fn exported_c_steps_through_a_golden_history() {
             (".c", "softer_per_kelvin = ", "R(1)+"),
             (".c", "ageing_per_s = ", "R(1)+"),
             (".c", "softening = ", "R(1)+"),
+            (".c", "set_share = ", "R(1)+"),
             ("_golden.h", "_history_h[32][6] = {{", "1e3+"),
             ("_golden.h", "_history_k[32][36] = {{", "1e6+"),
         ] {

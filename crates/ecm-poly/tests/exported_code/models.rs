@@ -76,5 +76,8 @@ pub fn effects() -> Effects<f64> {
     effects.ageing_per_s = 1e-6;
     effects.damping = [2e-3, 2e-4];
     effects.softening = 0.1;
+    effects.set_share = 0.02;
+    effects.temperature_range_degc = Some([15.0, 30.0]);
+    effects.age_range_s = Some([0.0, 7200.0]);
     effects
 }

@@ -4,13 +4,18 @@ use ecm_poly::Pose;
 use ecm_poly::export::model::Model;
 use ecm_poly::stepper::{Effects, Inputs, STATE_NUMBERS, State, Stepper as Steps};
 use ecm_se3::{Mat6, Wrench};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use super::error;
 use crate::errors::ModelError;
 
 type Pair<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+type Ahead<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// A model file's map with effects of time (JSON), and the state of one mechanism.
 #[pyclass(module = "ecm._native")]
@@ -89,50 +94,78 @@ impl Stepper {
         Ok(found.map(|pair| arrays(py, &pair)))
     }
 
+    /// Wrenches (n, 6) and tangents (n, 6, 6) of the first n of poses (N, 6), dt apart; the state stays.
+    ///
+    /// n is less than N where a step would be refused.
+    fn predict_ahead<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        dt: f64,
+        temperature_degc: f64,
+        age_s: f64,
+    ) -> PyResult<Ahead<'py>> {
+        let Some(state) = &self.state else {
+            return Err(ModelError::new_err(
+                "predict_ahead before init: call init(pose) first",
+            ));
+        };
+        let view = poses.as_array();
+        if view.ncols() != 6 {
+            return Err(ModelError::new_err(format!(
+                "poses have {} columns, expected 6",
+                view.ncols()
+            )));
+        }
+        let inputs = Inputs {
+            temperature_degc,
+            age_s,
+        };
+        let path = view.rows().into_iter();
+        let path = path.map_while(|row| Pose::checked(&core::array::from_fn(|j| row[j])));
+        let (mut wrenches, mut tangents) = (Vec::new(), Vec::new());
+        for (h, k) in self.steps().predict_ahead(state, path, dt, &inputs) {
+            wrenches.extend(h.to_array());
+            tangents.extend_from_slice(k.as_flattened());
+        }
+        let count = wrenches.len() / 6;
+        let wrenches = PyArray1::from_vec(py, wrenches).reshape([count, 6])?;
+        let tangents = PyArray1::from_vec(py, tangents).reshape([count, 6, 6])?;
+        Ok((wrenches, tangents))
+    }
+
+    /// Whether temperature and age are in the ranges for which the model was measured.
+    fn inputs_inside(&self, temperature_degc: f64, age_s: f64) -> bool {
+        self.effects.inputs_inside(&Inputs {
+            temperature_degc,
+            age_s,
+        })
+    }
+
     /// (49,) numbers of the state; None before `init`.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        self.state.map(|s| {
-            let parts = [&s.pose, &s.coordinates, &s.force, &s.stretch].into_iter();
-            let parts = parts.chain(&s.memory).chain(&s.carry);
-            let mut numbers: Vec<f64> = parts.flatten().copied().collect();
-            numbers.push(s.largest);
-            PyArray1::from_vec(py, numbers)
-        })
+        (self.state).map(|state| PyArray1::from_slice(py, &state.to_numbers()))
     }
 
     #[setter]
     fn set_state(&mut self, state: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let numbers: Vec<f64> = state.as_array().iter().copied().collect();
-        let (rows, rest) = numbers.as_chunks::<6>();
-        let (
-            [
-                pose,
-                coordinates,
-                force,
-                stretch,
-                first,
-                second,
-                carry,
-                other,
-            ],
-            [largest],
-        ) = (rows, rest)
-        else {
+        let Ok(numbers) = <[f64; STATE_NUMBERS]>::try_from(numbers) else {
             return Err(ModelError::new_err(format!(
                 "state has {} numbers, expected {STATE_NUMBERS}",
-                numbers.len()
+                state.len()
             )));
         };
-        self.state = Some(State {
-            pose: *pose,
-            coordinates: *coordinates,
-            force: *force,
-            stretch: *stretch,
-            memory: [*first, *second],
-            carry: [*carry, *other],
-            largest: *largest,
-        });
+        let Some(state) = State::from_numbers(&numbers) else {
+            let wrong = numbers.iter().position(|x| !x.is_finite()).unwrap_or(0);
+            return Err(ModelError::new_err(format!(
+                "state[{wrong}] is {}, expected finite numbers: take a state that was stored before, or \
+                 call init(pose)",
+                numbers[wrong]
+            )));
+        };
+        self.state = Some(state);
         Ok(())
     }
 }

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.models.control.design import ControlLoop
 
@@ -17,12 +18,16 @@ def loop_file(
     target: Literal["c", "rust"],
     name: str,
     precision: Literal["double", "single"],
+    rest: F | None = None,
 ) -> dict[str, str]:
-    """Return path and text of the example of a loop that holds some pose."""
+    """Return path and text of the example of a loop that holds some pose.
+
+    With effects of time `rest` is the pose (6,) of the long rest before; without them None.
+    """
     c = target == "c"
     real = {"double": "f64", "single": "f32"}[precision]
     template = files("ecm.models.control") / "templates" / ("control.c" if c else "control.rs")
-    text = template.read_text(encoding="utf-8")
+    text = _chosen(template.read_text(encoding="utf-8"), with_state=rest is not None)
     sentences = loop.sentences()
     # The push ends after 700 steps; the slowest error then falls by a factor of e^20.
     settled = np.ceil(20.0 / (loop.decay_per_s * loop.gains.dt_s))
@@ -37,12 +42,24 @@ def loop_file(
         "MASS": f"{loop.mass_kg:e}",
         "INERTIA": f"{loop.inertia_kg_m2:e}",
         "BANDWIDTH": f"{loop.gains.bandwidth_rad_s:e}",
-        "HELD": ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in loop.held),
+        "HELD": _numbers(loop.held, c),
+        "REST": _numbers(np.zeros(6) if rest is None else rest, c),
         "COLUMNS": ", ".join(f'"{column}"' for column in POSE),
     }
     for key, value in values.items():
         text = text.replace(f"@{key}@", value)
     return {f"{name}_control.c" if c else "examples/control.rs": text}
+
+
+def _chosen(template: str, *, with_state: bool) -> str:
+    """Lines that begin with `@+` stand only with a state, those with `@-` only without."""
+    keep, drop = ("@+", "@-") if with_state else ("@-", "@+")
+    lines = template.split("\n")
+    return "\n".join(line.removeprefix(keep) for line in lines if not line.startswith(drop))
+
+
+def _numbers(values: F, c: bool) -> str:
+    return ", ".join(f"R({x:.9e})" if c else f"{x:.9e}" for x in values)
 
 
 def _comment(sentences: tuple[str, ...], prefix: str) -> str:

@@ -122,7 +122,9 @@ class ControlLoop:
         }
 
 
-def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) -> ControlLoop:
+def design_loop(
+    poses: F, stiffness: F, settings: LoopSettings | None = None, stiffer: float = 0.0
+) -> ControlLoop:
     """Choose the bandwidth of a loop that holds these poses.
 
     The loop is `ecm.models.control.poles`. Of the bandwidths that bear twice and half the gain at
@@ -136,6 +138,8 @@ def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) ->
         (N, 6, 6) K_s there: wrench per small twist (stiffness kind `screw`).
     settings
         Mass, inertia, delay and step.
+    stiffer
+        Share by which a sudden move meets more stiffness than K_s: what relaxes or slips.
 
     Returns
     -------
@@ -155,6 +159,7 @@ def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) ->
     (True, True)
     """
     settings = settings or LoopSettings()
+    softness = (*SOFTNESS[:-1], SOFTNESS[-1] * (1.0 + stiffer))
     mass, inertia = _mass(stiffness, settings)
     weights = 1.0 / np.array([mass] * 3 + [inertia] * 3)
     modes = np.linalg.eigvals(weights[:, None] * stiffness).astype(np.complex128)
@@ -164,12 +169,12 @@ def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) ->
         for lag in _LAGS
     ]
     critical = _critical(modes)
-    gains = max(tried, key=lambda gains: _merit(gains, critical))
+    gains = max(tried, key=lambda gains: _merit(gains, critical, softness))
     delays = tuple(sorted({0, least.delay_steps // 2, least.delay_steps}))
-    rates = _rates(gains, modes, SOFTNESS, delays).min(axis=1)
+    rates = _rates(gains, modes, softness, delays).min(axis=1)
     holds = rates > 0.0
     for factor in (0.8, 1.25):
-        holds &= _worst(gains, modes, factor).min(axis=1) > 0.0
+        holds &= _worst(gains, modes, softness, factor).min(axis=1) > 0.0
     any_held = bool(holds.any())
     critical = _critical(modes[holds]) if any_held else critical
     return ControlLoop(
@@ -180,8 +185,8 @@ def design_loop(poses: F, stiffness: F, settings: LoopSettings | None = None) ->
         poses=poses,
         holds=holds,
         decay_per_s=float(rates[holds].min()) if any_held else 0.0,
-        gain_margin=_gain_margin(gains, critical) if any_held else (1.0, 1.0),
-        delay_margin_s=_delay_margin(gains, critical) if any_held else 0.0,
+        gain_margin=_gain_margin(gains, critical, softness) if any_held else (1.0, 1.0),
+        delay_margin_s=_delay_margin(gains, critical, softness) if any_held else 0.0,
     )
 
 
@@ -214,29 +219,30 @@ def _critical(modes: C) -> C:
     return np.asarray(flat[flat.imag >= 0.0])  # the others are their conjugates
 
 
-def _worst(gains: Gains, modes: C, factor: float = 1.0) -> F:
+def _worst(gains: Gains, modes: C, softness: tuple[float, ...], factor: float = 1.0) -> F:
     """Least rate of each mode with all gains times a factor, without delay and with all of it."""
     changed = replace(gains, factor=factor)
-    return _rates(changed, modes, SOFTNESS[::2], (0, gains.delay_steps))
+    return _rates(changed, modes, softness[::2], (0, gains.delay_steps))
 
 
-def _merit(gains: Gains, modes: C) -> tuple[float, float]:
+def _merit(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[float, float]:
     """Shares of the modes that are held and that bear more and less gain, then the least rate."""
-    rates = _worst(gains, modes)
+    rates = _worst(gains, modes, softness)
     bears = rates > 0.0
     for factor in (1.0 / _MARGIN, _MARGIN):
-        bears &= _worst(gains, modes, factor) > 0.0
+        bears &= _worst(gains, modes, softness, factor) > 0.0
     return float((rates > 0.0).mean() + bears.mean()), float(rates.min())
 
 
-def _gain_margin(gains: Gains, modes: C) -> tuple[float, float]:
+def _gain_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> tuple[float, float]:
     """The factors on the way down and up at which the loop is lost, within 3 %, at most 30."""
     found = []
     for way in (-1.0, 1.0):
         good, bad = 0.0, np.log(30.0)
         while bad - good > 0.03:
             middle = 0.5 * (good + bad)
-            if _worst(gains, modes, float(np.exp(way * middle))).min() > 0.0:
+            factor = float(np.exp(way * middle))
+            if _worst(gains, modes, softness, factor).min() > 0.0:
                 good = middle
             else:
                 bad = middle
@@ -244,8 +250,11 @@ def _gain_margin(gains: Gains, modes: C) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def _delay_margin(gains: Gains, modes: C) -> float:
+def _delay_margin(gains: Gains, modes: C, softness: tuple[float, ...]) -> float:
+    def holds(steps: int) -> bool:
+        return bool(_worst(gains.later(steps), modes, softness).min() > 0.0)
+
     more = 0
-    while more < 100 and _worst(gains.later(gains.delay_steps + more + 1), modes).min() > 0.0:
+    while more < 100 and holds(gains.delay_steps + more + 1):
         more += 1
     return more * gains.dt_s

@@ -28,9 +28,12 @@ def _code(source: Source, language: Literal["c", "rust"], next_step: str) -> Fil
         return Files(written, next_step)
     poses = source.poses_to_hold()
     try:
-        designed = design_loop(poses, source.inside.base.stiffness(poses, "screw"), source.loop)
+        stiffness = source.inside.base.stiffness(poses, "screw")
+        designed = design_loop(poses, stiffness, source.loop, stiffer=source.timed.stiffer)
     except InputError as error:
         return Files(written, next_step, (f"No control loop: {error}.",))
     if designed.holds.any():
-        written |= loop_file(designed, language, source.name, source.precision)
+        state = source.has_state
+        rest = source.model.rest_pose("a loop with a state")[0] if state else None
+        written |= loop_file(designed, language, source.name, source.precision, rest)
     return Files(written, next_step, designed.sentences(), designed)

@@ -42,7 +42,7 @@ class Film:
     def __init__(self, length_m: float, radius_m: float) -> None:
         self._library = mujoco()
         self._length_m, self._radius_m = length_m, radius_m
-        self._context = _gl_context()
+        self._context = gl_context(WIDTH + NEAR_WIDTH, HEIGHT)
         self._drawing: Any = None
         self._last_s = -1.0
         self._title = ""
@@ -159,12 +159,18 @@ def write_film(
     return len(film.images)
 
 
-def _gl_context() -> Any:
-    """Create a context for drawing without a screen: EGL, OSMesa, or a hidden window."""
+def gl_context(width: int, height: int) -> Any:
+    """Create a context for drawing without a screen: EGL, OSMesa, or a hidden window.
+
+    Raises
+    ------
+    ComputationError
+        This machine cannot draw without a screen.
+    """
     tried = []
     for name in ("egl", "osmesa", "glfw"):
         try:
-            context = import_module(f"mujoco.{name}").GLContext(WIDTH + NEAR_WIDTH, HEIGHT)
+            context = import_module(f"mujoco.{name}").GLContext(width, height)
             context.make_current()
             return context
         except Exception as error:  # whatever a graphics driver raises

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from ecm.io.arrays import B, F
+from ecm.rig.frames import rotation, transpose, turn_wrench
 from ecm.rig.physics.true_effect import (
     BodyPose,
     Conditions,
@@ -102,6 +103,9 @@ class Relaxation(MaterialFactor, MaterialMemory):
 
         s <- s exp(-dt/tau) + g tau/dt (1 - exp(-dt/tau)) dh
 
+    There h and s are resultants of the middle section: moments about the middle of the line from
+    base to top, axes turned by half of the rotation, because stress turns with the body.
+
     `size` is the sum of the shares of all chains.
     """
 
@@ -135,8 +139,18 @@ class Relaxation(MaterialFactor, MaterialMemory):
             return np.zeros_like(at.poses)
         return at.from_all(self._along_the_motion)
 
+    def along(self, poses: F, wrenches: F, time_s: F, restart: B) -> F:
+        """Relaxing wrench (N, 6) at the top beside the elastic wrenches (N, 6) along one motion."""
+        axes, lever = rotation(0.5 * poses[:, 3:]), 0.5 * poses[:, :3]
+        moments = wrenches[:, 3:] + np.cross(lever, wrenches[:, :3])
+        section = np.concatenate([wrenches[:, :3], moments], axis=1)
+        carried = self.carried(turn_wrench(transpose(axes), section), time_s, restart)
+        top = turn_wrench(axes, carried)
+        top[:, 3:] -= np.cross(lever, top[:, :3])
+        return top
+
     def carried(self, wrenches: F, time_s: F, restart: B) -> F:
-        """Wrench (N, 6) beside the elastic wrenches (N, 6) at the moments (N,) of one motion.
+        """Resultant (N, 6) beside the elastic wrenches (N, 6) at the moments (N,) of one motion.
 
         It is 0 at the first moment and wherever the history restarts.
         """
@@ -155,7 +169,8 @@ class Relaxation(MaterialFactor, MaterialMemory):
     def _along_the_motion(self, at: Conditions) -> F:
         """Relaxing wrenches (N, 6) of all visits of a motion; the states go on through rests."""
         parts = at.per_way(lambda points, wrenches: wrenches)
-        wrenches, times, restart, own = list[F](), list[float](), list[bool](), list[int]()
+        poses, wrenches, times = list[F](), list[F](), list[float]()
+        restart, own = list[bool](), list[int]()
         now = zip(at.time_s.tolist(), at.travel_s.tolist(), at.dwell_s.tolist(), strict=True)
         for i, ((time, travel, dwell), h) in enumerate(
             zip(now, at.elastic_wrenches(), strict=True)
@@ -166,16 +181,20 @@ class Relaxation(MaterialFactor, MaterialMemory):
                 departures.append(departures[-1] - at.leg_s(end - start))
             begins = len(times)
             # Where it rests until it departs; the samples of one leg follow each other.
-            for moment, there in zip(departures[::-1], parts[i][:-1], strict=True):
+            begun = zip(departures[::-1], way[:-1], parts[i][:-1], strict=True)
+            for moment, pose, there in begun:
                 if not times or moment > times[-1]:
                     times.append(moment)
+                    poses.append(pose)
                     wrenches.append(there)
                     restart.append(at.rested[i] and len(times) == begins + 1)
             own.append(len(times))
             times.append(time)
+            poses.append(at.poses[i])
             wrenches.append(h)
             restart.append(False)
-        return self.carried(np.stack(wrenches), np.asarray(times), np.asarray(restart))[own]
+        moved = np.stack(poses), np.stack(wrenches), np.asarray(times), np.asarray(restart)
+        return self.along(*moved)[own]
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,29 @@
+/* Whether two states differ in any bit. */
+static int different(const @NAME@_state *a, const @NAME@_state *b)
+{
+    const uint8_t *one = (const uint8_t *)a, *other = (const uint8_t *)b;
+    int found = 0;
+    for (uint32_t i = 0; i < (uint32_t)sizeof *a; i++) {
+        found |= one[i] != other[i];
+    }
+    return found;
+}
+
+/* The edges of the inputs' ranges and what lies beyond them. */
+static int inputs_wrong(void)
+{
+    @NAME@_conditions inputs = @NAME@_default_conditions;
+    int wrong = !@NAME@_inputs_inside(&@NAME@_least_conditions);
+    wrong += !@NAME@_inputs_inside(&@NAME@_largest_conditions);
+    inputs.temperature_degC = (@NAME@_real)0;
+    inputs.temperature_degC /= inputs.temperature_degC;
+    wrong += @NAME@_inputs_inside(&inputs);
+    inputs = @NAME@_default_conditions;
+    inputs.age_s = (@NAME@_real)3.3e38;
+    wrong += @NAME@_inputs_inside(&inputs);
+    return wrong;
+}
+
 /* A history of steps; every other step is done again from a copy of the state before it. */
 static int history(void)
 {
@@ -21,8 +47,8 @@ static int history(void)
                                   &@NAME@_history_inputs[i], again, slope);
             for (int32_t j = 0; j < @M@; j++) {
                 wrong += again[j] != h[j];
-                wrong += saved.memory[0][j] != state.memory[0][j];
             }
+            wrong += different(&saved, &state);
         }
         saved = state;
         none[0] = (@NAME@_real)0;
@@ -30,10 +56,27 @@ static int history(void)
         wrong += @NAME@_step(&state, none, @NAME@_history_dt[i], 0, again, slope) != 0;
         wrong += @NAME@_step(&state, @NAME@_history_p[i], (@NAME@_real)-1, 0, again, slope) != 0;
         wrong += again[0] == again[0];
-        for (int32_t j = 0; j < @N@; j++) {
-            wrong += saved.memory[0][j] != state.memory[0][j] || saved.pose[j] != state.pose[j];
+        wrong += different(&saved, &state);
+        /* Two steps ahead of the next ones, from a state that stays. */
+        if (i + 2 < @NAME@_history_count) {
+            const @NAME@_conditions *inputs = &@NAME@_history_inputs[i + 1];
+            @NAME@_real ahead[2 * @M@], slopes[2 * @NM@];
+            wrong += @NAME@_predict_ahead(&state, @NAME@_history_p[i + 1], 2, (@NAME@_real)0.01, inputs,
+                                          ahead, slopes) != 2;
+            wrong += different(&saved, &state);
+            for (int32_t n = 0; n < 2; n++) {
+                wrong += !@NAME@_step(&saved, @NAME@_history_p[i + 1 + n], (@NAME@_real)0.01, inputs,
+                                      again, slope);
+                for (int32_t j = 0; j < @M@; j++) {
+                    wrong += ahead[@M@ * n + j] != again[j];
+                }
+                for (int32_t j = 0; j < @NM@; j++) {
+                    wrong += slopes[@NM@ * n + j] != slope[j];
+                }
+            }
+            wrong += @NAME@_predict_ahead(&state, none, 1, (@NAME@_real)0.01, inputs, ahead, 0) != 0;
         }
     }
-    return wrong;
+    return wrong + inputs_wrong();
 }
 

@@ -11,10 +11,20 @@ static const real linear_of[2] = {@LINEAR@};
 static const real friction_of[6] = {@FRICTION@};
 static const real slip_of[6] = {@SLIP@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
-static const real softening = R(@SOFTENING@);
+static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
 
 const inputs_t @NAME@_default_conditions = {R(@REFERENCE@), R(0)};
+const inputs_t @NAME@_least_conditions = {@LEASTINPUTS@};
+const inputs_t @NAME@_largest_conditions = {@LARGESTINPUTS@};
+
+int32_t @NAME@_inputs_inside(const inputs_t *inputs)
+{
+    const inputs_t *low = &@NAME@_least_conditions, *high = &@NAME@_largest_conditions;
+    return (int32_t)((low->temperature_degC <= inputs->temperature_degC) &
+                     (inputs->temperature_degC <= high->temperature_degC) &
+                     (low->age_s <= inputs->age_s) & (inputs->age_s <= high->age_s));
+}
 
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
@@ -77,6 +87,47 @@ static void soften(const real *p, const here_t *here, real factor, real *k)
     }
 }
 
+/* h and its derivative at the pose less the set, which grows at the farthest pose; 0 where it is refused */
+static int32_t after_set(const state_t *state, const real *p, int32_t grows, real *h, real *k)
+{
+    real shifted[6], sum = R(0);
+    for (int32_t i = 0; i < 6; i++) {
+        shifted[i] = p[i] - set_share * (grows ? p[i] : state->farthest[i]);
+    }
+    shifted[0] += set_share * length_m;
+    @NAME@_value_and_stiffness(shifted, h, k);
+    for (int32_t i = 0; i < 6; i++) {
+        sum += h[i];
+    }
+    for (int32_t i = 0; i < 36; i++) {
+        k[i] *= grows ? R(1) - set_share : R(1);
+    }
+    return is_finite(sum);
+}
+
+/* Position r of mid-frame coordinates */
+static void position_of(const real *q, real *r)
+{
+    const real half_theta[3] = {R(0.5) * q[3], R(0.5) * q[4], R(0.5) * q[5]};
+    const real c[3] = {q[0] + length_m, q[1], q[2]};
+    real series[8], a[9];
+    stumpff(dot(half_theta, half_theta), series);
+    with_parts(half_theta, series[0], series[1], series[2], a);
+    apply(a, c, r);
+}
+
+/* Change of the pose since the last step; not at all where q is the same. */
+static void moved_since(const state_t *state, const real *q, real *moved)
+{
+    real now[3], before[3];
+    position_of(q, now);
+    position_of(state->coordinates, before);
+    for (int32_t i = 0; i < 3; i++) {
+        moved[i] = now[i] - before[i];
+        moved[3 + i] = q[3 + i] - state->coordinates[3 + i];
+    }
+}
+
 static real size_at(const inputs_t *inputs)
 {
     return R(1) - softer_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@)) +
@@ -104,7 +155,7 @@ int32_t @NAME@_init(state_t *state, const real p[6])
         return 0;
     }
     for (int32_t i = 0; i < 6; i++) {
-        state->pose[i] = p[i];
+        state->farthest[i] = p[i];
         state->coordinates[i] = here.frame.q[i];
         state->force[i] = here.force[i];
         state->stretch[i] = R(0);
@@ -121,11 +172,17 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
                     real k[36])
 {
     here_t here;
-    real lost[2], left[2], total[6], steep[36] = {R(0)};
+    real lost[2], left[2], total[6], steep[36] = {R(0)}, set_h[6], set_k[36], moved[6] = {R(0)};
     real elastic = R(0), below = R(0), size;
+    int32_t grows;
+    const int32_t sets = set_share * set_share > R(0);
     inputs = inputs ? inputs : &@NAME@_default_conditions;
     size = size_at(inputs);
     if (!(dt >= R(0) && is_finite(dt) && is_finite(size) && find_here(p, &here))) {
+        return refuse(h, k);
+    }
+    grows = here.work > state->largest;
+    if (sets && !after_set(state, p, grows, set_h, set_k)) {
         return refuse(h, k);
     }
     for (int32_t b = 0; b < 2; b++) {
@@ -158,13 +215,14 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
         }
         total[j] += friction_of[j] * state->stretch[j];
     }
-    if (here.work > state->largest) {
+    if (grows) {
         state->largest = here.work;
     }
     if (state->largest > R(0)) {
         below = R(1) - here.work / state->largest;
     }
-    size -= softening * below;
+    /* With a set the wrench at the pose less the set stands for that at the pose. */
+    size -= softening * below + (sets ? R(1) : R(0));
     for (int32_t i = 0; i < 6; i++) {
         total[i] += size * here.force[i];
     }
@@ -175,14 +233,27 @@ int32_t @NAME@_step(state_t *state, const real p[6], real dt, const inputs_t *in
     if (state->largest > here.work && softening * softening > R(0)) {
         soften(p, &here, softening / state->largest, k);
     }
+    if (sets) {
+        for (int32_t i = 0; i < 6; i++) {
+            h[i] += set_h[i];
+        }
+        for (int32_t i = 0; i < 36; i++) {
+            k[i] += set_k[i];
+        }
+    }
+    if (damping_of[0] * damping_of[0] + damping_of[1] * damping_of[1] > R(0)) {
+        moved_since(state, here.frame.q, moved);
+    }
     for (int32_t j = 0; j < 6; j++) {
         const real damping = dt > R(0) ? damping_of[j / 3] / dt : R(0);
         /* A dt so short that this overflows is a sudden move as well. */
-        if (is_finite(damping)) {
-            h[j] += damping * (p[j] - state->pose[j]);
+        if (damping * damping > R(0) && is_finite(damping)) {
+            h[j] += damping * moved[j];
             k[7 * j] += damping;
         }
-        state->pose[j] = p[j];
+        if (grows) {
+            state->farthest[j] = p[j];
+        }
         state->coordinates[j] = here.frame.q[j];
         state->force[j] = here.force[j];
     }
@@ -202,4 +273,18 @@ int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real 
         k[i] *= size;
     }
     return is_finite(sum) ? 1 : refuse(h, k);
+}
+
+int32_t @NAME@_predict_ahead(const state_t *state, const real *p, int32_t count, real dt,
+                             const inputs_t *inputs, real *h, real *k)
+{
+    state_t ahead = *state;
+    real slope[@NM@];
+    for (int32_t i = 0; i < count; i++) {
+        real *tangent = k ? k + @NM@ * i : slope;
+        if (!@NAME@_step(&ahead, p + @N@ * i, dt, inputs, h + @M@ * i, tangent)) {
+            return i;
+        }
+    }
+    return count;
 }

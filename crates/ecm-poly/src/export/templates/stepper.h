@@ -5,16 +5,24 @@
  * loaded as they are. init sets it after an infinite rest at p. step takes the measured pose dt seconds
  * after the step before and gives the wrench and its derivative to p; the way between two steps counts
  * as straight and even, so that dt may vary and a pause of hours is exact. dt = 0 is a sudden move.
- * settled gives the limit of a long rest at p, without friction.
- * All return 1. Where p or an input is not finite, |theta| > pi, or dt < 0, they return 0, the results are
+ * settled gives the limit of a long rest at p, without friction, softening and set.
+ * predict_ahead steps a copy of the state through count planned poses (p one after another, dt apart) and
+ * returns how many were taken; the results of the first that is refused are NaN, those beyond it untouched.
+ * h takes 6 numbers for each pose, k 36, or may be 0.
+ * init, step and settled return 1. Where p or an input is not finite, |theta| > pi, or dt < 0 or not finite, they return 0, the results are
  * NaN and the state stays as it was: the next dt counts from the last step that returned 1.
- * inputs may be 0: then @NAME@_default_conditions. Stack of step: at most @STEPSTACK@ bytes.
+ *
+ * Inputs: name, default (changes nothing), range for which the model was measured.
+@INPUTTABLE@
+ * inputs may be 0: then @NAME@_default_conditions. Outside the range steps extrapolate and stay finite.
+ * Stack of step: at most @STEPSTACK@ bytes; predict_ahead @AHEADSTACK@.
  */
 typedef struct {
-    @NAME@_real pose[6], coordinates[6], force[6]; /* of the last step */
-    @NAME@_real stretch[6];                        /* of springs that slip, m and rad */
-    @NAME@_real memory[2][6], carry[2][6];         /* of relaxing branches, N and N m */
-    @NAME@_real largest;                           /* largest work so far, J */
+    @NAME@_real farthest[6];               /* pose of the largest work so far */
+    @NAME@_real coordinates[6], force[6];  /* of the last step, in the mid frame */
+    @NAME@_real stretch[6];                /* of springs that slip, m and rad */
+    @NAME@_real memory[2][6], carry[2][6]; /* of relaxing branches, N and N m */
+    @NAME@_real largest;                   /* largest work so far, J */
 } @NAME@_state;
 
 typedef struct {
@@ -23,9 +31,17 @@ typedef struct {
 } @NAME@_conditions;
 
 extern const @NAME@_conditions @NAME@_default_conditions;
+extern const @NAME@_conditions @NAME@_least_conditions;
+extern const @NAME@_conditions @NAME@_largest_conditions;
+
+/* 1 where every input is in its range, else 0 */
+int32_t @NAME@_inputs_inside(const @NAME@_conditions *inputs);
 
 int32_t @NAME@_init(@NAME@_state *state, const @NAME@_real p[6]);
 int32_t @NAME@_step(@NAME@_state *state, const @NAME@_real p[6], @NAME@_real dt,
                     const @NAME@_conditions *inputs, @NAME@_real h[6], @NAME@_real k[36]);
 int32_t @NAME@_settled(const @NAME@_real p[6], const @NAME@_conditions *inputs, @NAME@_real h[6],
                        @NAME@_real k[36]);
+int32_t @NAME@_predict_ahead(const @NAME@_state *state, const @NAME@_real *p, int32_t count,
+                             @NAME@_real dt, const @NAME@_conditions *inputs, @NAME@_real *h,
+                             @NAME@_real *k);

@@ -9,6 +9,9 @@
 //!
 @SUMMARY@
 //!
+@+//! h(p_d) is what `step` gives along the held pose: fed forward, it carries what relaxes and slips and
+@+//! cannot make the loop unstable. Half-way the state is stored as numbers and loaded, as by a restart.
+@+//!
 //! Replace `Plant` by your robot: read the pose, command the wrench. Here it is a rigid platform of
 //! that mass on a mechanism 20 % softer than the model says and without damping, whose commands come
 //! late by the whole delay, pushed for 200 steps. `cargo run --release --example control`
@@ -16,7 +19,8 @@
 
 use std::collections::VecDeque;
 
-use @NAME@::{value, value_and_stiffness};
+@-use @NAME@::{value, value_and_stiffness};
+@+use @NAME@::{DEFAULT_INPUTS, State, init, step, value_and_stiffness};
 
 const STEPS: usize = @STEPS@;
 const SUBSTEPS: usize = 4;
@@ -29,9 +33,9 @@ const MASS: @REAL@ = @MASS@;
 const INERTIA: @REAL@ = @INERTIA@;
 /// w, rad/s.
 const BANDWIDTH: @REAL@ = @BANDWIDTH@;
-const SOFTNESS: @REAL@ = 0.8;
 #[rustfmt::skip]
 const HELD: [@REAL@; 6] = [@HELD@];
+@+const REST: [@REAL@; 6] = [@REST@];
 const COLUMNS: [&str; 6] = [@COLUMNS@];
 
 type Vec3 = [@REAL@; 3];
@@ -60,22 +64,44 @@ fn turned(theta: &Vec3, x: &Vec3) -> Vec3 {
     std::array::from_fn(|i| x[i] + second / 2.0 * once[i] + third / 6.0 * twice[i])
 }
 
+#[derive(Clone)]
 struct Controller {
     held: Vec6,
     feed: Vec6,
     stiffness: [Vec6; 6],
     sum: Vec6,
     before: Vec6,
+@+    /// What the mechanism remembers.
+@+    state: State<@REAL@>,
 }
 
 impl Controller {
-    fn new(held: Vec6) -> Self {
+@-    /// None where the model has no wrench.
+@+    /// It has just been moved there from a long rest; None where the model has no wrench.
+    fn new(held: Vec6) -> Option<Self> {
         let (feed, stiffness) = value_and_stiffness(&held);
-        Self { held, feed, stiffness, sum: [0.0; 6], before: [0.0; 6] }
+@-        let start = Self { held, feed, stiffness, sum: [0.0; 6], before: [0.0; 6] };
+@+        let state = init(&REST)?;
+@+        let mut start = Self { held, feed, stiffness, sum: [0.0; 6], before: [0.0; 6], state };
+@+        start.feed_forward(0.0);
+        feed[0].is_finite().then_some(start)
     }
+@+
+@+    /// The wrench at the held pose, seconds later; where it is refused, that of the step before.
+@+    fn feed_forward(&mut self, seconds: @REAL@) {
+@+        if let Some((feed, _)) = step(&mut self.state, &self.held, seconds, &DEFAULT_INPUTS) {
+@+            self.feed = feed;
+@+        }
+@+    }
+@+
+@+    /// The same controller with a state that was stored as numbers; None where they are damaged.
+@+    fn reloaded(&self, numbers: &[@REAL@; 49]) -> Option<Self> {
+@+        Some(Self { state: State::from_numbers(numbers)?, ..self.clone() })
+@+    }
 
     /// Once a step: pose in, wrench of the robot on the platform out.
     fn step(&mut self, pose: &Vec6) -> Vec6 {
+@+        self.feed_forward(DT);
         let (w, g) = (BANDWIDTH, BANDWIDTH / 4.0);
         let y: Vec6 = std::array::from_fn(|i| {
             let e = self.held[i] - pose[i];
@@ -101,12 +127,17 @@ struct Plant {
     speed: Vec6,
     /// Commands on their way.
     late: VecDeque<Vec6>,
+    /// Stiffness over the model's.
+    softness: @REAL@,
+@+    /// What it remembers itself.
+@+    state: State<@REAL@>,
 }
 
 impl Plant {
-    fn new(pose: Vec6, wrench: Vec6) -> Self {
-        let late = std::iter::repeat_n(wrench, DELAY_STEPS).collect();
-        Self { start: pose, moved: [0.0; 6], speed: [0.0; 6], late }
+    fn new(c: &Controller, softness: @REAL@, delay_steps: usize) -> Self {
+        let late = std::iter::repeat_n(c.feed, delay_steps).collect();
+@-        Self { start: c.held, moved: [0.0; 6], speed: [0.0; 6], late, softness }
+@+        Self { start: c.held, moved: [0.0; 6], speed: [0.0; 6], late, softness, state: c.state }
     }
 
     fn pose(&self) -> Vec6 {
@@ -120,9 +151,11 @@ impl Plant {
         let small = DT / SUBSTEPS as @REAL@;
         for _ in 0..SUBSTEPS {
             let pose = self.pose();
-            let h = value(&pose);
+@-            let h = value(&pose);
+@+            let taken = step(&mut self.state, &pose, small, &DEFAULT_INPUTS);
+@+            let h = taken.map_or([@REAL@::NAN; 6], |(h, _)| h);
             for i in 0..6 {
-                let force = acting[i] - SOFTNESS * h[i] + if i == 1 { push } else { 0.0 };
+                let force = acting[i] - self.softness * h[i] + if i == 1 { push } else { 0.0 };
                 self.speed[i] += small * force / if i < 3 { MASS } else { INERTIA };
             }
             let (theta, omega) = (angular(&pose), angular(&self.speed));
@@ -139,15 +172,23 @@ impl Plant {
 }
 
 fn main() -> Result<(), String> {
-    let mut controller = Controller::new(HELD);
-    let mut plant = Plant::new(HELD, controller.feed);
+    let mut controller = Controller::new(HELD).ok_or("not held: the model has no wrench there")?;
+    let mut plant = Plant::new(&controller, 0.8, DELAY_STEPS);
     // Moves a free platform by 1 mm.
     let push = 0.001 * MASS * BANDWIDTH * BANDWIDTH;
     let time = |step: usize| 1e3 * DT * (step + 1) as @REAL@;
     let (mut felt, mut error, mut worst): (@REAL@, @REAL@, usize) = (0.0, 0.0, 0);
 @PRINTED@
     for step in 0..STEPS {
+@+        let stored = controller.state.to_numbers();
+@+        let twin = if step == STEPS / 2 { controller.reloaded(&stored) } else { None };
         let wrench = controller.step(&plant.pose());
+@+        if step == STEPS / 2 {
+@+            let again = twin.map(|mut twin| twin.step(&plant.pose()));
+@+            if again != Some(wrench) {
+@+                return Err("not held: the stored state went on with another wrench.".to_string());
+@+            }
+@+        }
         plant.step(wrench, if (500..700).contains(&step) { push } else { 0.0 });
         error = 0.0;
         for (i, moved) in plant.moved.iter().enumerate() {

@@ -1,0 +1,76 @@
+"""The table: figures of a record, medians and ranges over seeds, a bench that goes on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ecm.head import table as module
+from ecm.head.experiment import Record
+from ecm.head.settings import HeadSettings
+from ecm.head.table import Bench, table_lines
+from ecm.io.mechanism import Mechanism
+from support.head import closed_neck
+
+
+def test_the_figures_of_a_record_are_those_of_its_ends() -> None:
+    wanted = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (100, 1))
+    reached = wanted.copy()
+    reached[:50, 1] += 0.004  # on the way
+    reached[80:, 2] -= 0.001
+    reached[80:, 5] += np.radians(0.3)
+    forces = np.full((100, 4), 30.0)
+    forces[60, 2] = 4.0
+    limited = np.where(np.arange(100) < 10, 1.0, 0.0)
+    record = Record("x", wanted, reached, forces, limited, ((80, 100),))
+    figures = record.figures()
+    assert figures.settled_mm == pytest.approx(1.0)
+    assert figures.settled_deg == pytest.approx(0.3)
+    assert figures.tracking_mm == pytest.approx(np.sqrt(0.5 * 16.0 + 0.2 * 1.0))
+    assert figures.least_force_N == 4.0
+    assert figures.limited_share == pytest.approx(0.1)
+
+
+def test_the_table_shows_medians_with_their_range_and_falls() -> None:
+    def result(seed: int, settled: float) -> dict[str, object]:
+        names = ("set points", "nod 1.5 Hz", "push", "payload", "hour of warming")
+        figures = Record(
+            "x", np.zeros((1, 6)), np.zeros((1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),)
+        ).figures()
+        own = figures.to_dict() | {"settled_mm": settled, "fallen": seed == 2}
+        motions = [own | {"motion": name} for name in names]
+        return {"row": "energy6, 50 poses", "seed": seed, "motions": motions}
+
+    lines = table_lines([result(seed, 0.5 + 0.1 * seed) for seed in range(5)])
+    assert len(lines) == 3
+    assert "| energy6, 50 poses (fell with 1 of 5 seeds) | 0.70 (0.52 to 0.88) |" in lines[2]
+
+
+def test_a_bench_goes_on_where_it_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[tuple[str, int]] = []
+
+    class Quick(Bench):
+        def one(self, row, seed, motions, push):  # type: ignore[no-untyped-def]
+            called.append((row, seed))
+            return {"row": row, "seed": seed, "motions": []}
+
+    monkeypatch.setattr(module, "Motions", lambda *arguments: _NoMotions())
+    bench = Quick(closed_neck(), HeadSettings(), Mechanism(), tmp_path)
+    bench.run([0], ["no model (PD)"])
+    bench.run([0, 1], ["no model (PD)", "energy6, 50 poses"])
+    assert len(called) == len(set(called)) == 4
+    assert len(bench.results()) == 4
+    assert all(json.loads(path.read_bytes()) for path in tmp_path.glob("*.json"))
+
+
+class _NoMotions:
+    def all(self) -> tuple[()]:
+        return ()
+
+    def pushed(self) -> None:
+        return None

@@ -1,0 +1,54 @@
+"""The exported 1 kHz loop of the demo's own model, with and without a state, in C and in Rust."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ecm.io.arrays import F
+from ecm.models import Model, fit_model, load_model
+from support.campaigns import campaign
+from support.control_loops import errors_in_c, errors_in_rust, exported_to
+from support.models import with_time
+
+
+@pytest.fixture(scope="module")
+def demo(quick_job: Path) -> Model:
+    """What `ecm identify` writes: the kind and size of `make demo`, from fewer poses."""
+    model = load_model(quick_job / "model.json")
+    assert model.base.name == "energy6"
+    assert len(model.base.coefficients) == 65
+    return model
+
+
+def holds(errors: F, *, state: bool) -> None:
+    """At all poses; what a softer body relaxes beside the model's is followed by the integral."""
+    assert errors.shape == (200, 2)
+    assert errors[:, 0].max() < (1e-3 if state else 1e-5)
+    assert errors[:, 1].max() < (0.2 * errors[:, 0].max() if state else 1e-5)
+
+
+@pytest.mark.parametrize("state", [False, True])
+def test_the_loop_of_the_demo_holds_200_poses_in_c(
+    demo: Model, state: bool, tmp_path: Path
+) -> None:
+    exported = exported_to(with_time(demo) if state else demo, "c", tmp_path)
+    assert ("_step(&" in (tmp_path / "neck_control.c").read_text()) == state
+    holds(errors_in_c(exported, tmp_path), state=state)
+
+
+def test_the_loop_of_the_demo_holds_200_poses_in_rust_with_its_state(
+    demo: Model, tmp_path: Path
+) -> None:
+    errors, said = errors_in_rust(exported_to(with_time(demo), "rust", tmp_path), tmp_path)
+    holds(errors, state=True)
+    assert "margins: gain times" in said
+    assert "held: the push moved the platform" in said
+
+
+def test_the_loop_of_a_cubic_holds_200_poses_in_rust(tmp_path: Path) -> None:
+    model = fit_model(campaign(seed=3), "cubic")
+    errors, said = errors_in_rust(exported_to(model, "rust", tmp_path), tmp_path)
+    holds(errors, state=False)
+    assert "held: the push moved the platform" in said
