@@ -8,6 +8,7 @@ carries. Neither is installed: both lie in a folder.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -131,6 +132,9 @@ def _run(command: list[str], folder: Path, variables: dict[str, str]) -> str:
         command, cwd=folder, env={**kept, **variables}, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
+    lacking = re.search(r"unimplemented function (\S+)", done.stderr)
+    if lacking is not None:
+        raise NotHereError(f"this wine lacks {lacking[1]}: take a newer one")
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
     return done.stdout
