@@ -18,8 +18,8 @@ from ecm.io.table import Table
 from ecm.regression.noise import Noise
 from ecm.regression.rows import Rows
 from ecm.report import TextBlock
-from support.browser import figures_of
 from support.campaigns import campaign, model, physics
+from support.report_pages import figures_of
 
 
 @lru_cache(maxsize=1)

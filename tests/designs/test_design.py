@@ -38,8 +38,8 @@ from ecm.io.description import Meta
 from ecm.io.table import Table, read_table
 from ecm.models import PhysicsMap
 from ecm.workflow.config import read_rig
-from support.browser import figures_of
 from support.neck import LENGTH_M, ROOT, Done, csv_text, neck_columns, neck_rows
+from support.report_pages import figures_of
 
 F = NDArray[np.float64]
 Command = Callable[..., Done]

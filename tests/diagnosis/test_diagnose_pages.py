@@ -19,8 +19,8 @@ from ecm.cli.diagnosis_text import paragraphs
 from ecm.diagnosis import diagnose
 from ecm.diagnosis.sections import verdict_section
 from ecm.io.table import Table
-from support.browser import figures_of, open_page
 from support.campaigns import campaign, model
+from support.report_pages import figures_of, open_page
 
 HOSTILE = '</script><b>"x*y'
 """Ends a script, opens an element, ends a string of Python, and looks like a product."""
@@ -169,7 +169,7 @@ def test_each_page_opens_without_error_or_request_and_the_name_stays_text(
     opened = tmp_path / "opened.html"
     text = page.read_text(encoding="utf-8").replace("</body>", OPEN)
     opened.write_text(text, encoding="utf-8")
-    seen = open_page(opened)
+    seen = open_page(opened, done="title")
     assert seen.attribute("error") is None
     assert seen.attribute("blocked") is None
     assert int(seen.attribute("figures") or 0) >= 5

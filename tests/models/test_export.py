@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from ecm.cli.options.export import Target
 from ecm.errors import InputError
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.table import as_table
 from ecm.models import Model, fit_model
 from ecm.models.export import TARGETS, export_files
 from support.campaigns import campaign
@@ -143,15 +145,19 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
     written(model, folder / "neck", "rust", "single")
     library = rust_library(folder, "3", "single", steps=True)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
-    (stated,) = re.findall(r"Stack of step: at most (\d+) bytes", (folder / "neck.h").read_text())
+    header, lib = folder / "neck.h", folder / "neck" / "src" / "lib.rs"
+    stated = {
+        ".c": re.findall(r"step: at most (\d+) bytes; predict_ahead (\d+)", header.read_text())[0],
+        ".a": re.findall(r"Stack: at most (\d+)", lib.read_text())[-2:],
+    }
     for code in (folder / "neck.c", library):
         program = linked(folder, core, "-DSTEPS", CORTEX / "count.c", code)
         counted = [int(part) for part in run_on_board(program, core).split()]
         static, step, stack = counted[4], counted[7], counted[8]
         print(f"energy6 single {code.suffix}: h and K {static}, step {step}, stack {stack} B")
         assert step < 1.5 * static
-        if code.suffix == ".c":
-            assert 0.3 * int(stated) < stack <= int(stated)
+        for deep, limit in zip((stack, counted[11]), stated[code.suffix], strict=True):
+            assert 0.3 * int(limit) < deep <= int(limit)
 
 
 def rust_library(folder: Path, level: str, precision: str, *, steps: bool = False) -> Path:
@@ -324,3 +330,25 @@ def test_each_target_has_a_line_in_the_help() -> None:
         export_files(fit_model(campaign(seed=3), "linear"), "lisp")
     with pytest.raises(InputError, match="--to fmu is written in double"):
         export_files(fit_model(campaign(seed=3), "linear"), "fmu", precision="single")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "degree", "precision"),
+    [(POSE, WRENCH, 2, "double"), (("y_m",), ("fy_N",), 5, "single"),
+     (("x_m", "theta_z_rad"), ("fx_N", "fy_N", "tau_z_Nm"), 4, "double")],
+)  # fmt: skip
+def test_a_polynomial_of_any_shape_is_a_crate(
+    inputs: tuple[str, ...], outputs: tuple[str, ...], degree: int, precision: str, tmp_path: Path
+) -> None:
+    cargo = need_program("cargo")
+    table = campaign(seed=3).measured()
+    columns = {name: table.column(name) for name in (*inputs, *outputs)}
+    model = fit_model(as_table(columns), f"poly:{degree}")
+    folder = written(model, tmp_path, "rust", precision)
+    assert not (folder / "src" / "evaluation").exists()
+    environment = {
+        **os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target"), "RUSTFLAGS": "-D warnings",
+    }  # fmt: skip
+    ran = done(cargo, "test", "--offline", "--test", "golden", cwd=folder, env=environment)
+    assert ran.returncode == 0, ran.stderr + ran.stdout
+    assert "2 passed" in ran.stdout

@@ -142,7 +142,8 @@ def test_the_sources_compile_without_warnings_and_with_a_prefix(
         built = done(gcc, *WARNINGS, "-O1", prefix, "-c", source, "-o", made)
         assert (built.returncode, built.stderr) == (0, "")
         listed = done(nm, "--defined-only", "--extern-only", made).stdout.split()[2::3]
-        assert listed
+        # Importers look for all functions, also those that co-simulation never calls.
+        assert len(listed) == {2: 34, 3: 75}[version]
         assert all(name.startswith(f"neck_fmi{version}") for name in listed)
     assert export_files(fitted("energy6"), "fmu", "neck").files == {
         path.name: path.read_bytes() for path in static.glob("*.fmu")

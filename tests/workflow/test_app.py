@@ -22,9 +22,11 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from ecm.cli.campaign import paced
 from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
+from ecm.rig.readings import HEADER
 from ecm.workflow.app.demo import PLAN, write_demo
 from ecm.workflow.app.journal import Journal
 from ecm.workflow.app.serve import begin, serve
@@ -235,6 +237,41 @@ def sealed_table(path: Path) -> Path:
     seal = f'[file]\ntruth_sha256 = "{sha256(truth)}"\n'
     path.with_suffix(".toml").write_text(seal, encoding="utf-8")
     return table(path)
+
+
+def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None:
+    step = app.session.begin("example", {"name": "neck"})
+    with client_of(app) as client:
+        found = client.get("/api/live").json()
+        assert (found["row"], found["plan"]["length_m"]) == ([], 0.1034)
+        assert len(found["plan"]["columns"]["x_m"]) > 80
+        journal = app.session.folder / "data-1.journal.csv"
+        numbers = [0.1, *([0.0] * 11), 3.0, 4.0, 0.0, *([0.0] * 11)]
+        line = ",".join(map(repr, numbers))
+        journal.write_text(f"# campaign 1\n{HEADER}\n{line}\n{line}\n0.1,0.", encoding="utf-8")
+        found = client.get("/api/live").json()
+        assert (found["row"], found["columns"]["x_m"]) == ([1, 2], [0.1, 0.1])
+        assert found["force_N"] == [5.0, 5.0]
+        app.session.end(step.number, "cancelled", "", 0.0)
+        assert client.get("/api/live").json() == {"plan": None}
+
+
+def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said: list[Any] = []
+    monkeypatch.setattr("ecm.cli.campaign.time.sleep", said.append)
+
+    def progress(*done: Any) -> None:
+        said.append(done)
+
+    assert paced(progress) is progress
+    monkeypatch.setenv("ECM_READING_S", "0.5")
+    slower = paced(progress)
+    assert slower is not None
+    slower(1, 2, "FEM poses")
+    slower(1, 2, "measuring")
+    assert said == [(1, 2, "FEM poses"), (1, 2, "measuring"), 0.5]
 
 
 # --- files of a person, and a full disk --------------------------------
@@ -469,18 +506,25 @@ from ecm.workflow.app.server import App
 app = App.of(Path(sys.argv[1]))
 app.session.add_table(Path(sys.argv[2]), "stage.csv")
 app.jobs.start("check", {})
+if sys.argv[3] == "fit":
+    app.jobs.wait()
+    app.jobs.start("fit", {"model": "linear"})
 print(app.jobs._job.process.pid, flush=True)
 app.jobs.wait()
 """
 
 
-def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
+def killed(tmp_path: Path, verb: str) -> dict[str, bytes]:
+    """End a server by SIGKILL while it computes a step; the files of its folder before."""
     data, folder = table(tmp_path / "stage.csv"), tmp_path / "session"
     server = subprocess.Popen(
-        [sys.executable, "-c", _SERVER, str(folder), str(data)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _SERVER, str(folder), str(data), verb],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert server.stdout is not None
     worker = int(server.stdout.readline())
+    before = files_of(folder)
     os.kill(server.pid, signal.SIGKILL)
     server.wait()
     server.stdout.close()
@@ -489,12 +533,37 @@ def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Pat
             break
         time.sleep(0.01)
     assert not _alive(worker)
-    opened = App.of(folder)
+    return before
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """The tables, results and the journal of a session."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_killed_server_leaves_an_interrupted_step_and_no_process(tmp_path: Path) -> None:
+    killed(tmp_path, "check")
+    opened = App.of(tmp_path / "session")
     with client_of(opened) as client:
         state = client.get("/api/state").json()
         assert [item["status"] for item in state["steps"]] == ["done", "interrupted"]
         assert client.post("/api/again", json={"step": 2}).status_code == 200
         assert finished(client, opened)["check"]["rows"] == 24
+
+
+def test_a_kill_in_the_middle_of_a_fit_loses_nothing(tmp_path: Path) -> None:
+    before = killed(tmp_path, "fit")
+    assert "check-2.json" in before
+    assert "model-3.json" not in before
+    assert files_of(tmp_path / "session") == before
+    opened = App.of(tmp_path / "session")
+    with client_of(opened) as client:
+        state = client.get("/api/state").json()
+        assert [item["status"] for item in state["steps"]] == ["done", "done", "interrupted"]
+        assert (state["check"]["rows"], state["model"], state["fit"]) == (24, None, None)
+        assert client.post("/api/again", json={"step": 3}).status_code == 200
+        state = finished(client, opened)
+    assert (state["model"], state["compare"]["rows"]) == ("model-4.json", 24)
 
 
 def _alive(pid: int) -> bool:
@@ -580,6 +649,7 @@ def test_the_token_of_the_address_becomes_a_cookie_that_scripts_cannot_read(app:
         "/page/..%2fserver.py",
         "/page/server.py",
         "/api/view/..",
+        "/api/view/plan",
         "/api/view/__class__",
     ],
 )

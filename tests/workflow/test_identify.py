@@ -24,9 +24,9 @@ from ecm.workflow.config import Config, DesignTable, SelectTable
 from ecm.workflow.console import Console, Silent
 from ecm.workflow.identify import select
 from ecm.workflow.job import Job
-from support.browser import open_page
 from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
+from support.report_pages import open_page
 
 HALF = 140
 

@@ -25,8 +25,8 @@ from ecm.workflow.identify import DESIGNS, measure_designs
 from ecm.workflow.job import Job
 from ecm.workflow.report_arm import arm_section
 from support.arm_rig import FAST, settings
-from support.browser import open_page
 from support.neck import ROOT, Done, csv_text, neck_columns
+from support.report_pages import open_page
 
 NAMES = {"d": "D-optimal", "maximin": "maximin"}
 

@@ -4,7 +4,6 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-use ecm_se3::Real;
 use serde_json::{Map, Value};
 
 use crate::energy::invariants::Symmetry;
@@ -12,7 +11,8 @@ use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, columns, identifier};
+use crate::export::terms::{Terms, half_turn_squared, turns};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -57,11 +57,6 @@ pub fn export_with_effects(
             .unwrap_or("")
             .to_string()
     };
-    let columns = |key: &str| -> String {
-        let list = document.get(key).and_then(Value::as_array);
-        let names = list.into_iter().flatten().filter_map(Value::as_str);
-        names.collect::<Vec<_>>().join(", ")
-    };
     let real = match precision {
         Precision::Single => "float",
         Precision::Double => "double",
@@ -79,11 +74,12 @@ pub fn export_with_effects(
     let guard = format!("ECM_EXPORT_{}_H", name.to_uppercase());
     let title = format!("{name}: {} model of an elastic mechanism", text("kind"));
     let sizes = [n.to_string(), m.to_string(), (n * m).to_string()];
-    let half_turn = match precision {
-        Precision::Single => format!("{:e}", half_turn_squared::<f32>()),
-        Precision::Double => format!("{:e}", half_turn_squared::<f64>()),
-    };
-    let (sum, inputs, outputs) = (text("sha256"), columns("inputs"), columns("outputs"));
+    let half_turn = half_turn_squared(precision);
+    let (sum, inputs, outputs) = (
+        text("sha256"),
+        columns(document, "inputs"),
+        columns(document, "outputs"),
+    );
     let turns = turns(&inputs);
     let common = [
         ("NAME", name.as_str()),
@@ -299,45 +295,17 @@ fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), 
 /// As [`energy`].
 fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
     let n = model.inputs();
-    let rows: Vec<&[u8]> = model.exponents().chunks_exact(n).collect();
-    if rows.len() > usize::from(u16::MAX) || n > 255 {
-        return Err(ModelError::Setting {
-            name: "model",
-            found: format!("{} terms", rows.len()),
-            expected: "at most 65535 terms: take a lower degree",
-        });
-    }
-    let lowered = |t: usize, i: usize| {
-        let mut lower = rows[t].to_vec();
-        lower[i] -= 1;
-        rows.iter().position(|row| *row == lower).unwrap_or(0)
-    };
-    // Term 0 is the constant; its entries are never read.
-    let last = |t: usize| rows[t].iter().rposition(|&e| e > 0);
-    let parents: Vec<(usize, usize)> = (0..rows.len())
-        .map(|t| last(t).map_or((0, 0), |i| (lowered(t, i), i)))
-        .collect();
+    let Terms { parents, slopes } = Terms::new(model)?;
     let slope = |i: usize| unit_slope(model.lower()[i], model.upper()[i]);
-    let slopes: Vec<(usize, usize, usize, f64)> = (0..rows.len())
-        .flat_map(|t| (0..n).map(move |i| (t, i)))
-        .filter(|&(t, i)| rows[t][i] > 0)
-        .map(|(t, i)| (t, i, lowered(t, i), f64::from(rows[t][i]) * slope(i)))
-        .collect();
     let centre = (0..n).map(|i| real(0.5 * (model.lower()[i] + model.upper()[i])));
     let coefficients = model
         .coefficients()
         .chunks_exact(model.outputs())
         .map(|row| format!("{{{}}}", list(row.iter().map(|&c| real(c)))));
-    // C has no arrays of length 0: a constant has one slope of factor 0.
-    let slopes = if slopes.is_empty() {
-        std::vec![(0, 0, 0, 0.0)]
-    } else {
-        slopes
-    };
     let text = filled(
         include_str!("templates/polynomial.c"),
         &[
-            ("TERMS", &rows.len().to_string()),
+            ("TERMS", &parents.len().to_string()),
             ("SLOPES", &slopes.len().to_string()),
             ("LOWER", &list(model.lower().iter().map(|&x| real(x)))),
             ("UPPER", &list(model.upper().iter().map(|&x| real(x)))),
@@ -352,22 +320,7 @@ fn polynomial(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
             ("SLOPEFACTORS", &list(slopes.iter().map(|s| real(s.3)))),
         ],
     );
-    Ok((text, rows.len() + n))
-}
-
-/// 1 for each input that is a component of the rotation vector, else 0.
-fn turns(inputs: &str) -> String {
-    let is_turn = |name: &str| name.starts_with("theta_") && name.ends_with("_rad");
-    list(
-        inputs
-            .split(", ")
-            .map(|name| u8::from(is_turn(name)).to_string()),
-    )
-}
-
-/// The limit of [`ecm_se3::Pose::checked`].
-fn half_turn_squared<R: Real>() -> R {
-    R::PI * R::PI * (R::ONE + R::from_u16(8) * R::EPSILON)
+    Ok((text, parents.len() + n))
 }
 
 fn golden_header(golden: &Golden, name: &str, (n, m): (usize, usize), turns: &str) -> String {

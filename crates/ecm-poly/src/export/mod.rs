@@ -8,6 +8,7 @@ mod history;
 pub mod model;
 pub mod rust;
 mod source;
+mod terms;
 
 use std::string::String;
 

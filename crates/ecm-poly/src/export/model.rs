@@ -2,6 +2,9 @@
 
 use std::format;
 use std::string::{String, ToString};
+use std::vec::Vec;
+
+use serde_json::{Map, Value};
 
 use crate::error::ModelError;
 pub use crate::model_file::opened::Model;
@@ -18,4 +21,11 @@ pub fn identifier(name: &str) -> Result<String, ModelError> {
         found: format!("{name:?}"),
         expected: "a lower-case letter, then at most 39 of a-z, 0-9 and _",
     })
+}
+
+/// Names of the columns in a document's list, with commas between.
+pub(super) fn columns(document: &Map<String, Value>, key: &str) -> String {
+    let list = document.get(key).and_then(Value::as_array);
+    let names = list.into_iter().flatten().filter_map(Value::as_str);
+    names.collect::<Vec<_>>().join(", ")
 }

@@ -17,15 +17,15 @@ use crate::energy::model::EnergyModel;
 use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
-use crate::export::model::{Model, identifier};
+use crate::export::model::{Model, columns, identifier};
 use crate::export::source;
+use crate::export::terms::{Terms, half_turn_squared, turns};
 use crate::export::{Precision, SourceFile, filled};
+use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
 use crate::stepper::{Effects, STATE_NUMBERS};
 
 /// The files of an opened model; `name` is the crate's name.
-///
-/// Polynomials of another shape than the paper's cubic map are exported to C only.
 pub fn export(
     document: &Map<String, Value>,
     name: &str,
@@ -37,7 +37,7 @@ pub fn export(
 /// The same with effects of time: `init`, `step`, `settled`, and a golden history of steps.
 ///
 /// # Errors
-/// As [`export`].
+/// As [`export`], and effects beside another polynomial than a cubic of six by six.
 pub fn export_with_effects(
     document: &Map<String, Value>,
     name: &str,
@@ -50,8 +50,20 @@ pub fn export_with_effects(
         Precision::Single => "f32",
         Precision::Double => "f64",
     };
+    let plain = matches!(&model, Model::Polynomial(p) if !is_cubic(p));
+    if effects.is_some() && plain {
+        return Err(ModelError::Setting {
+            name: "model",
+            found: "a polynomial with effects of time".to_string(),
+            expected: "an energy, or a cubic from six to six columns: fit one, or remove the effects",
+        });
+    }
+    let (n, m) = model.shape();
+    let (inputs, outputs) = (columns(document, "inputs"), columns(document, "outputs"));
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
     let (body, numbers) = match (&model, precision) {
+        (Model::Polynomial(model), Precision::Double) if plain => polynomial::<f64>(model)?,
+        (Model::Polynomial(model), Precision::Single) if plain => polynomial::<f32>(model)?,
         // Where double is software, the unrolled sums lie on the stack.
         (Model::Polynomial(model), Precision::Double) => (cubic::<f64>(model)?, 620),
         (Model::Polynomial(model), Precision::Single) => (cubic::<f32>(model)?, 150),
@@ -67,6 +79,13 @@ pub fn export_with_effects(
         ("SUM", sum),
         ("STACK", &stack),
         ("RUST", env!("CARGO_PKG_RUST_VERSION")),
+        ("INPUTS", &inputs),
+        ("OUTPUTS", &outputs),
+        ("N", &n.to_string()),
+        ("M", &m.to_string()),
+        ("NM", &(n * m).to_string()),
+        ("TURNS", &turns(&inputs)),
+        ("HALFTURN", &half_turn_squared(precision)),
     ];
     let golden = Golden::new(&model, precision)?;
     let (steps, history) = match effects {
@@ -93,7 +112,9 @@ pub fn export_with_effects(
         file("src/lib.rs", filled(&body, &common)),
         file("tests/golden.rs", filled(&golden, &common)),
     ];
-    files.extend(source::evaluation(effects.is_some()));
+    if !plain {
+        files.extend(source::evaluation(effects.is_some()));
+    }
     Ok(files)
 }
 
@@ -134,15 +155,47 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
     Ok((text, memory + 560))
 }
 
+fn is_cubic(model: &PolynomialModel) -> bool {
+    (model.inputs(), model.outputs(), model.degree()) == (6, 6, 3)
+}
+
+/// A polynomial of any shape, as [`energy`].
+fn polynomial<R: Real>(model: &PolynomialModel) -> Result<(String, usize), ModelError> {
+    let n = model.inputs();
+    let Terms { parents, slopes } = Terms::new(model)?;
+    let (lower, upper) = (model.lower(), model.upper());
+    let narrow = |x: f64| number(R::from_f64(x));
+    let each = |of: &dyn Fn(usize) -> f64| list((0..n).map(|i| narrow(of(i))));
+    let rows = model.coefficients().chunks_exact(model.outputs());
+    let text = filled(
+        include_str!("templates/polynomial.rs.txt"),
+        &[
+            ("TERMS", &parents.len().to_string()),
+            ("LOWER", &each(&|i| lower[i])),
+            ("UPPER", &each(&|i| upper[i])),
+            ("CENTRE", &each(&|i| 0.5 * (lower[i] + upper[i]))),
+            ("SCALE", &each(&|i| unit_slope(lower[i], upper[i]))),
+            (
+                "PARENTS",
+                &list(parents.iter().map(|p| format!("({}, {})", p.0, p.1))),
+            ),
+            (
+                "COEFFICIENTS",
+                &list(rows.map(|row| format!("[{}]", list(row.iter().map(|&c| narrow(c)))))),
+            ),
+            ("SLOPECOUNT", &slopes.len().to_string()),
+            (
+                "SLOPES",
+                &list(slopes.iter().map(|&(term, input, low, factor)| {
+                    format!("({term}, {input}, {low}, {})", narrow(factor))
+                })),
+            ),
+        ],
+    );
+    Ok((text, parents.len() + n * (model.outputs() + 2) + 40))
+}
+
 fn cubic<R: Real>(model: &PolynomialModel) -> Result<String, ModelError> {
-    let shape = (model.inputs(), model.outputs(), model.degree());
-    if shape != (6, 6, 3) {
-        return Err(ModelError::Setting {
-            name: "model",
-            found: format!("degree {} from {} to {} columns", shape.2, shape.0, shape.1),
-            expected: "a cubic from six to six columns, or an energy; any polynomial goes to C",
-        });
-    }
     let narrow = |values: &[f64]| -> Vec<R> { values.iter().map(|&x| R::from_f64(x)).collect() };
     let (lower, upper) = (narrow(model.lower()), narrow(model.upper()));
     let cubic = Cubic::new(&lower, &upper, &narrow(model.coefficients()))?;

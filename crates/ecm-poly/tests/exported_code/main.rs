@@ -7,6 +7,7 @@ mod programs;
 mod rust;
 
 use ecm_poly::export::{Precision, c as c_code, rust as rust_code};
+use ecm_poly::stepper::Effects;
 
 use crate::models::polynomial;
 
@@ -19,10 +20,13 @@ fn names_and_shapes_that_cannot_be_exported_are_refused() {
             .to_string()
             .contains("lower-case")
     );
+    let plain = rust_code::export(&document, "neck", Precision::Double).unwrap();
+    assert!(plain.iter().all(|file| !file.path.contains("evaluation")));
+    let none = Effects::none(1.0);
     assert!(
-        rust_code::export(&document, "neck", Precision::Double)
+        rust_code::export_with_effects(&document, "neck", Precision::Double, Some(&none))
             .unwrap_err()
             .to_string()
-            .contains("six to six")
+            .contains("a polynomial with effects of time")
     );
 }

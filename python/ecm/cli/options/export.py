@@ -28,6 +28,11 @@ class Target(str, Enum):
     rust = "rust", "a no_std crate with the same"
     mujoco = "mujoco", "a passive plugin, scenes that load it, the linear part alone"
     fmu = "fmu", "FMI 2.0 and 3.0 for co-simulation, with sources and binaries"
+    opensim = "opensim", "ExpressionBasedBushingForce of all six deflections"
+    simulink = "simulink", "C for a C Caller block, an S-function, a MEX file"
+    drake = "drake", "a LeafSystem in Python that pushes on a MultibodyPlant"
+    pinocchio = "pinocchio", "external forces of the joints, in Python"
+    ros2 = "ros2", "a node from PoseStamped to WrenchStamped"
 
 
 class Precision(str, Enum):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ecm.errors import InputError
 from ecm.io.cache import write_atomically
+from ecm.io.columns import POSE, WRENCH
 from ecm.io.interrupts import uninterrupted
 from ecm.models.control import ControlLoop, LoopSettings
 from ecm.models.export.registry import TARGETS
@@ -23,6 +24,8 @@ from ecm.models.folding import folded, noise_sd
 from ecm.models.model import Model
 from ecm.models.time_effects import time_effects
 
+_WITH_CODE = ("polynomial", "energy", "physics")
+"""Kinds of maps that `ecm._native.export_model` writes as code."""
 _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
 
@@ -49,6 +52,8 @@ class Exported:
     """The command or line that uses the files."""
     folding: float = 0.0
     """Change of the model by folding its effects into the base, over the noise."""
+    change: float = 0.0
+    """Change of the model by the form that the target can hold, over the noise."""
 
 
 def export(
@@ -103,10 +108,16 @@ def export(
     exported = export_files(model, to, name, precision, loop)
     if exported.folding > _MOST_FOLDING and not force:
         raise InputError(
-            f"{model.name}: with its effects folded into one map the model changes by "
+            f"{model.name}: as one map, with its effects, the model changes by "
             f"{exported.folding:.2g} times the measurement noise, more than {_MOST_FOLDING:g}: the "
             "controller would not have the model that was fitted. Remove an effect (ecm refit "
             "--remove), or export it all the same with --force."
+        )
+    if exported.change > _MOST_FOLDING and not force:
+        raise InputError(
+            f"{model.name}: the form that --to {to} can hold changes the model by "
+            f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}. Fit "
+            "a smaller range of poses, or export it all the same with --force."
         )
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
@@ -143,22 +154,33 @@ def export_files(
         given.loop,
         given.next_step,
         folding,
+        given.change,
     )
 
 
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:
     """The model without effects beside the pose, those of physics folded into its base.
 
-    Also notes, and the change by folding over the noise.
+    Also notes, and the change by folding over the noise. A map without code of its own, such as
+    a rod or a learned one, becomes an energy as well.
     """
     acting = {i.id for i in model.effects if i.effect.kind == "pose" and i.effect.side == "physics"}
     bare = replace(model, effects=(), history=(), correlations=())
-    if not acting:
+    kind = model.base.document().get("kind")
+    has_code = kind in _WITH_CODE
+    if not acting and has_code:
         return bare, [], 0.0
+    whole = (model.inputs, model.outputs) == (POSE, WRENCH)
+    if not has_code and not (whole and model.known_length_m):
+        raise InputError(
+            f"a model of kind {kind} is not exported as it is, and an energy in its place needs "
+            "all six pose and wrench columns and a length: fit a polynomial or an energy"
+        )
     energy, error = folded(model)
     share = float(np.max(error / noise_sd(model)))
+    parts = sorted(acting) if has_code else [str(kind), *sorted(acting)]
     note = (
-        f"Folded into {energy.name}: {', '.join(sorted(acting))}; the folded map differs from "
+        f"Folded into {energy.name}: {', '.join(parts)}; the folded map differs from "
         f"model and effects by at most {share:.2g} of the measurement noise (rms, worst component)."
     )
     return replace(bare, base=energy, covariance=None), [note], share

@@ -15,7 +15,7 @@ from ecm.models.export.source import Files, Source
 from ecm.models.folding import poses_in_domain
 from ecm.models.model import Model
 
-_MASS_KG, _INERTIA_KG_M2 = 0.1, 1e-4
+MASS_KG, INERTIA_KG_M2 = 0.1, 1e-4
 """Of the platform where neither is stated."""
 _LARGEST_STEP_S = 2e-3
 """MuJoCo's own default."""
@@ -28,7 +28,7 @@ def mujoco(source: Source) -> Files:
     rest = _at_rest(source.inside)
     lost = _lost(source.inside, rest)
     loop = source.loop or LoopSettings()
-    mass, inertia = loop.mass_kg or _MASS_KG, loop.inertia_kg_m2 or _INERTIA_KG_M2
+    mass, inertia = loop.mass_kg or MASS_KG, loop.inertia_kg_m2 or INERTIA_KG_M2
     poses = source.poses_to_hold()
     alone = largest_step(source.inside, poses, mass, inertia)
     shared = largest_step(source.inside, poses, mass, inertia, rest.stiffness)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ecm.models.export import code, fmu, mujoco
+from ecm.models.export import code, fmu, mujoco, opensim, python_targets, simulink
 from ecm.models.export.source import Target
 
 TARGETS: dict[str, Target] = {
@@ -10,5 +10,10 @@ TARGETS: dict[str, Target] = {
     "rust": Target(code.rust, language="rust", precisions=("double", "single")),
     "mujoco": Target(mujoco.mujoco),
     "fmu": Target(fmu.fmu),
+    "opensim": Target(opensim.opensim, language="none"),
+    "simulink": Target(simulink.simulink),
+    "drake": Target(python_targets.drake),
+    "pinocchio": Target(python_targets.pinocchio),
+    "ros2": Target(python_targets.ros2),
 }
 """Every target; a new one is one more line here and one in the options of the command."""

@@ -91,6 +91,8 @@ class Files:
     """What a reader of the files must know."""
     loop: ControlLoop | None = None
     """The control loop of the example, where there is one."""
+    change: float = 0.0
+    """How much the target changes the model, over the noise."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ export function normalsOf({points, triangles}) {
 // Brightness of a surface whose normal is (right, up, away), of unit length.
 export function lit([right, up, away]) {
   const facing = right * LAMP[0] + up * LAMP[1] + away * LAMP[2];
-  return 0.66 + 0.42 * Math.max(0, facing) + 0.08 * Math.max(0, -away);
+  return 0.58 + 0.36 * Math.max(0, facing) + 0.06 * Math.max(0, -away);
 }
 
 // `scale` pixels of the picture for one of the canvas.

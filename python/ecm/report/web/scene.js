@@ -7,7 +7,7 @@ import {bodyColour, space} from "./space.js";
 import {mark, marked, onMark} from "./selection.js";
 
 export const POSE = ["x_m", "y_m", "z_m", "theta_x_rad", "theta_y_rad", "theta_z_rad"];
-const mm = values => values.map(v => v * 1e3);
+export const mm = values => values.map(v => v * 1e3);
 const FEW = 4;
 const HOW = "Drag turns. A click or a tap marks one row, shift and drag or “Mark a box” those in a box.";
 

@@ -19,9 +19,10 @@ from ecm.report.web import WEB
 from ecm.workflow.app.disk import DiskError, sentence, writing
 from ecm.workflow.app.guard import REPORT_POLICY, Guard
 from ecm.workflow.app.jobs import Busy, Jobs
+from ecm.workflow.app.live import measuring, readings
 from ecm.workflow.app.lock import FolderLock
 from ecm.workflow.app.session import INCOMING, Session
-from ecm.workflow.app.views import NEED_MODEL, VIEWS, Views
+from ecm.workflow.app.views import NEED_MODEL, SHOWN, Views
 
 MOST_BYTES = 2_000_000_000
 """Largest file that may be dropped."""
@@ -91,6 +92,7 @@ def application(app: App, *, port: int, token: str) -> Any:
         routing.Route("/page/{name}", routes.page, methods=["GET"]),
         routing.Route("/api/state", routes.state, methods=["GET"]),
         routing.Route("/api/view/{name}", routes.view, methods=["GET"]),
+        routing.Route("/api/live", routes.live, methods=["GET"]),
         routing.Route("/api/log/{number:int}", routes.log, methods=["GET"]),
         routing.Route("/api/upload", routes.upload, methods=["POST"]),
         routing.Route("/api/{action}", routes.action, methods=["POST"]),
@@ -142,8 +144,8 @@ class _Routes:
 
     async def view(self, request: Any) -> Any:
         name = request.path_params["name"]
-        if name not in VIEWS:
-            return _json({"error": f"no view; there are {', '.join(VIEWS)}"}, 404)
+        if name not in SHOWN:
+            return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
         history = self.app.session.journal.read()
         files = self.app.session.files(history)
         if not files.data or (name in NEED_MODEL and files.model is None):
@@ -154,6 +156,16 @@ class _Routes:
             raise Busy("the session has changed in the meantime")
         path = await asyncio.to_thread(self.app.views.file, name, files.data, model)
         return _file(path)
+
+    async def live(self, _request: Any) -> Any:
+        """The plan of the campaign that runs, and its readings so far."""
+        folder = self.app.session.folder
+        step = measuring(self.app.session.journal.read())
+        if step is None:
+            return _json({"plan": None})
+        path = await asyncio.to_thread(self.app.views.file, "plan", [step.argv[1]], None)
+        found = await asyncio.to_thread(readings, folder, step)
+        return _json({"plan": json.loads(path.read_bytes()), **found})
 
     async def log(self, request: Any) -> Any:
         number = request.path_params["number"]

@@ -197,11 +197,25 @@ def effects(tables: Sequence[Path], model: Path | None) -> dict[str, Any]:
     }
 
 
+def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the poses of a plan, and the outline of the body."""
+    from ecm.io.columns import POSE  # noqa: PLC0415 - the server does not need them
+    from ecm.io.table import read_table  # noqa: PLC0415
+    from ecm.report.mechanism import view_of  # noqa: PLC0415
+
+    table = read_table(list(tables), need="predict")
+    columns = {name: _short(table.column(name)) for name in POSE if table.has(name)}
+    return {**view_of(table.meta), "columns": columns}
+
+
 VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
     "poses": poses,
     "residuals": residuals,
     "effects": effects,
+    "plan": plan,
 }
+SHOWN = ("poses", "residuals", "effects")
+"""Those that the page may ask for by name."""
 NEED_MODEL = ("residuals", "effects")
 
 

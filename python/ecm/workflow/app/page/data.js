@@ -4,6 +4,7 @@ import {idle, post, upload, view} from "./api.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
+import {live, measures} from "./live.js";
 import {workspace} from "./scene.js";
 
 const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
@@ -11,9 +12,11 @@ const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quate
   ["ZYX", "angles about turning z, y, x"]];
 
 export async function draw(root, state, app) {
-  if (!state.data.length) root.append(empty(state, app));
+  if (measures(state)) root.append(live());
+  else if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
-  if (!state.check && (state.data.length || state.dropped.length)) root.append(mapping(state, app));
+  if (!state.check && !measures(state) && (state.data.length || state.dropped.length))
+    root.append(state.running ? waiting("The table is being read and checked …") : mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
   if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
   if (state.data.length && state.check) await picture(root, state);

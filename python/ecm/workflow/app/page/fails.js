@@ -33,7 +33,7 @@ function figures(state, residuals) {
   const {whitened_rms: error, pose_error: pose} = state.compare;
   const value = (size, unit, text, name) => el("div", {class: "card"},
     el("div", {class: "value"}, size, " ", el("small", {}, unit)), el("div", {class: "soft"}, text, help(name)));
-  return el("div", {class: "cards"},
+  return el("div", {class: "cards values"},
     value(error.toFixed(2), "times the noise", "error of the model", "over noise"),
     pose ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
     pose ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,

@@ -28,6 +28,7 @@ const TERMS = {
     + "the diagnosis first.",
   "learning curve": "The error on held-out poses for growing numbers of poses: where it is flat, "
     + "more poses do not help.",
+  "readings": "The force as the sensor reads it, its zero included. The table corrects for that at the end.",
   "chance": "Probability that the verdict is right after this experiment.",
   "controller": "The model as source code for a real-time computer.",
   "energy": "The wrench is the slope of an energy: a sum of products of the pose's coordinates, so "

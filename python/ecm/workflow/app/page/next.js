@@ -3,9 +3,11 @@
 import {effectName, readable} from "./columns.js";
 import {button, el} from "./dom.js";
 import {help} from "./help.js";
+import {live, measures} from "./live.js";
 
 export function draw(root, state, app) {
   const found = state.diagnosis, running = Boolean(state.running);
+  if (measures(state)) root.append(live());
   if (found.next_experiment.length) {
     root.append(el("ol", {class: "effects", "aria-label": "Experiments, the best first"},
       found.next_experiment.map((item, i) => experiment(item, i))));
@@ -18,12 +20,12 @@ export function draw(root, state, app) {
     root.append(el("div", {class: "row"},
       el("a", {href: `/files/${state.next_plan}`, download: true}, "Download the plan (CSV)"),
       state.simulated ? button("Run it on the simulated rig", () => app.step("campaign"),
-        {class: "first", id: "campaign", disabled: running}) : null));
+        {class: "first", id: "campaign", disabled: running}) : null),
+    el("p", {class: "hint"}, state.simulated
+      ? "The readings of the rig are drawn as they come, and become another run of the table. Then fit again."
+      : "Measure the plan on your rig, then drop the new table under “Data” as another run of the same data."));
   }
-  root.append(el("p", {class: "hint"}, state.simulated
-    ? "The rows of the rig are added to the table as they come; the bar below counts them. Then fit again."
-    : "Measure the plan on your rig, then drop the new table under “Data” as another run of the same data."),
-  button("To the results", () => app.go("out"), {id: "to-out"}));
+  root.append(button("To the results", () => app.go("out"), {id: "to-out"}));
 }
 
 function experiment(item, i) {

@@ -36,7 +36,7 @@ export const stages = [
   {id: "next", title: "Next experiment", draw: next.draw, open: state => Boolean(state.diagnosis),
     purpose: "What to measure so that the verdict becomes sure.",
     needs: "needs a verdict", late: true,
-    brief: state => `${state.diagnosis.next_experiment.length} proposed`},
+    brief: state => state.diagnosis.next_experiment.length ? `${state.diagnosis.next_experiment.length} proposed` : "none needed"},
   {id: "out", title: "Out", draw: out.draw, open: fitted,
     purpose: "Take the report, the model, the controller, and the commands that do all this again.",
     needs: "needs a model", late: true, brief: state => `${state.files.length} files`},

@@ -221,6 +221,9 @@ API(status_t, fmi3DoStep)(instance_t *v, double time, double dt, bool no_way_bac
 MODE(fmi3EnterStepMode)
 MODE(fmi3EnterConfigurationMode)
 MODE(fmi3ExitConfigurationMode)
+MODE(fmi3EnterEventMode)
+MODE(fmi3EnterContinuousTimeMode)
+MODE(fmi3EvaluateDiscreteStates)
 
 /* There are no variables of these types. */
 #define NONE(name, type)                                                                          \
@@ -262,3 +265,39 @@ NOT(fmi3GetOutputDerivatives, OF, const int32_t *orders, double *values, size_t 
 NOT(fmi3GetNumberOfVariableDependencies, reference_t one, size_t *count)
 NOT(fmi3GetVariableDependencies, reference_t one, size_t *rows, reference_t *on, size_t *columns,
     int *kinds, size_t count)
+NOT(fmi3GetIntervalDecimal, OF, double *intervals, int *qualifiers)
+NOT(fmi3GetIntervalFraction, OF, uint64_t *counters, uint64_t *resolutions, int *qualifiers)
+NOT(fmi3GetShiftDecimal, OF, double *shifts)
+NOT(fmi3GetShiftFraction, OF, uint64_t *counters, uint64_t *resolutions)
+NOT(fmi3SetIntervalDecimal, OF, const double *intervals)
+NOT(fmi3SetIntervalFraction, OF, const uint64_t *counters, const uint64_t *resolutions)
+NOT(fmi3SetShiftDecimal, OF, const double *shifts)
+NOT(fmi3SetShiftFraction, OF, const uint64_t *counters, const uint64_t *resolutions)
+NOT(fmi3UpdateDiscreteStates, bool *more, bool *terminate, bool *nominals, bool *values, bool *next,
+    double *time)
+NOT(fmi3CompletedIntegratorStep, bool no_way_back, bool *events, bool *terminate)
+NOT(fmi3SetTime, double time)
+NOT(fmi3SetContinuousStates, const double *states, size_t count)
+NOT(fmi3GetContinuousStates, double *states, size_t count)
+NOT(fmi3GetContinuousStateDerivatives, double *slopes, size_t count)
+NOT(fmi3GetNominalsOfContinuousStates, double *nominals, size_t count)
+NOT(fmi3GetEventIndicators, double *indicators, size_t count)
+NOT(fmi3GetNumberOfContinuousStates, size_t *count)
+NOT(fmi3GetNumberOfEventIndicators, size_t *count)
+NOT(fmi3ActivateModelPartition, reference_t clock, double time)
+
+/* Other kinds of instances. */
+API(instance_t *, fmi3InstantiateModelExchange)(text_t name, text_t token, text_t resources,
+                                                bool visible, bool logging, void *environment,
+                                                void (*log)(void))
+{
+    return 0;
+}
+
+API(instance_t *, fmi3InstantiateScheduledExecution)(text_t name, text_t token, text_t resources,
+                                                     bool visible, bool logging, void *environment,
+                                                     void (*log)(void), void (*clock)(void),
+                                                     void (*lock)(void), void (*unlock)(void))
+{
+    return 0;
+}

@@ -1,0 +1,115 @@
+"""The bushing's expressions: the moment convention, and the model at a thousand poses.
+
+OpenSim itself reads and evaluates them in `benches/export_targets.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ecm._native import rotation_matrices
+from ecm.errors import InputError
+from ecm.io.columns import WRENCH
+from ecm.models.export import export, export_files, poses_to_hold
+from ecm.models.export.opensim import DEFLECTIONS, deflections
+from ecm.models.folding import noise_sd
+from support.exports import fitted
+
+F = NDArray[np.float64]
+
+
+def evaluated(text: str, at: F) -> F:
+    """An expression with its definitions, at deflections (N, 6)."""
+    main, *definitions = text.split(";")
+    known = dict(zip(DEFLECTIONS, at.T, strict=True))
+    for definition in definitions:
+        name, value = definition.split("=")
+        known[name] = eval(value, {}, known)
+    return np.asarray(eval(main, {}, known))
+
+
+def body_fixed(at: F) -> F:
+    """R = Rx(a) Ry(b) Rz(c) of the three angles."""
+    one = [rotation_matrices(np.outer(at[:, 3 + i], np.eye(3)[i])) for i in range(3)]
+    return np.asarray(one[0] @ one[1] @ one[2])
+
+
+def test_deflections_are_those_of_a_body_fixed_rotation() -> None:
+    poses = fitted("energy6").rest_pose("a test") + np.random.default_rng(2).uniform(
+        -0.6, 0.6, (50, 6)
+    )
+    at, axes = deflections(poses)
+    np.testing.assert_allclose(
+        body_fixed(at), rotation_matrices(np.ascontiguousarray(poses[:, 3:])), atol=1e-12
+    )
+    # Along its axis each angle turns the platform: dR/da = [axis] R.
+    for k in range(3):
+        step = 1e-6 * np.eye(6)[3 + k]
+        change = (body_fixed(at + step) - body_fixed(at - step)) / 2e-6
+        turn = change @ body_fixed(at).transpose(0, 2, 1)
+        found = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1)
+        np.testing.assert_allclose(found, axes[:, k], atol=1e-8)
+
+
+def test_expressions_give_the_wrench_within_the_noise() -> None:
+    model = fitted("energy6")
+    exported = export_files(model, "opensim", "neck")
+    assert 0.0 < exported.change < 0.3
+    tree = ElementTree.fromstring(str(exported.files["neck.osim"]))
+    texts = {item.tag: item.text or "" for item in tree.iter() if item.tag.endswith("_expression")}
+    assert not any(c.isspace() for text in texts.values() for c in text)
+    poses = poses_to_hold(model, 1000)
+    at, axes = deflections(poses)
+    found = np.stack(
+        [
+            evaluated(texts[f"{name}_expression"], at)
+            for name in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+        ],
+        axis=1,
+    )
+    found[:, 3:] = np.linalg.solve(axes, found[:, 3:, None])[:, :, 0]
+    error = np.sqrt(((found - model.base.predict(poses)) ** 2).mean(axis=0)) / noise_sd(model)
+    assert error.max() < 0.3, dict(zip(WRENCH, error, strict=True))
+
+
+def test_moments_are_generalised_forces_to_the_angles() -> None:
+    """M_k is dU/d(angle k) of the model's energy, which is no moment about an axis of the body."""
+    model = fitted("energy6")
+    poses = model.rest_pose("a test") + np.random.default_rng(4).uniform(-1, 1, (20, 6)) * (
+        [0.002] * 3 + [0.3] * 3
+    )
+    at, axes = deflections(poses)
+    moments = np.einsum("nij,nj->ni", axes, model.base.predict(poses)[:, 3:])
+
+    def energy(deflection: F) -> F:
+        turned = body_fixed(deflection)
+        theta = np.array([_rotation_vector(r) for r in turned])
+        at_pose = np.ascontiguousarray(np.hstack([deflection[:, :3], theta]))
+        return np.asarray(model.base.model.energy_J(at_pose))  # type: ignore[attr-defined]
+
+    for k in range(3):
+        step = 1e-5 * np.eye(6)[3 + k]
+        slope = (energy(at + step) - energy(at - step)) / 2e-5
+        np.testing.assert_allclose(moments[:, k], slope, rtol=1e-5, atol=1e-6)
+
+
+def _rotation_vector(r: F) -> F:
+    angle = math.acos(min(1.0, max(-1.0, 0.5 * (np.trace(r) - 1.0))))
+    skew = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    return np.asarray(skew * (0.5 if angle < 1e-9 else 0.5 * angle / math.sin(angle)))
+
+
+def test_a_change_beyond_the_noise_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ecm.models.export.opensim._DEGREES", (2,))
+    with pytest.raises(InputError, match=r"--to opensim can hold changes the model by"):
+        export(fitted("energy6"), "opensim", tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    assert export(fitted("energy6"), "opensim", tmp_path, force=True).change > 1.0

@@ -1,0 +1,122 @@
+"""Exports in Python: joint forces in Pinocchio, the ROS node and its bags, the loader's steps."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from support.exports import fitted, thousand_poses, with_time, written
+from support.programs import need_program
+from support.ros import WRENCH_STAMPED, follow, quaternion, stamped, typestore
+
+F = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """All exports in Python of `neck` and, with effects of time, `slow`; they can be imported."""
+    need_program("cc", "gcc")
+    folder = tmp_path_factory.mktemp("exports")
+    for target in ("pinocchio", "ros2", "drake"):
+        written(fitted("energy6"), folder, target)
+        written(with_time(fitted("energy4")), folder, target, name="slow")
+    sys.path.insert(0, str(folder))
+    yield folder
+    sys.path.remove(str(folder))
+    for name in [name for name in sys.modules if name.startswith(("neck_", "slow_"))]:
+        del sys.modules[name]
+
+
+def test_pinocchio_gets_the_model_on_moving_frames(folder: Path) -> None:
+    pin = pytest.importorskip("pinocchio", reason="pinocchio is not installed (group dev)")
+    exported = import_module("neck_pinocchio")
+    wrenches = fitted("energy6").base.predict(thousand_poses())
+    robot, inertia = pin.Model(), pin.Inertia(0.5, np.zeros(3), 5e-4 * np.eye(3))
+    pin.seed(3)
+    frames, places = [], [pin.SE3.Random(), pin.SE3.Random()]
+    for name, place in zip(("base", "top"), places, strict=True):
+        joint = robot.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
+        robot.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+        frames.append(robot.addFrame(pin.Frame(name, joint, 0, place, pin.FrameType.OP_FRAME)))
+    data, found, total = robot.createData(), np.zeros_like(wrenches), 0.0
+    for row, pose in zip(found, thousand_poses(), strict=True):
+        base, relative = pin.SE3.Random(), pin.SE3(pin.exp3(pose[3:]), pose[:3])
+        ends = [base * places[0].inverse(), base * relative * places[1].inverse()]
+        pin.framesForwardKinematics(robot, data, np.hstack([pin.SE3ToXYZQUAT(e) for e in ends]))
+        forces = exported.forces(robot, data, *frames)
+        on_top = places[1].actInv(forces[2])
+        row[:] = [*(-relative.rotation @ on_top.linear), *(-relative.rotation @ on_top.angular)]
+        both = data.oMi[1].act(forces[1]) + data.oMi[2].act(forces[2])
+        total = max(total, float(np.abs(both.vector).max()))
+    error = np.abs(found - wrenches).max(axis=0) / np.abs(wrenches).max(axis=0)
+    assert error.max() < 1e-11
+    assert total < 1e-9 * np.abs(wrenches).max()
+
+
+def test_the_ros_node_answers_with_the_model_and_a_bag_keeps_it(
+    folder: Path, tmp_path: Path
+) -> None:
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed (extra logs)")
+    wrenches = follow(import_module("neck_node"))
+    expected = fitted("energy6").base.predict(thousand_poses())
+    error = np.abs(wrenches - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert error.max() < 1e-12
+    with rosbag2.Writer(tmp_path / "bag", version=9) as bag:
+        connection = bag.add_connection("/wrench", WRENCH_STAMPED, typestore=typestore())
+        for n, h in enumerate(wrenches.tolist()):
+            bag.write(connection, n * 1_000_000, stamped(n, h))
+    with rosbag2.Reader(tmp_path / "bag") as bag:
+        for (connection, time, raw), h in zip(bag.messages(), wrenches, strict=True):
+            message = typestore().deserialize_cdr(raw, connection.msgtype)
+            force, torque = message.wrench.force, message.wrench.torque
+            assert [force.x, force.y, force.z, torque.x, torque.y, torque.z] == h.tolist()
+            stamp = message.header.stamp
+            assert stamp.sec * 1_000_000_000 + stamp.nanosec == time
+
+
+def test_the_ros_node_steps_from_stamp_to_stamp(folder: Path) -> None:
+    follower = import_module("slow_node").Follower()
+    controller = with_time(fitted("energy4")).controller()
+    controller.init(thousand_poses()[0])
+    times = [1.0, 1.5, 1.6, 8.0]
+    for time, before, pose in zip(times, [1.0, *times], thousand_poses(), strict=False):
+        h, _ = controller.step(pose, time - before)
+        found = follower.wrench(time, pose[:3].tolist(), quaternion(pose[3:]))
+        np.testing.assert_allclose(found, h, rtol=1e-9, atol=1e-9)
+    # A stamp that goes back starts anew; a turned sign of the quaternion is the same rotation.
+    pose = thousand_poses()[7]
+    turned = [-part for part in quaternion(pose[3:])]
+    again = follower.wrench(0.5, pose[:3].tolist(), turned)
+    controller.init(pose)
+    np.testing.assert_allclose(again, controller.step(pose, 0.0)[0], rtol=1e-9, atol=1e-9)
+
+
+def test_the_loader_refuses_what_means_nothing(folder: Path) -> None:
+    neck, slow = import_module("neck_model"), import_module("slow_model")
+    half_turn = [0.1, 0.0, 0.0, 0.0, 0.0, 3.2]
+    assert np.isnan(neck.value_and_stiffness(half_turn)[0]).all()
+    assert neck.inside(thousand_poses()[0])
+    assert not neck.inside(half_turn)
+    assert not hasattr(neck, "step")
+    with pytest.raises(ValueError, match="no wrench at pose"):
+        slow.init(half_turn)
+    state = slow.init(thousand_poses()[0])
+    kept = state.copy()
+    with pytest.raises(ValueError, match="no step of -1"):
+        slow.step(state, thousand_poses()[0], -1.0)
+    np.testing.assert_array_equal(state, kept)
+    warm, _ = slow.step(state.copy(), thousand_poses()[0], 0.0, temperature_degC=31.0)
+    cold, _ = slow.step(state.copy(), thousand_poses()[0], 0.0)
+    assert np.abs(warm).sum() < np.abs(cold).sum()
+
+
+def test_the_drake_system_is_python(folder: Path) -> None:
+    """It runs in `benches/export_targets.py`, where Drake is installed."""
+    for name in ("neck_drake", "slow_drake"):
+        compile((folder / f"{name}.py").read_text(encoding="utf-8"), name, "exec")
