@@ -1,6 +1,6 @@
 # make demo   sets up, builds and runs the main job (the paper's three steps) into ./demo
 # make test   sets up, builds and runs every test
-# make docs   sets up, builds and writes the documentation as a site into ./site
+# make docs   sets up, builds and writes the documentation as a site into ./site (Python >= 3.11)
 #
 # Needs a Rust toolchain, Python >= 3.10 and make. Programs that only some tests need
 # are listed in apt.txt; a missing one is one named line in the summary.

@@ -79,6 +79,34 @@ def test_repeats_tell_that_the_noise_is_stated_wrongly(stated: float) -> None:
     assert factors == ([] if stated == 1.0 else [pytest.approx(1.0 / stated, rel=0.15)])
 
 
+def test_few_repeats_and_all_rows_tell_that_the_declared_noise_is_too_large() -> None:
+    """Eleven repeats alone are too few; the rest of the rows scatters as little."""
+    random = np.random.default_rng(4)
+    pose = np.r_[np.arange(45), np.arange(11)]
+    angle = random.uniform(-0.4, 0.4, 45)[pose]
+    torque = 2.0 * angle + 1.5 * angle**3 + 0.01 * random.standard_normal(56)
+    table = as_table(
+        {"theta_z_rad": angle, "tau_z_Nm": torque, "pose_id": pose.astype(float)},
+        meta={"instrument": {"torque_sd_Nm": 0.02, "pose_rotation_sd_rad": 1e-9}},
+    )
+    said = " ".join(diagnose(fit_model(table, "cubic"), table).warnings)
+    factor = re.search(r"noise is ([\d.]+) times as large as declared", said)
+    assert factor is not None
+    assert float(factor[1]) == pytest.approx(0.5, rel=0.2)
+
+
+def test_a_payload_of_less_than_nothing_is_explained() -> None:
+    poses = workspace_poses(90, 7)
+    h = wrench(poses)
+    h[:, 0] -= 3.0
+    found = diagnose(fit_model(table := measured(poses, h), "linear"), table, effects=["payload"])
+    assert found.answer == (("payload",),)
+    assert any("taken off after the sensor's zero" in words for words in found.warnings)
+    h[:, 0] += 6.0
+    found = diagnose(fit_model(table := measured(poses, h), "linear"), table, effects=["payload"])
+    assert not any("taken off" in words for words in found.warnings)
+
+
 def test_a_drift_between_repeats_is_no_noise_that_is_stated_wrongly() -> None:
     random = np.random.default_rng(0)
     pose = random.permutation(np.repeat(np.arange(30), 2))

@@ -249,3 +249,48 @@ def test_a_missing_extra_is_named(
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ecm.MissingExtra, match=r"ecm-stiffness\[logs\]"):
         import_log(tmp_path / name)
+
+
+def _poses() -> tuple[F, F, F]:
+    random = np.random.default_rng(0)
+    turns = random.uniform(-0.4, 0.4, (20, 3))
+    return random.uniform(-0.1, 0.1, (20, 3)), turns, random.standard_normal((20, 6))
+
+
+@pytest.mark.parametrize(
+    "form", ["4x4", "transposed", "3x4", "cells", "mat", "quaternion", "first"]
+)
+def test_whole_poses_are_taken_apart(form: str, tmp_path: Path) -> None:
+    place, turns, wrench = _poses()
+    rotation = Rotation.from_rotvec(turns)
+    matrix = np.tile(np.eye(4), (20, 1, 1))
+    matrix[:, :3, :3], matrix[:, :3, 3] = rotation.as_matrix(), place
+    seven = np.hstack([place, rotation.as_quat()])
+    pose: Any = {
+        "4x4": matrix,
+        "transposed": matrix.transpose(0, 2, 1),
+        "3x4": matrix[:, :3],
+        "cells": [*matrix],
+        "mat": np.moveaxis(matrix, 0, -1),
+        "quaternion": seven,
+        "first": np.hstack([rotation.as_quat(), place]),
+    }[form]
+    source: Any = {"time": np.arange(20.0), "rig.pose": pose, "wrench": wrench}
+    if form == "cells":
+        pandas = pytest.importorskip("pandas")
+        source = pandas.DataFrame({"time": np.arange(20.0), "T": pose, "wrench": [*wrench]})
+    elif form == "mat":
+        source = tmp_path / "log.mat"
+        savemat(source, {"time": np.arange(20.0), "T": pose, "wrench": wrench.T})
+    word = "xyzw" if form in ("quaternion", "first") else ""
+    table = import_log(source, units=["SI"], rotation=word).table
+    np.testing.assert_allclose(table.poses, np.hstack([place, turns]), atol=1e-12)
+    np.testing.assert_allclose(table.wrenches, wrench)
+
+
+def test_seven_joints_are_no_pose() -> None:
+    place, turns, wrench = _poses()
+    joints = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 7))
+    columns = {"pos": place, "rotvec": turns, "wrench": wrench, "axes": joints}
+    table = import_log(columns, units=["SI"]).table
+    assert sum(name.startswith("axes") for name in table.columns) == 7

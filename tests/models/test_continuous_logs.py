@@ -100,6 +100,11 @@ def test_work_without_progress_says_how_long_it_takes(
     with Console() as session, session.working("fitting"):
         time.sleep(0.2)
     assert capsys.readouterr().err == "fitting: 0 s so far\n"
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with Console() as session, session.working("fitting"):
+        time.sleep(0.2)
+    # One line that is written over, and wiped at the end.
+    assert capsys.readouterr().err == "\rfitting: 0 s so far\x1b[K\r\x1b[K"
     with Console(quiet=True) as session, session.working("fitting"):
         time.sleep(0.1)
     assert capsys.readouterr().err == ""

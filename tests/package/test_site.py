@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,8 @@ FOUND = "[...document.querySelectorAll('div')].find(part => part.shadowRoot).sha
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built into a folder of its own."""
+    if sys.version_info < (3, 11):
+        pytest.skip("zensical needs Python 3.11")
     need_packages("zensical", "latex2mathml")
     return build.build(tmp_path_factory.mktemp("docs"))
 

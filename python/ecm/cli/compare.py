@@ -32,7 +32,8 @@ def compare(options: Options, session: Session) -> None:
     constant = never_excited(table)
     session.write_json({**document, "never_excited": list(constant), "warnings": warnings})
     if session.report is not None:
-        write_comparison(session.report, result, warnings)
+        with session.working("writing the report"):
+            write_comparison(session.report, result, warnings)
     session.print(_errors(result, constant) + "\n")
     if result.lack_of_fit is not None:
         session.print(_lack_of_fit(result, constant) + "\n")

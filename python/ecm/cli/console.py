@@ -67,14 +67,22 @@ class Console:
             yield
             return
         ended = threading.Event()
+        # On a terminal one line counts the seconds; elsewhere each is a line of its own.
+        alone = sys.stderr.isatty()
+        begin, end = ("\r", "\x1b[K") if alone else ("", "\n")
 
         def say() -> None:
-            start, wait = time.monotonic(), _FIRST_LINE_S
+            start, wait, shown = time.monotonic(), _FIRST_LINE_S, False
             while not ended.wait(wait):
-                wait = _LINE_EVERY_S
+                wait = 1.0 if alone else _LINE_EVERY_S
                 if self._progress is None:
-                    sys.stderr.write(f"{title}: {_duration(time.monotonic() - start)} so far\n")
+                    so_far = _duration(time.monotonic() - start)
+                    sys.stderr.write(f"{begin}{title}: {so_far} so far{end}")
                     sys.stderr.flush()
+                    shown = alone
+            if shown and self._progress is None:
+                sys.stderr.write("\r\x1b[K")
+                sys.stderr.flush()
 
         thread = threading.Thread(target=say, daemon=True)
         thread.start()

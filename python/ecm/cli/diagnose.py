@@ -43,7 +43,8 @@ def diagnose(options: Options, session: Session) -> None:
     document["warnings"] = [*document["warnings"], *table.warnings]
     session.write_json(document)
     if session.report is not None:
-        _write_report(session.report, document, model, table, result)
+        with session.working("writing the report"):
+            _write_report(session.report, document, model, table, result)
     for paragraph in paragraphs(document):
         session.print(paragraph)
     if options.next_plan is not None:

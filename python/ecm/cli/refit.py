@@ -26,7 +26,8 @@ def refit(options: Options, session: Session) -> None:
             remove=options.remove or (),
             freeze=options.freeze or (),
         )
-    summary = refit_summary(fitted)
+    with session.working("errors of the new model"):
+        summary = refit_summary(fitted)
     session.write_json(summary)
     for line in summary["sentences"]:
         session.print(line)

@@ -33,7 +33,7 @@ from ecm.diagnosis.result import (
     RunError,
 )
 from ecm.diagnosis.search import Ranked, estimate
-from ecm.diagnosis.stated_numbers import stated_numbers
+from ecm.diagnosis.stated_numbers import negative_payload, stated_numbers
 from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.models.history import Ceiling, ceiling_rms
 from ecm.models.joint_fit import JointFit, joint_fit
@@ -103,6 +103,7 @@ def report(
         warnings=(
             *padding_sentences(prepared.padding),
             *_warnings(problem, prepared),
+            *negative_payload(final.effects if decision.answer else ()),
             *decision.warnings,
         ),
     )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import special
 
 from ecm.diagnosis.problem import Problem
 from ecm.io.mechanism import Mechanism
+from ecm.models.joint_fit import FittedEffect
 from ecm.models.physics.map import PhysicsMap
 from ecm.models.physics.rod import stated_rod
 from ecm.regression.noise import declared_noise
@@ -26,7 +29,8 @@ _FAR = 3.0
 
 def stated_numbers(problem: Problem) -> list[str]:
     """Return what these rows say of E, nu and the noise where it is not what was stated."""
-    return [words for words in (_elasticity(problem), _quiet(problem), _repeats(problem)) if words]
+    noise = _repeats(problem) or _quiet(problem)
+    return [words for words in (_elasticity(problem), noise) if words]
 
 
 def _elasticity(problem: Problem) -> str:
@@ -54,32 +58,60 @@ def _elasticity(problem: Problem) -> str:
     return f"by these rows {' and '.join(parts)}" if parts else ""
 
 
+def negative_payload(effects: Sequence[FittedEffect]) -> list[str]:
+    """Return what a payload of less than nothing means.
+
+    Parameters
+    ----------
+    effects
+        Accepted effects with their values.
+    """
+    said = []
+    for item in effects:
+        mass, sd = float(item.values[0]), float(item.sd[0])
+        if item.id == "payload" and mass + _DEVIATIONS * sd < 0.0:
+            said.append(
+                f"a payload of {mass:.3g} kg: it was taken off after the sensor's zero, or gravity "
+                "points the other way ([scene] gravity_m_s2), or forces have the wrong sign"
+            )
+    return said
+
+
 def _quiet(problem: Problem) -> str:
     """Return that the declared noise is too large."""
-    if problem.noise.source != "declared" or problem.scale >= _QUIET:
+    factor = problem.scale * (_seen_over_declared(problem) or 1.0)
+    names = (*problem.base.inputs, *problem.base.outputs)
+    declared = declared_noise(problem.table, names).source == "declared"
+    if not declared or factor >= _QUIET or not problem.scale_freedom:
         return ""
-    # Half of the numbers at most went into coefficients.
-    dof = 0.5 * problem.size
-    if float(special.chdtr(dof, problem.scale * dof)) > _CHANCE:
+    dof = problem.scale_freedom
+    if float(special.chdtr(dof, factor * dof)) > _CHANCE:
         return ""
     return (
-        f"the noise is {np.sqrt(problem.scale):.2f} times as large as declared, or less: mend the "
+        f"the noise is {np.sqrt(factor):.2f} times as large as declared, or less: mend the "
         "figures in [instrument]"
     )
 
 
-def _repeats(problem: Problem) -> str:
-    """Return that repeats scatter more or less than the declared noise."""
+def _seen_over_declared(problem: Problem) -> float | None:
+    """Return the variance of repeats over the declared one; None where one is not known."""
     names = (*problem.base.inputs, *problem.base.outputs)
     declared = declared_noise(problem.table, names)
     if problem.noise.source != "repeats" or declared.source != "declared":
-        return ""
+        return None
     stated, seen = (noise.covariance(problem.rows) for noise in (declared, problem.noise))
     scored = problem.scored
-    ratio = float(np.einsum("nii->n", np.linalg.solve(stated[scored], seen[scored])).mean())
-    ratio /= stated.shape[1]
-    cells = repeat_cells(problem.table)[scored]
-    dof = (len(cells) - len(np.unique(cells))) * stated.shape[1]
+    ratio = np.einsum("nii->n", np.linalg.solve(stated[scored], seen[scored])).mean()
+    return float(ratio / stated.shape[1])
+
+
+def _repeats(problem: Problem) -> str:
+    """Return that repeats scatter more or less than the declared noise."""
+    ratio = _seen_over_declared(problem)
+    if ratio is None:
+        return ""
+    cells = repeat_cells(problem.table)[problem.scored]
+    dof = (len(cells) - len(np.unique(cells))) * problem.response.shape[1]
     chance = min(float(special.chdtr(dof, ratio * dof)), float(special.chdtrc(dof, ratio * dof)))
     if chance > _CHANCE or _QUIET < ratio < 1.0 / _QUIET:
         return ""

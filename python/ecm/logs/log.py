@@ -67,6 +67,7 @@ def log_of_arrays(arrays: Mapping[str, Any], source: str) -> Log:
     aside: list[str] = []
     for name, value in parts.items():
         own = np.moveaxis(value, -1, 0) if value.ndim > 1 and len(value) != rows else value
+        own = _transforms(own)
         if own.ndim == 0 or len(own) != rows or np.prod(own.shape[1:]) > MOST_COMPONENTS:
             aside.append(f"{name} {value.shape}" if value.ndim else name)
         elif own.dtype.kind in "OUS" and own.ndim == 1:
@@ -138,6 +139,12 @@ def unique_name(name: str, taken: Collection[str]) -> str:
 
 def _array(name: str, value: Any, source: str) -> NDArray[Any]:
     try:
+        array = np.asarray(value)
+        if array.dtype == object and array.ndim == 1 and len(array) and np.ndim(array[0]):
+            # A data frame holds an array in each cell.
+            array = np.stack([np.asarray(cell, dtype=np.float64) for cell in array])
+        return array
+    except TypeError:
         return np.asarray(value)
     except ValueError:
         raise InputError(f"{source}: '{name}' has rows of different lengths") from None
@@ -146,6 +153,16 @@ def _array(name: str, value: Any, source: str) -> NDArray[Any]:
 def _as_rows(value: NDArray[Any]) -> NDArray[Any]:
     """Return (1, N) and (N, 1), as MATLAB writes vectors, as (N,)."""
     return value.ravel() if value.ndim == 2 and 1 in value.shape else value
+
+
+def _transforms(value: NDArray[Any]) -> NDArray[Any]:
+    """Return (N, 4, 4) homogeneous transforms as (N, 3, 4) with the place in the last column."""
+    if value.ndim != 3 or value.shape[1:] != (4, 4) or value.dtype.kind not in "fiu":
+        return value
+    last = np.array([0.0, 0.0, 0.0, 1.0])
+    if (value[:, 3] == last).all():
+        return value[:, :3]
+    return value.transpose(0, 2, 1)[:, :3] if (value[:, :, 3] == last).all() else value
 
 
 def _add_cells(

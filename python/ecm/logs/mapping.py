@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from ecm.errors import InputError
 from ecm.io.columns import POSE, WRENCH, is_standard, likely_name
 from ecm.logs.log import Log, unique_name
@@ -21,6 +23,8 @@ from ecm.logs.sources import (
 
 _AXIS = {"x": 0, "y": 1, "z": 2}
 _STANDARD = {"position": POSE[:3], "rotvec": POSE[3:], "force": WRENCH[:3], "torque": WRENCH[3:]}
+_UNIT, _MOST_ROWS = 1e-3, 0.9
+"""Error of a unit quaternion's length, and the share of rows in which four numbers are one."""
 _WITHOUT_AXIS = ("position", "rotation", "force", "torque")
 
 
@@ -73,10 +77,13 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
 def _renamed(log: Log) -> list[str]:
     """The names with components of whole arrays written out: wrench.4 as torque.y."""
     names = []
+    of_poses = {n: part for stem in _stems(log) for n, part in _pose_parts(log, stem).items()}
     for name in log.columns:
         stem, dot, index = name.rpartition(".")
         size = sum(other.rpartition(".")[0] == stem for other in log.columns) if dot else 0
-        if size == 6 and index.isdigit():
+        if name in of_poses:
+            names.append(of_poses[name])
+        elif size == 6 and index.isdigit():
             word = stem.lower()
             group = "wrench" if any(w in word for w in ("wrench", "ft", "load", "force")) else ""
             group = group or ("pose" if "pose" in word or "twist" not in word else "")
@@ -87,6 +94,34 @@ def _renamed(log: Log) -> list[str]:
         else:
             names.append(name)
     return names if len(set(names)) == len(names) else list(log.columns)
+
+
+def _stems(log: Log) -> list[str]:
+    """Names of the arrays whose components the columns are."""
+    whole = {name.rstrip("0123456789.") for name in log.columns if name[-1:].isdigit()}
+    return [stem for stem in dict.fromkeys(whole) if f"{stem}.0" in log.columns
+            or f"{stem}.0.0" in log.columns]  # fmt: skip
+
+
+def _pose_parts(log: Log, stem: str) -> dict[str, str]:
+    """What the components of a whole pose are: place and rotation matrix, or place and quaternion.
+
+    Seven numbers are a pose where four at an end are a unit quaternion: joints are not.
+    """
+    own = [name for name in log.columns if name.startswith(f"{stem}.")]
+    matrix = [f"{stem}.{i}.{j}" for i in range(3) for j in range(4)]
+    if own == matrix:
+        place = {f"{stem}.{i}.3": f"position.{'xyz'[i]}" for i in range(3)}
+        return place | {f"{stem}.{i}.{j}": f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
+    if own != [f"{stem}.{i}" for i in range(7)]:
+        return {}
+    values = np.stack([log.columns[name] for name in own], axis=1)
+    for first in (3, 0):
+        length = np.linalg.norm(values[:, first : first + 4], axis=1)
+        if np.mean(np.abs(length - 1.0) < _UNIT) > _MOST_ROWS:
+            turn = {own[first + i]: f"q{i}" for i in range(4)}
+            return turn | {own[(first + 4 + i) % 7]: f"position.{'xyz'[i]}" for i in range(3)}
+    return {}
 
 
 def _settled(
