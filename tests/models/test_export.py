@@ -145,15 +145,19 @@ def test_steps_on_a_cortex_m_give_the_golden_history_in_c_and_rust(
     written(model, folder / "neck", "rust", "single")
     library = rust_library(folder, "3", "single", steps=True)
     run_on_board(linked(folder, core, folder / "neck_check.c", library), core)
-    (stated,) = re.findall(r"Stack of step: at most (\d+) bytes", (folder / "neck.h").read_text())
+    header, lib = folder / "neck.h", folder / "neck" / "src" / "lib.rs"
+    stated = {
+        ".c": re.findall(r"step: at most (\d+) bytes; predict_ahead (\d+)", header.read_text())[0],
+        ".a": re.findall(r"Stack: at most (\d+)", lib.read_text())[-2:],
+    }
     for code in (folder / "neck.c", library):
         program = linked(folder, core, "-DSTEPS", CORTEX / "count.c", code)
         counted = [int(part) for part in run_on_board(program, core).split()]
         static, step, stack = counted[4], counted[7], counted[8]
         print(f"energy6 single {code.suffix}: h and K {static}, step {step}, stack {stack} B")
         assert step < 1.5 * static
-        if code.suffix == ".c":
-            assert 0.3 * int(stated) < stack <= int(stated)
+        for deep, limit in zip((stack, counted[11]), stated[code.suffix], strict=True):
+            assert 0.3 * int(limit) < deep <= int(limit)
 
 
 def rust_library(folder: Path, level: str, precision: str, *, steps: bool = False) -> Path:

@@ -180,6 +180,16 @@ def test_the_exported_c_takes_the_steps_of_the_controller(plain: Model, tmp_path
         np.testing.assert_allclose(np.array(h), wrench, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(np.array(k), tangent.ravel(), rtol=0, atol=1e-8 * 1e4)
     np.testing.assert_allclose(np.array(state), controller.state, rtol=1e-9, atol=1e-9)
+    # Beyond the training data `inside` says so and a step is finite; after a gap it is settled.
+    far = np.array([0.15, 0.05, -0.05, 1.0, 1.0, 1.0])
+    assert code.neck_inside((ctypes.c_double * 6)(*far)) == 0
+    for pose, dt in ((far, 1e-3), (poses[0], 3.6e4), (poses[0], 3.6e4)):
+        told = (ctypes.c_double * 6)(*pose)
+        assert code.neck_step(state, told, ctypes.c_double(dt), None, h, k) == 1
+        assert np.isfinite(np.array([*h, *k])).all()
+    friction = np.array(state)[18:24]
+    assert np.abs(friction).max() > 0.0
+    assert np.abs(np.array(state)[24:36]).max() < 1e-9 * np.abs(np.array(h)).max()
 
 
 @pytest.mark.parametrize(

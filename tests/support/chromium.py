@@ -80,8 +80,11 @@ class Page:
 
     def open(self, address: str) -> None:
         """Load an address; what happened on the page before is forgotten."""
+        self.call("Page.navigate", url="about:blank")
+        self.until("location.href === 'about:blank'")
         self.events.clear()
         self.call("Page.navigate", url=address)
+        self.until("location.href !== 'about:blank'")
 
     def js(self, expression: str) -> Any:
         """Evaluate an expression; a promise is awaited."""

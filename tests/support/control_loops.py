@@ -18,7 +18,6 @@ from support.programs import need_program
 F = NDArray[np.float64]
 CASES = np.array(list(itertools.product((0.8, 1.2), range(4))))
 """Stiffness of the plant over the model's, and steps of delay."""
-STEPS = 2000
 C_MAIN = """
 int main(void)
 {
@@ -87,11 +86,11 @@ def _loop(folder: Path, path: str, right: str, wrong: str) -> str:
     return (folder / path).read_text(encoding="utf-8").replace(right, wrong)
 
 
-def errors_in_c(exported: Exported, folder: Path) -> F:
+def errors_in_c(exported: Exported, folder: Path, steps: int = 1000) -> F:
     """(N, 2) distance from each held pose after half and all steps of the exported C, m and rad."""
     gcc = need_program("gcc", "cc")
     loop = _loop(folder, "neck_control.c", "int main(void)", "int example(void)")
-    (folder / "many.c").write_text(loop + C_MAIN.replace("STEPS_RUN", str(STEPS // 2)), "utf-8")
+    (folder / "many.c").write_text(loop + C_MAIN.replace("STEPS_RUN", str(steps // 2)), "utf-8")
     built = [gcc, "-std=c99", "-O2", "neck.c", "many.c", "-o", "many"]
     subprocess.run(built, cwd=folder, check=True)
     told = cases_of(exported).tobytes()
@@ -99,12 +98,12 @@ def errors_in_c(exported: Exported, folder: Path) -> F:
     return np.frombuffer(ran.stdout).reshape(-1, 2)
 
 
-def errors_in_rust(exported: Exported, folder: Path) -> tuple[F, str]:
+def errors_in_rust(exported: Exported, folder: Path, steps: int = 1000) -> tuple[F, str]:
     """As `errors_in_c` of the exported crate, and what its example says."""
     loop = _loop(folder, "examples/control.rs", "fn main()", "pub fn example()")
     real = "f64" if "const DT: f64" in loop else "f32"
     many = folder / "examples" / "many.rs"
-    program = RUST_MAIN.replace("REAL", real).replace("STEPS_RUN", str(STEPS // 2))
+    program = RUST_MAIN.replace("REAL", real).replace("STEPS_RUN", str(steps // 2))
     many.write_text(loop + program, encoding="utf-8")
     target = folder / "target"
     settings = {"cwd": folder, "env": {**os.environ, "CARGO_TARGET_DIR": str(target)}}

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from ecm.cli.campaign import paced
 from ecm.errors import InputError
 from ecm.io.table import read_table
 from ecm.rig.hidden.truth import sealed, sha256
@@ -253,6 +254,24 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
         assert found["force_N"] == [5.0, 5.0]
         app.session.end(step.number, "cancelled", "", 0.0)
         assert client.get("/api/live").json() == {"plan": None}
+
+
+def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said: list[Any] = []
+    monkeypatch.setattr("ecm.cli.campaign.time.sleep", said.append)
+
+    def progress(*done: Any) -> None:
+        said.append(done)
+
+    assert paced(progress) is progress
+    monkeypatch.setenv("ECM_READING_S", "0.5")
+    slower = paced(progress)
+    assert slower is not None
+    slower(1, 2, "FEM poses")
+    slower(1, 2, "measuring")
+    assert said == [(1, 2, "FEM poses"), (1, 2, "measuring"), 0.5]
 
 
 # --- files of a person, and a full disk --------------------------------

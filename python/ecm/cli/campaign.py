@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from typing import Any
 
 from ecm.cli.options.campaign import Options
@@ -11,6 +13,7 @@ from ecm.rig import CampaignOptions, RigSettings, campaign_minutes, run_campaign
 from ecm.rig.arm.pictures import PictureSource, require_robot, write_pictures
 from ecm.rig.arm.run import robot_path
 from ecm.rig.arm.summary import summary_lines
+from ecm.rig.elastic import Progress
 from ecm.rig.journal import keep_data
 from ecm.workflow.config import read_rig
 
@@ -29,7 +32,7 @@ def campaign(options: Options, session: Session) -> None:
     common: dict[str, Any] = {
         "hide": options.hide,
         "overwrite": options.overwrite,
-        "progress": session.progress("campaign"),
+        "progress": paced(session.progress("campaign")),
     }
     if many:
         paths = run_campaigns(
@@ -64,6 +67,24 @@ def campaign(options: Options, session: Session) -> None:
     if rig.rig.mode == "robot":
         for line in _arm_lines(options, session, plan, rig):
             session.print(line)
+
+
+def paced(progress: Progress) -> Progress:
+    """Let each reading take at least ECM_READING_S seconds: a person can watch them come."""
+    try:
+        pause_s = float(os.environ["ECM_READING_S"])
+    except (KeyError, ValueError):
+        return progress
+    if progress is None:
+        return None
+    say = progress
+
+    def slower(done: int, total: int, what: str) -> None:
+        say(done, total, what)
+        if what == "measuring":
+            time.sleep(max(0.0, pause_s))
+
+    return slower
 
 
 def _arm_lines(options: Options, session: Session, plan: Table, rig: RigSettings) -> list[str]:

@@ -47,3 +47,7 @@ export function number(value, digits = 3) {
   }
   return String(Number(value.toPrecision(digits)));
 }
+
+// Copies a text, and says how that went: a browser may refuse it.
+export const copy = (text, say) => navigator.clipboard.writeText(text).then(() => say("Copied"),
+  () => say("The browser refuses: select the text and copy it by hand"));

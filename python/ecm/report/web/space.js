@@ -15,23 +15,30 @@ const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
 // frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
-export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
+export function space(name, {onpick = () => {}, onbox = null} = {}) {
   const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
   const place = el("div", {class: "space"}, canvas);
-  const node = el("div", {}, place, live, el("div", {class: "row views"}, boxes,
+  const node = el("div", {}, place, live, el("div", {class: "row views"}, onbox ? boxes : null,
     button("Next view", () => look(VIEWS[view = (view + 1) % VIEWS.length])),
     button("+", () => look({...eye, zoom: Math.min(8, 1.25 * eye.zoom)}), {"aria-label": "Larger"}),
     button("−", () => look({...eye, zoom: Math.max(0.3, eye.zoom / 1.25)}), {"aria-label": "Smaller"})));
   let scene = {points: null, bodies: [], frames: [], lines: []}, eye = {...START};
   let centre = [0, 0, 0], extent = [], reach = 1, shown = [], turning = false, box = null, asked = false;
-  let view = 0, cursor = -1, rest = 0;
+  let view = 0, cursor = -1, rest = 0, coarse = false;
 
   const redraw = sized(canvas, draw);
   const ask = () => {
     if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; redraw(); }); }
+  };
+  // A picture at once, and a sharp one when nothing has changed for a while.
+  const soon = () => {
+    coarse = true;
+    clearTimeout(rest);
+    rest = setTimeout(() => { coarse = false; ask(); }, REST_MS);
+    ask();
   };
   const look = next => { eye = {...next}; ask(); };
   const marking = on => {
@@ -42,6 +49,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
   function set(next) {
     scene = {bodies: [], frames: [], lines: [], ...next};
     cursor = -1;
+    soon();
     for (const body of scene.bodies) body.normals = normalsOf(body);
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
@@ -81,7 +89,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
   function draw(context, width, height) {
     const project = projection(width, height), palette = colours();
     context.clearRect(0, 0, width, height);
-    const solid = picture(width, height, turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
+    const solid = picture(width, height, coarse || turning ? 1 : Math.max(SHARP, devicePixelRatio || 1));
     for (const body of scene.bodies) if (body.alpha === 1) drawBody(solid, body, project);
     solid.show(context);
     const clear = scene.bodies.filter(body => body.alpha < 1);
@@ -162,7 +170,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
 
   let from = null;
   canvas.addEventListener("pointerdown", event => {
-    from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: event.shiftKey || place.classList.contains("marking")};
+    from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: onbox && (event.shiftKey || place.classList.contains("marking"))};
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", event => {
@@ -214,7 +222,7 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     live.textContent = scene.points.text(cursor);
   };
   const toggle = () => {
-    if (cursor < 0) return;
+    if (cursor < 0 || !onbox) return;
     const row = scene.points.row[cursor], at = cursor;
     onbox(marked.has(row) ? [...marked].filter(other => other !== row) : [...marked, row]);
     cursor = at;
@@ -223,16 +231,13 @@ export function space(name, {onpick = () => {}, onbox = () => {}} = {}) {
     ArrowLeft: () => { eye.turn += 0.12; }, ArrowRight: () => { eye.turn -= 0.12; },
     ArrowUp: () => { eye.lift = Math.min(1.5, eye.lift + 0.12); }, ArrowDown: () => { eye.lift = Math.max(-1.5, eye.lift - 0.12); },
     "+": () => { eye.zoom *= 1.15; }, "=": () => { eye.zoom *= 1.15; }, "-": () => { eye.zoom /= 1.15; },
-    Home: () => { eye = {...START}; }, n: () => rows(1), p: () => rows(-1), " ": toggle, Escape: () => onbox([]),
+    Home: () => { eye = {...START}; }, n: () => rows(1), p: () => rows(-1), " ": toggle, Escape: () => onbox?.([]),
   };
   canvas.addEventListener("keydown", event => {
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
     keys[event.key]();
     event.preventDefault();
-    turning = event.key.startsWith("Arrow");  // coarse while a key is held
-    clearTimeout(rest);
-    rest = setTimeout(() => { turning = false; ask(); }, REST_MS);
-    ask();
+    soon();
   });
   canvas.addEventListener("blur", () => { cursor = -1; ask(); });
   return {node, set, redraw: ask};

@@ -28,6 +28,8 @@ _FOLLOWED_BY = {
 """What is computed next without a click: the page shows it beside the result."""
 _PROGRESS = re.compile(r"^(?P<what>.*): (?P<done>\d+)(?: of (?P<total>\d+))?(?P<left>, .* left)?$")
 _TAIL = 4000
+_WATCHED = {"ECM_PROGRESS_S": "0.3", "ECM_READING_S": "0.02", "PYTHONUNBUFFERED": "1"}
+"""A person looks on: a line of progress every 0.3 s, and no reading of the rig is too fast."""
 T = TypeVar("T")
 
 
@@ -189,7 +191,7 @@ class Jobs:
                 stdin=subprocess.PIPE,
                 stdout=out,
                 stderr=err,
-                env={**os.environ, "ECM_PROGRESS_S": "0.3", "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, **_WATCHED},
                 start_new_session=True,  # Ctrl-C is for the server, which ends this process
             )
 

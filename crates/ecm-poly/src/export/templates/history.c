@@ -19,7 +19,8 @@ static int inputs_wrong(void)
     inputs.temperature_degC /= inputs.temperature_degC;
     wrong += @NAME@_inputs_inside(&inputs);
     inputs = @NAME@_default_conditions;
-    inputs.age_s = (@NAME@_real)3.3e38;
+    inputs.age_s = (@NAME@_real)0;
+    inputs.age_s /= inputs.age_s;
     wrong += @NAME@_inputs_inside(&inputs);
     return wrong;
 }

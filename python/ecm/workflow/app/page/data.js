@@ -15,7 +15,8 @@ export async function draw(root, state, app) {
   if (measures(state)) root.append(live());
   else if (!state.data.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
-  if (!state.check && (state.data.length || state.dropped.length)) root.append(mapping(state, app));
+  if (!state.check && !measures(state) && (state.data.length || state.dropped.length))
+    root.append(state.running ? waiting("The table is being read and checked …") : mapping(state, app));
   if (state.imported) root.append(imported(state.imported));
   if (state.check && state.imported) root.append(el("details", {}, el("summary", {}, "Read the columns in another way"), mapping(state, app)));
   if (state.data.length && state.check) await picture(root, state);

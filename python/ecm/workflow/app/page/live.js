@@ -8,7 +8,7 @@ import {term} from "./help.js";
 import {mm, POSE} from "./scene.js";
 import {bodyColour, space} from "./space.js";
 
-const EVERY_MS = 250;
+const EVERY_MS = 150;
 
 export const measures = state => state.running !== null
   && (state.steps.find(step => step.number === state.running.step)?.command ?? "").startsWith("ecm campaign ");
@@ -17,7 +17,7 @@ export function live() {
   const count = el("p", {class: "hint", id: "live"}, "The forces at the planned poses are computed first.");
   const drawn = space("Planned poses, and the readings of the simulated rig as they come");
   const node = el("section", {"aria-label": "Readings as they come"},
-    el("h3", {}, "The simulated rig measures, ", term("readings", "reading by reading")), drawn.node, count);
+    el("h3", {}, "The simulated rig measures, ", term("readings", "reading by reading")), count, drawn.node);
   let seen = -1;
   const look = async () => {
     if (seen >= 0 && !node.isConnected) return;

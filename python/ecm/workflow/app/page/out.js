@@ -1,6 +1,6 @@
 // Stage 7: files, the exported controller, and the commands that do the same.
 
-import {button, choices, el} from "./dom.js";
+import {button, choices, copy, el} from "./dom.js";
 import {help} from "./help.js";
 
 const WHAT = [[/^script\.sh$/, "the commands as a script"], [/^steps\.jsonl$/, "journal of all steps"],
@@ -26,7 +26,8 @@ export async function draw(root, state, app) {
     el("ul", {}, (state.export?.sentences ?? []).map(text => el("li", {}, text))),
     el("h3", {}, "The same as commands"),
     el("p", {}, el("code", {}, "sh script.sh NEW_FOLDER"), ", saved in the session folder, writes the same files, byte for byte."), script,
-    button("Copy the commands", () => navigator.clipboard.writeText(script.textContent), {id: "copy-script"}),
+    button("Copy the commands", event => copy(script.textContent, said => { event.target.textContent = said; }),
+      {id: "copy-script"}),
     el("details", {}, el("summary", {}, `All files of the session (${state.files.length})`),
       el("ul", {}, state.files.map(name => el("li", {}, link(name), el("span", {class: "soft"}, ` ${meaning(name)}`))))));
   const response = await fetch("/files/script.sh", {cache: "no-store"});

@@ -1,7 +1,7 @@
 // The residual of every component against one variable: menus, panels, and the rows marked in all.
 
 import {column, label} from "./columns.js";
-import {button, choices, el} from "./dom.js";
+import {button, choices, copy, el} from "./dom.js";
 import {help, term} from "./help.js";
 import {panel} from "./panel.js";
 import {mark, marked, onMark} from "./selection.js";
@@ -67,8 +67,7 @@ export function residualPanels(residuals, {explained = () => null} = {}) {
     const text = list.slice(0, LISTED).join(", ") + (list.length > LISTED ? " …" : "");
     rows.replaceChildren(el("output", {id: "marked-rows"},
       `${list.length} ${list.length === 1 ? "row" : "rows"} marked: ${text}`),
-    button("Copy numbers", () => navigator.clipboard.writeText(list.join(", "))
-      .then(() => { live.textContent = "copied"; })),
+    button("Copy numbers", () => copy(list.join(", "), said => { live.textContent = said; })),
     button("Clear", () => mark([])));
   }
 
