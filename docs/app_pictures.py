@@ -69,6 +69,8 @@ def of_all(page: Page, folder: Path) -> Take:
 
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
+    page.js("new Promise(done => setTimeout(done, 300))")  # another theme draws all again
+    page.js("document.querySelector('.effects .named button')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
     page.screenshot(path, whole=False)

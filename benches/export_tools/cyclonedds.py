@@ -1,6 +1,7 @@
-"""CycloneDDS writes the same bytes of a WrenchStamped as rosbags, whose bags ROS 2 reads."""
+"""CycloneDDS writes the same bytes of a WrenchStamped as rosbags, whose bags ROS 2 reads.
 
-from __future__ import annotations
+Its types need their annotations evaluated.
+"""
 
 import sys
 from collections.abc import Iterator

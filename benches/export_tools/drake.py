@@ -13,7 +13,8 @@ import pydrake.all as drake
 
 from ecm.io.arrays import F
 from export_tools.errors import said
-from support.exports import HEAD, fitted, thousand_poses, with_time, written
+from support.exports import HEAD, fitted, thousand_poses, written
+from support.models import with_time
 
 
 def run(folder: Path) -> Iterator[str]:

@@ -12,7 +12,8 @@ from fmpy.validation import validate_fmu
 
 from ecm.io.columns import POSE, WRENCH
 from export_tools.errors import said
-from support.exports import fitted, thousand_poses, with_time, written
+from support.exports import fitted, thousand_poses, written
+from support.models import with_time
 
 
 def run(folder: Path) -> Iterator[str]:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from export_tools.errors import said
-from support.exports import done, fitted, thousand_poses, with_time, written
+from support.exports import done, fitted, thousand_poses, written
+from support.models import with_time
 
 SCRIPT = """
 p = dlmread('poses.txt'); h = zeros(rows(p), 6);

@@ -8,6 +8,7 @@ carries. Neither is installed: both lie in a folder.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -57,6 +58,7 @@ def use_on_windows(wheel: Path, folder: Path) -> str:
         _windows_python(folder, python)
     site = folder / "windows-site"
     _install(wheel, site, "3.13", ["win_amd64"])
+    _for_wine(python)
     # The embedded Python reads its path from this file and no variable.
     (python / "python313._pth").write_text(f"python313.zip\n.\nZ:{site}\n", encoding="utf-8")
     settings = {"WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all",
@@ -104,11 +106,35 @@ def _windows_python(folder: Path, python: Path) -> None:
     shutil.move(folder / "data" / "cp313", python)
 
 
+PRNG = """
+#include <windows.h>
+BOOLEAN NTAPI SystemFunction036(PVOID, ULONG);
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T length) {
+    return SystemFunction036(data, (ULONG)length);
+}
+"""
+
+
+def _for_wine(python: Path) -> None:
+    """Add what wine 8 lacks: random numbers for Rust's library, a query that `platform` makes."""
+    (python / "_wmi.pyd").unlink(missing_ok=True)
+    library = python / "bcryptprimitives.dll"
+    if not library.exists():
+        source = python / "prng.c"
+        source.write_text(PRNG, encoding="utf-8")
+        compiler = need("x86_64-w64-mingw32-gcc", advice="apt-get install gcc-mingw-w64-x86-64")
+        _run([compiler, "-shared", "-o", str(library), str(source), "-ladvapi32"], python, {})
+
+
 def _run(command: list[str], folder: Path, variables: dict[str, str]) -> str:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
-        command, cwd=folder, env={**kept, **variables}, capture_output=True, text=True, check=False
-    )
+        command, cwd=folder, env={**kept, **variables}, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    lacking = re.search(r"unimplemented function (\S+)", done.stderr)
+    if lacking is not None:
+        raise NotHereError(f"this wine lacks {lacking[1]}: take a newer one")
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
     return done.stdout

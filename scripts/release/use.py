@@ -13,7 +13,7 @@ import numpy as np
 import ecm
 
 neck = ecm.Mechanism()
-pairs = ecm.simulate(neck, 16, seed=1).table()
+pairs = ecm.simulate(neck, 6, seed=1).table()
 model = ecm.fit(pairs, "energy4")
 error = np.abs(model.predict(pairs.poses) - pairs.wrenches)
 stiffness = model.stiffness(pairs.poses[:1])[0]

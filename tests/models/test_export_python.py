@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from support.exports import fitted, thousand_poses, with_time, written
+from support.exports import fitted, thousand_poses, written
+from support.models import with_time
 from support.programs import need_program
 from support.ros import WRENCH_STAMPED, follow, quaternion, stamped, typestore
 

@@ -24,7 +24,11 @@ from ecm.models import Model, fit_model
 
 HIDDEN = {
     effect.effect: effect
-    for effect in (TEMPERATURE, replace(RELAXATION, size=0.25), replace(HYSTERESIS, size=4e-4))
+    for effect in (
+        replace(TEMPERATURE, size=-0.015),
+        replace(RELAXATION, size=0.25),
+        replace(HYSTERESIS, size=4e-4),
+    )
 }
 """What can be hidden in the neck of `ecm head`, large enough to be seen by eye."""
 
@@ -66,7 +70,7 @@ def hidden_effect(name: str) -> Any:
     Examples
     --------
     >>> hidden_effect("temperature_modulus").size
-    -0.006
+    -0.015
     """
     if name not in HIDDEN:
         raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Literal
 
@@ -113,7 +113,7 @@ class Target:
     write: Callable[[Source], Files]
     language: str = "c"
     """`c` or `rust`: what holds the effects of time; `none` where nothing does."""
-    precisions: tuple[Precision, ...] = field(default=("double",))
+    precisions: tuple[Precision, ...] = ("double",)
     """Floating-point types that the files can have."""
 
 

@@ -1,0 +1,15 @@
+"""docs/head.png: a moment of the film that `ecm head --film` writes.
+
+.venv/bin/python docs/head_picture.py out/head/film.gif
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+with Image.open(sys.argv[1]) as film:
+    film.seek(film.n_frames - 10)  # the last turn of the hour, held
+    film.convert("RGB").save(Path(__file__).with_name("head.png"))
