@@ -40,17 +40,18 @@ def test_names_of_columns_add_nothing_to_the_code(
     (tmp_path / "model.json").write_text(seal_model(json.dumps(document)), encoding="utf-8")
     model = load_model(tmp_path / "model.json")
     for target in ("c", "rust", "fmu"):
-        with pytest.raises(InputError, match="inputs: found .* letters, digits and _"):
+        with pytest.raises(InputError, match=r"inputs: found .* letters, digits and _"):
             export(model, target, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("target", "name"), [("fmu", "instance"), ("fmu", "fmi3"), ("simulink", "mex"), ("mujoco", "mj"),
-                         ("rust", "fn"), ("rust", "test")],
-)  # fmt: skip
+TAKEN = [("fmu", "instance"), ("fmu", "fmi3"), ("simulink", "mex"), ("mujoco", "mj"),
+         ("rust", "fn"), ("rust", "test")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("target", "name"), TAKEN)
 def test_a_name_that_the_target_has_itself_is_refused(target: str, name: str) -> None:
-    with pytest.raises(InputError, match=f"name.*{name}.*(choose|take) another"):
+    with pytest.raises(InputError, match=rf"name.*{name}.*(choose|take) another"):
         export_files(fitted("linear"), target, name)
 
 
