@@ -8,15 +8,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from docsite.json_page import SCHEMAS, page
+from ecm.head.experiment import Record
+from ecm.head.loop import HeadLoop
+from ecm.models import fit_model
+from support.full_table import full_table
 from support.neck import ROOT, Done
 from support.programs import need_packages
 
 TABLE = "examples/neck_measured.csv"
 TENSION = "stretch,stress_MPa\n1.0,0.0\n1.2,0.1112\n1.4,0.1958\n1.6,0.2661\n2.0,0.385\n"
 LOG = "time [s],angle z [deg],torque z [N mm]\n0,0,0\n1,10,20\n2,20,40\n"
+SETTINGS = """[mechanism]
+builtin = "cylinder"
+length_m = 0.1034
+radius_m = 0.033
+young_modulus_Pa = 650e3
+poisson_ratio = 0.49
+
+[simulate]
+n = 2
+n_test = 1
+"""
+PLAN = "x_m,y_m,z_m,theta_x_rad,theta_y_rad,theta_z_rad\n0.1034,0.01,0,0,0,0.1\n"
 COMMANDS = {
     "check": f"check {TABLE}",
     "fit": f"fit {TABLE} --model energy4 --out model.json",
@@ -28,6 +45,8 @@ COMMANDS = {
     "export": "export model.json --to c --out out",
     "effects": "effects",
     "import": "import log.csv --out log_table.csv",
+    "simulate": "simulate neck.toml --out pairs.csv",
+    "campaign": "campaign one_pose.csv --rig examples/rig.toml --out campaign.csv",
     "reveal": f"reveal {TABLE} --answer diagnose.json",
     "material": "material fit --uniaxial tension.csv --out material.toml",
 }
@@ -53,6 +72,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "examples", folder / "examples")
     (folder / "tension.csv").write_text(TENSION, encoding="utf-8")
     (folder / "log.csv").write_text(LOG, encoding="utf-8")
+    (folder / "neck.toml").write_text(SETTINGS, encoding="utf-8")
+    (folder / "one_pose.csv").write_text(PLAN, encoding="utf-8")
+    shutil.copyfile(folder / "examples" / "neck_measured.toml", folder / "one_pose.toml")
     return folder
 
 
@@ -76,6 +98,19 @@ def test_what_a_command_writes_fits_its_schema(
         assert problems("model", json.loads((folder / model).read_text("utf-8"))) == []
 
 
+def test_the_summary_of_a_job_fits_its_schema(quick_job: Path) -> None:
+    summary = json.loads((quick_job / "summary.json").read_text(encoding="utf-8"))
+    assert problems("identify", summary) == []
+
+
+def test_the_figures_of_a_head_fit_its_schema() -> None:
+    model = fit_model(full_table(), "linear")
+    still = Record("still", *np.zeros((2, 1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),))
+    loop = HeadLoop(full_table(), model, model, ("payload",), still, still)
+    plain = json.loads(json.dumps({"schema": 1, "seed": 0, "hidden": "payload", **loop.to_dict()}))
+    assert problems("head", plain) == []
+
+
 def test_what_does_not_fit_is_noticed(folder: Path) -> None:
     assert problems("predict", {"schema": 1, "rows": 3, "columns": ["fx_N"]}) == []
     assert problems("predict", {"schema": 2, "rows": "3", "columns": []}) != []
@@ -84,7 +119,7 @@ def test_what_does_not_fit_is_noticed(folder: Path) -> None:
 
 def test_every_layout_is_tried_and_shown() -> None:
     names = sorted(path.stem for path in SCHEMAS.glob("*.json"))
-    assert names == sorted([*COMMANDS, "model"])
+    assert names == sorted([*COMMANDS, "head", "identify", "model"])
     assert all(f"(../schemas/{name}.json)" in page() for name in names)
     assert "| `answer` | array |" in page()
     assert "| `ranking[].delta_bic` | number |" in page()
