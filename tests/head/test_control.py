@@ -16,7 +16,7 @@ from ecm.head.allocation import (
     largest_turns,
     uncontrolled,
 )
-from ecm.head.compiled import CompiledController, compile_controller
+from ecm.head.compiled import CompiledController, compile_controller, exportable
 from ecm.head.experiment import Robot
 from ecm.head.motions import Motions
 from ecm.head.observer import static_slope
@@ -146,3 +146,11 @@ def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
     plain = Robot(SETTINGS, neck, library).run(motion).figures()
     better = Robot(control, neck, library).run(motion).figures()
     assert better.settled_deg < 0.4 * plain.settled_deg
+
+
+def test_constant_curvature_is_compiled_as_an_energy_that_equals_it() -> None:
+    model = fitted("constant-curvature")
+    poses, others = neck_pairs(300, seed=5)[0], neck_pairs(300, seed=6)[0]
+    expected = model.predict(others)
+    left = exportable(model, poses).predict(others) - expected
+    assert (np.abs(left).max(axis=0) < 1e-5 * np.abs(expected).max(axis=0)).all()
