@@ -19,6 +19,11 @@ dlmwrite('k.txt', K, 'delimiter', ' ', 'precision', '%.17g');
 [a, K, s] = slow_mex(p(1, :), 0, [], [22 0]);
 for i = 2:50, [a, K, s] = slow_mex(p(i, :), 0.01, s, [22 0]); end
 dlmwrite('slow.txt', a', 'delimiter', ' ', 'precision', '%.17g');
+refused = {{single(s)}, {s(1:9)}, {}, {s, 22}, {s, single([22 0])}, {s + 1i}};
+for i = 1:numel(refused)
+  try, slow_mex(p(1, :), 0.01, refused{i}{:}); error('taken: %d', i);
+  catch e, if isempty(strfind(e.message, 'slow: ')), disp(e.message), exit(1), end, end
+end
 disp(version)
 """
 
@@ -35,6 +40,8 @@ def run(folder: Path) -> Iterator[str]:
         if built.returncode:
             raise SystemExit(built.stderr)
     ran = done("octave", "--norc", "-q", "run.m", cwd=folder)
+    if ran.returncode:
+        raise SystemExit(f"{ran.stdout}{ran.stderr}")
     yield f"{ran.stdout.strip()}: {said(np.loadtxt(folder / 'h.txt'))}"
     k = fitted("energy6").base.stiffness(poses[-1:])[0]
     np.testing.assert_allclose(np.loadtxt(folder / "k.txt"), k, rtol=1e-9, atol=1e-9 * k.max())

@@ -17,7 +17,7 @@ from ecm.models.export.compiler import WINDOWS, shared_library
 from support.exports import done, fitted, thousand_poses, written
 from support.fmu import Instance
 from support.models import with_time
-from support.programs import need_program
+from support.programs import need_linux, need_program
 
 F = NDArray[np.float64]
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"]
@@ -26,12 +26,14 @@ CONDITIONS = ("temperature_degC", "age_s")
 
 @pytest.fixture(scope="module")
 def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need_linux()
     need_program("gcc", "cc")
     return written(fitted("energy6"), tmp_path_factory.mktemp("static"), "fmu")
 
 
 @pytest.fixture(scope="module")
 def slow(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need_linux()
     need_program("gcc", "cc")
     return written(with_time(fitted("energy4")), tmp_path_factory.mktemp("slow"), "fmu")
 
@@ -151,6 +153,7 @@ def test_the_sources_compile_without_warnings_and_with_a_prefix(
 
 
 def test_a_spring_of_one_column_is_an_fmu_too(tmp_path: Path) -> None:
+    need_linux()
     need_program("gcc", "cc")
     y = np.linspace(-0.01, 0.01, 9)
     spring = fit_model(as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")

@@ -22,7 +22,7 @@ F = NDArray[np.float64]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """All exports in Python of `neck` and, with effects of time, `slow`; they can be imported."""
-    need_program("cc", "gcc")
+    need_program("cc")
     folder = tmp_path_factory.mktemp("exports")
     for target in ("pinocchio", "ros2", "drake"):
         written(fitted("energy6"), folder, target)
@@ -96,6 +96,22 @@ def test_the_ros_node_steps_from_stamp_to_stamp(folder: Path) -> None:
     again = follower.wrench(0.5, pose[:3].tolist(), turned)
     controller.init(pose)
     np.testing.assert_allclose(again, controller.step(pose, 0.0)[0], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["neck", "slow"])
+def test_the_ros_node_refuses_what_means_nothing(folder: Path, name: str) -> None:
+    follower = import_module(f"{name}_node").Follower()
+    place = thousand_poses()[0, :3].tolist()
+    with pytest.raises(ValueError, match="orientation of length 0"):
+        follower.wrench(0.0, place, (0.0, 0.0, 0.0, 0.0))
+    for bad in ([np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]):
+        with pytest.raises(ValueError, match="no wrench at pose"):
+            follower.wrench(0.0, bad, (0.0, 0.0, 0.0, 1.0))
+    # The length of a quaternion does not matter.
+    pose = thousand_poses()[1]
+    first = follower.wrench(0.0, place, quaternion(pose[3:]))
+    again = follower.wrench(0.0, place, [1e-13 * part for part in quaternion(pose[3:])])
+    np.testing.assert_allclose(again, first, rtol=1e-9)
 
 
 def test_the_loader_refuses_what_means_nothing(folder: Path) -> None:

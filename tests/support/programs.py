@@ -6,8 +6,10 @@ With ECM_REQUIRE_PROGRAMS=1 (`.ci/run`, after installing apt.txt) a missing one 
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -30,6 +32,12 @@ def need_rust_target(triple: str) -> None:
     done = subprocess.run(asked, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not Path(done.stdout.strip()).is_dir():
         _missing(f"Rust has no target {triple} (rustup target add {triple})")
+
+
+def need_linux() -> None:
+    """Skip where exported FMUs have no binary that the tests can load."""
+    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("FMUs are loaded on Linux on x86-64 only")
 
 
 def need_packages(*names: str) -> None:

@@ -77,8 +77,8 @@ pub fn export_with_effects(
     let half_turn = half_turn_squared(precision);
     let (sum, inputs, outputs) = (
         text("sha256"),
-        columns(document, "inputs"),
-        columns(document, "outputs"),
+        columns(document, "inputs")?,
+        columns(document, "outputs")?,
     );
     let turns = turns(&inputs);
     let common = [

@@ -23,9 +23,27 @@ pub fn identifier(name: &str) -> Result<String, ModelError> {
     })
 }
 
-/// Names of the columns in a document's list, with commas between.
-pub(super) fn columns(document: &Map<String, Value>, key: &str) -> String {
+/// Names of the columns in a document's list, with commas between, for comments of the code.
+///
+/// # Errors
+/// A name of other characters than letters, digits and `_`: it could end the comment.
+pub(super) fn columns(
+    document: &Map<String, Value>,
+    key: &'static str,
+) -> Result<String, ModelError> {
     let list = document.get(key).and_then(Value::as_array);
-    let names = list.into_iter().flatten().filter_map(Value::as_str);
-    names.collect::<Vec<_>>().join(", ")
+    let names: Vec<&str> = list
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    match names.iter().find(|name| !name.chars().all(legal)) {
+        None => Ok(names.join(", ")),
+        Some(name) => Err(ModelError::Setting {
+            name: key,
+            found: format!("{name:?}"),
+            expected: "column names of letters, digits and _: rename the column and fit again",
+        }),
+    }
 }

@@ -44,7 +44,7 @@ pub fn export_with_effects(
     precision: Precision,
     effects: Option<&Effects<f64>>,
 ) -> Result<Vec<SourceFile>, ModelError> {
-    let name = identifier(name)?;
+    let name = crate_name(name)?;
     let model = Model::from_document(document)?;
     let real = match precision {
         Precision::Single => "f32",
@@ -59,7 +59,7 @@ pub fn export_with_effects(
         });
     }
     let (n, m) = model.shape();
-    let (inputs, outputs) = (columns(document, "inputs"), columns(document, "outputs"));
+    let (inputs, outputs) = (columns(document, "inputs")?, columns(document, "outputs")?);
     let sum = document.get("sha256").and_then(Value::as_str).unwrap_or("");
     let (body, numbers) = match (&model, precision) {
         (Model::Polynomial(model), Precision::Double) if plain => polynomial::<f64>(model)?,
@@ -153,6 +153,24 @@ fn energy<R: Real>(model: &EnergyModel) -> Result<(String, usize), ModelError> {
         ],
     );
     Ok((text, memory + 560))
+}
+
+/// Words that Rust or its test harness keeps: no crate can have these names.
+const KEPT: &str = "abstract as async await become box break const continue crate do dyn else enum \
+    extern false final fn for gen if impl in let loop macro match mod move mut override priv pub \
+    ref return self static std struct super test trait true try type typeof unsafe unsized use \
+    virtual where while yield";
+
+/// Checks the name of a crate.
+fn crate_name(name: &str) -> Result<String, ModelError> {
+    if KEPT.split_whitespace().any(|word| word == name) {
+        return Err(ModelError::Setting {
+            name: "name",
+            found: format!("{name:?}"),
+            expected: "a name that Rust does not keep for itself: take another one",
+        });
+    }
+    identifier(name)
 }
 
 fn is_cubic(model: &PolynomialModel) -> bool {

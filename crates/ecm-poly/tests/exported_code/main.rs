@@ -31,3 +31,30 @@ fn names_and_shapes_that_cannot_be_exported_are_refused() {
             .contains("a polynomial with effects of time")
     );
 }
+
+#[test]
+fn names_of_columns_add_no_code_and_words_of_rust_name_no_crate() {
+    for hostile in [
+        "y */ int evil; /*_m",
+        "y_m\n}",
+        "y_m, theta_z_rad",
+        "@STEPPER@",
+    ] {
+        for key in ["inputs", "outputs"] {
+            let mut document = polynomial(3, 2, 2);
+            document[key][0] = hostile.into();
+            for refusal in [
+                c_code::export(&document, "neck", Precision::Double),
+                rust_code::export(&document, "neck", Precision::Double),
+            ] {
+                let message = refusal.unwrap_err().to_string();
+                assert!(message.contains(key) && message.contains("rename"));
+            }
+        }
+    }
+    let document = polynomial(3, 2, 2);
+    for word in ["fn", "self", "crate", "std", "test"] {
+        assert!(rust_code::export(&document, word, Precision::Double).is_err());
+        assert!(c_code::export(&document, word, Precision::Double).is_ok());
+    }
+}

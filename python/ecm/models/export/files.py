@@ -8,6 +8,7 @@ result says which and why.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +29,8 @@ from ecm.models.time_effects import time_effects
 _WHOLE = (POSE, WRENCH)
 _WITH_CODE = ("polynomial", "energy", "physics")
 """Kinds of maps that `ecm._native.export_model` writes as code."""
+_EXPORTED = "Wrench and stiffness of an elastic mechanism"
+"""Begins the description of exported crates."""
 _MOST_FOLDING = 1.0
 """Largest change of a model by folding, over the noise, that is exported without `force`."""
 
@@ -124,6 +127,7 @@ def export(
             f"{exported.change:.2g} times the measurement noise, more than {_MOST_FOLDING:g}. Fit "
             "a smaller range of poses, or export it all the same with --force."
         )
+    _check_crate(Path(directory) / "Cargo.toml", exported.files)
     with uninterrupted():  # a part of the files is of no use
         for path, text in exported.files.items():
             write_atomically(Path(directory) / path, text)
@@ -146,6 +150,8 @@ def export_files(
             f"name {name!r}: expected a lower-case letter, then at most 39 of a-z, 0-9 and _"
         )
     chosen = TARGETS[target]
+    if name in chosen.taken:
+        raise InputError(f"name {name!r}: --to {target} uses it itself; choose another one")
     if precision not in chosen.precisions:
         raise InputError(
             f"precision {precision}: --to {target} is written in {' or '.join(chosen.precisions)}"
@@ -169,6 +175,16 @@ def export_files(
         folding,
         given.change,
     )
+
+
+def _check_crate(manifest: Path, files: Mapping[str, str | bytes]) -> None:
+    """Raise InputError where a crate that is no export would be overwritten."""
+    if manifest.name not in files or not manifest.exists():
+        return
+    if _EXPORTED not in manifest.read_text(encoding="utf-8", errors="replace"):
+        raise InputError(
+            f"{manifest}: this crate is no export, and is not overwritten. Choose another folder."
+        )
 
 
 def _mechanism_alone(model: Model) -> tuple[Model, list[str], float]:

@@ -76,7 +76,11 @@ def fmu(source: Source) -> Files:
             archive["modelDescription.xml"] = _description_3(source.name, token, variables)
             archive["sources/buildDescription.xml"] = _build_3(source.name, compiled)
         written[f"{source.name}_fmi{major}.fmu"] = _zipped(archive)
-    held = f"binaries for {' and '.join(sorted(made))}" if made else "no binary: no cc was found"
+    held = (
+        f"binaries for {' and '.join(sorted(made))}"
+        if made
+        else "no binary: cc was not found, or failed"
+    )
     notes = (
         f"FMUs for co-simulation with sources and {held}; K as directional derivatives; states may "
         "be read, set and stored.",
@@ -246,5 +250,7 @@ def _zipped(archive: dict[str, str | bytes]) -> bytes:
     memory = io.BytesIO()
     with ZipFile(memory, "w", ZIP_DEFLATED) as file:
         for path in sorted(archive):
-            file.writestr(ZipInfo(path, (1980, 1, 1, 0, 0, 0)), archive[path], ZIP_DEFLATED)
+            info = ZipInfo(path, (1980, 1, 1, 0, 0, 0))
+            info.create_system, info.external_attr = 3, 0o644 << 16  # Unix: all may read
+            file.writestr(info, archive[path], ZIP_DEFLATED)
     return memory.getvalue()

@@ -18,6 +18,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from ecm._native import rotation_matrices
+from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.models.control import LoopSettings
 from ecm.models.export.mujoco import INERTIA_KG_M2, MASS_KG
@@ -93,8 +94,10 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
     values = wrenches.copy()
     values[:, 3:] = np.einsum("nij,nj->ni", axes, wrenches[:, 3:])
     middle, half = 0.5 * (at.max(axis=0) + at.min(axis=0)), 0.5 * np.ptp(at, axis=0)
+    half = np.where(half > 0.0, half, 1.0)  # a deflection that never changes
     u = (at - middle) / half
     kept = np.arange(len(poses)) % 4 > 0  # the fourth part tells the error
+    best = None
     for degree in _DEGREES:
         powers = _powers(degree)
         if len(powers) > kept.sum():
@@ -104,9 +107,16 @@ def fitted_expressions(poses: F, wrenches: F, noise: F) -> tuple[dict[str, str],
         error = (columns @ found - values)[~kept]
         error[:, 3:] = np.linalg.solve(axes[~kept], error[:, 3:, None])[:, :, 0]
         change = float(np.max(np.sqrt((error**2).mean(axis=0)) / noise))
-        best = (powers, found, degree, change)
+        if best is None or change < best[3]:
+            best = (powers, found, degree, change)
         if change < _ALIKE:
             break
+    if best is None:
+        least = 4 * len(_powers(_DEGREES[0])) // 3 + 2
+        raise InputError(
+            f"--to opensim: {len(poses)} poses like the measured ones are too few for polynomials, "
+            f"at least {least} are needed: measure more, or export to c"
+        )
     powers, found, degree, change = best
     definitions = ";".join(
         f"{letter}=({name}-({m!r}))*{(1.0 / h)!r}"

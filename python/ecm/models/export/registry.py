@@ -8,10 +8,10 @@ from ecm.models.export.source import Target
 TARGETS: dict[str, Target] = {
     "c": Target(code.c, precisions=("double", "single")),
     "rust": Target(code.rust, language="rust", precisions=("double", "single")),
-    "mujoco": Target(mujoco.mujoco),
-    "fmu": Target(fmu.fmu),
+    "mujoco": Target(mujoco.mujoco, taken=("mj",)),
+    "fmu": Target(fmu.fmu, taken=("instance", "fmi2", "fmi3")),
     "opensim": Target(opensim.opensim, language="none"),
-    "simulink": Target(simulink.simulink),
+    "simulink": Target(simulink.simulink, taken=("mex", "simstruc", "simulink")),
     "drake": Target(python_targets.drake),
     "pinocchio": Target(python_targets.pinocchio),
     "ros2": Target(python_targets.ros2),

@@ -115,6 +115,8 @@ class Target:
     """`c` or `rust`: what holds the effects of time; `none` where nothing does."""
     precisions: tuple[Precision, ...] = ("double",)
     """Floating-point types that the files can have."""
+    taken: tuple[str, ...] = ()
+    """Names of files and functions that the target has itself."""
 
 
 def poses_to_hold(model: Model, count: int = 200) -> F:

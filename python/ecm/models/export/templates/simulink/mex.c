@@ -10,22 +10,37 @@
 
 #include "@NAME@.h"
 
+/* Whether an argument is real, double, and of this many numbers */
+static int is_real(const mxArray *array, size_t count)
+{
+    return mxIsDouble(array) && !mxIsComplex(array) && mxGetNumberOfElements(array) == count;
+}
+
 void mexFunction(int outputs, mxArray *out[], int inputs, const mxArray *in[])
 {
     double k[36];
     double *h, *turned;
-    if (inputs < 1 || !mxIsDouble(in[0]) || mxGetNumberOfElements(in[0]) != 6) {
+    if (inputs < 1 || !is_real(in[0], 6)) {
         mexErrMsgTxt("@NAME@: expected a pose of 6 numbers");
     }
     out[0] = mxCreateDoubleMatrix(6, 1, mxREAL);
     h = mxGetPr(out[0]);
 #if @STEPS@
+    if (inputs == 2) {
+        mexErrMsgTxt("@NAME@: a step needs p, dt and a state, [] at the beginning");
+    }
     if (inputs > 2) {
         @NAME@_state state;
         const int begins = mxIsEmpty(in[2]);
-        const int known = inputs > 3 && mxGetNumberOfElements(in[3]) == 2;
+        const int known = inputs > 3 && !mxIsEmpty(in[3]);
         @NAME@_conditions conditions = @NAME@_default_conditions;
-        if (!begins && mxGetNumberOfElements(in[2]) * sizeof(double) != sizeof state) {
+        if (!is_real(in[1], 1)) {
+            mexErrMsgTxt("@NAME@: expected dt, one number");
+        }
+        if (known && !is_real(in[3], 2)) {
+            mexErrMsgTxt("@NAME@: expected [temperature_degC, age_s], or []");
+        }
+        if (!begins && !is_real(in[2], sizeof state / sizeof(double))) {
             mexErrMsgTxt("@NAME@: expected the state of an earlier call, or []");
         }
         if (begins) {

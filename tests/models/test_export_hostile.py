@@ -1,0 +1,101 @@
+"""Exports of hostile models and names, and into folders that hold something already."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from ecm._native import seal_model
+from ecm.errors import EcmError, InputError
+from ecm.io.table import as_table
+from ecm.models import Model, fit_model, load_model
+from ecm.models.export import export, export_files
+from ecm.models.export.opensim import fitted_expressions
+from support.exports import fitted, thousand_poses
+from support.programs import need_program
+
+
+@pytest.fixture(scope="module")
+def spring() -> Model:
+    y = np.linspace(-0.01, 0.01, 9)
+    return fit_model(as_table({"y_m": y, "fy_N": 3000.0 * y}), "linear")
+
+
+@pytest.mark.parametrize("hostile", ["y*/ int evil; /*_m", 'y"/><x_m', "y\n}_m", "y, theta_z_m"])
+def test_names_of_columns_add_nothing_to_the_code(
+    spring: Model, hostile: str, tmp_path: Path
+) -> None:
+    spring.save(tmp_path / "model.json")
+    document = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+    del document["sha256"]
+    document["inputs"] = [hostile]
+    document["domain"] = {hostile: [-0.01, 0.01]}
+    (tmp_path / "model.json").write_text(seal_model(json.dumps(document)), encoding="utf-8")
+    model = load_model(tmp_path / "model.json")
+    for target in ("c", "rust", "fmu"):
+        with pytest.raises(EcmError, match=r"inputs is .* letters, digits and _"):
+            export(model, target, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+TAKEN = [("fmu", "instance"), ("fmu", "fmi3"), ("simulink", "mex"), ("mujoco", "mj"),
+         ("rust", "fn"), ("rust", "test")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("target", "name"), TAKEN)
+def test_a_name_that_the_target_has_itself_is_refused(target: str, name: str) -> None:
+    with pytest.raises(EcmError, match=rf"name.*{name}.*(choose|take) another"):
+        export_files(fitted("linear"), target, name)
+
+
+def test_a_crate_that_is_no_export_stays(spring: Model, tmp_path: Path) -> None:
+    manifest = tmp_path / "Cargo.toml"
+    manifest.write_text('[package]\nname = "mine"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="this crate is no export"):
+        export(spring, "rust", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["Cargo.toml"]
+    assert "mine" in manifest.read_text(encoding="utf-8")
+    for name in ("one", "two"):
+        export(spring, "rust", tmp_path / "crate", name=name)
+    assert 'name = "two"' in (tmp_path / "crate/Cargo.toml").read_text(encoding="utf-8")
+
+
+def test_the_loader_takes_the_last_export_into_its_folder(tmp_path: Path) -> None:
+    need_program("cc")
+    pose = thousand_poses()[0]
+    program = "import sys, neck_model as m; print(*m.value_and_stiffness(eval(sys.argv[1]))[0])"
+    for kind in ("energy4", "energy6"):
+        export(fitted(kind), "ros2", tmp_path, name="neck")
+        done = subprocess.run(
+            [sys.executable, "-c", program, repr(pose.tolist())],
+            cwd=tmp_path, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        expected = fitted(kind).base.predict(pose[None])[0]
+        np.testing.assert_allclose(np.array(done.stdout.split(), float), expected, rtol=1e-9)
+
+
+def test_every_user_may_read_the_files_of_an_fmu(spring: Model) -> None:
+    content = export_files(spring, "fmu", "spring").files["spring_fmi3.fmu"]
+    assert isinstance(content, bytes)
+    for file in ZipFile(io.BytesIO(content)).infolist():
+        assert (file.create_system, file.external_attr >> 16) == (3, 0o644), file.filename
+
+
+def test_opensim_refuses_few_poses_and_bears_a_deflection_that_is_constant() -> None:
+    base, noise = fitted("energy4").base, np.full(6, 1e-3)
+    poses = thousand_poses()[:36].copy()
+    with pytest.raises(InputError, match="36 poses like the measured ones are too few"):
+        fitted_expressions(poses, base.predict(poses), noise)
+    poses = thousand_poses().copy()
+    poses[:, 0] = 0.1
+    with np.errstate(all="raise"):
+        expressions, _, change = fitted_expressions(poses, base.predict(poses), noise)
+    assert np.isfinite(change)
+    assert not any("nan" in text or "inf" in text for text in expressions.values())
