@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,7 @@ from support.chromium import Page, open_chromium
 LONG_S = 300.0
 WIDTHS = (360, 900, 1800)
 IDLE = "document.documentElement.dataset.running === ''"
+COMPARED = IDLE + " && /times the noise/.test(document.querySelector('nav').textContent)"
 DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
 LOG = "Position X [mm],Force 1,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
@@ -30,9 +32,10 @@ Take = Callable[[str], None]
 
 @contextmanager
 def served(*arguments: str | Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Serve a session; yields its address and the server."""
+    """Serve a session whose rig takes its time; yields its address and the server."""
     command = [sys.executable, "-m", "ecm.cli", "app", "--no-open", *map(str, arguments)]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    slow = os.environ | {"ECM_READING_S": "0.15"}
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=slow)
     assert server.stdout is not None
     try:
         yield server.stdout.readline().strip(), server
@@ -116,6 +119,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     take("next")
     page.js("location.hash = 'missing'")
     page.click(".effects .named [data-add]", LONG_S)
+    page.until(f"document.querySelectorAll('tbody tr').length > 1 && {COMPARED}", LONG_S)
     page.click("#reveal", LONG_S)
     page.until(f"!!document.querySelector('#truth') && {IDLE}", LONG_S)
     take("add")

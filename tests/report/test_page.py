@@ -93,6 +93,22 @@ def test_the_mechanism_stands_before_the_first_table_and_shares_the_marks(tmp_pa
         assert page.problems() == []
 
 
+def test_a_dark_page_has_dark_figures_and_a_phone_can_scroll_over_them(tmp_path: Path) -> None:
+    write_page(tmp_path / "page.html", "t", "l", sections()[1:])
+    layout = "document.getElementById('figure-{}').layout.{}"
+    with open_chromium() as page:
+        page.size(360, 800, dark=True)
+        page.open((tmp_path / "page.html").as_uri())
+        page.until("document.documentElement.dataset.figures > 0")
+        assert page.js(layout.format(0, "paper_bgcolor")) == "#11151b"
+        assert page.js(layout.format(0, "font.color")) == "#e8ecf2"
+        assert page.js(layout.format(0, "dragmode")) is False
+        assert page.js("document.getElementById('figure-0').offsetWidth") >= 640
+        assert page.js("document.documentElement.scrollWidth") <= 360
+        page.size(1200, 800)
+        page.until(f"{layout.format(0, 'paper_bgcolor')} === 'white'")
+
+
 def test_the_page_asks_for_nothing_from_outside_and_is_small(tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     write_page(path, "title", "lead", sections())

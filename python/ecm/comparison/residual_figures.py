@@ -227,7 +227,8 @@ def _menu(x: float, buttons: list[dict[str, Any]], active: int) -> dict[str, Any
         "xanchor": "left",
         "y": 1.16,
         "yanchor": "bottom",
-        "bgcolor": "white",
+        "bgcolor": "#f4f6f9",  # in both themes: plotly fixes the colour of the chosen entry
+        "font": {"color": "#17202b"},
         "direction": "down",
         "showactive": True,
     }

@@ -240,7 +240,9 @@ def render_page(title: str, lead: str, sections: Sequence[Section]) -> str:
             entry: dict[str, Any] = {"kind": type(block).__name__, "block": block}
             if isinstance(block, FigureBlock):
                 entry["index"] = len(figures)
-                entry["height"] = block.figure.get("layout", {}).get("height", 420)
+                layout = block.figure.get("layout", {})
+                entry["height"] = layout.get("height", 420)
+                entry["wide"] = "xaxis2" in layout
                 figures.append(block.figure)
             if isinstance(block, MechanismBlock):
                 entry["index"] = len(views)
@@ -303,7 +305,7 @@ tr.marked td { font-weight: 700; background: var(--band); }
 figure { margin: 18px 0; }
 figcaption { color: var(--soft); font-size: 14px; max-width: 100ch; padding: 4px 0; }
 figure.table { margin: 22px 0; }
-figure > div[id^="figure-"] { background: white; border-radius: 10px; overflow: hidden; }
+.panels { min-width: 640px; }
 .space { aspect-ratio: 16 / 9; }
 @media (max-width: 600px) { .space { aspect-ratio: 1; } header, main { padding: 0 12px; } }
 @media print { nav, .views { display: none; } h2 { break-after: avoid; }
@@ -343,7 +345,8 @@ figure > div[id^="figure-"] { background: white; border-radius: 10px; overflow: 
 <figure><div id="mechanism-{{ e.index }}"></div>
 <figcaption>{{ e.block.caption }}</figcaption></figure>
 {% else %}
-<figure><div id="figure-{{ e.index }}" style="height:{{ e.height }}px"></div>
+<figure><div class="scroll"><div id="figure-{{ e.index }}"
+ {%- if e.wide %} class="panels"{% endif %} style="height:{{ e.height }}px"></div></div>
 <figcaption>{{ e.block.caption }}</figcaption></figure>
 {% endif %}
 {% endfor %}
@@ -356,7 +359,22 @@ figure > div[id^="figure-"] { background: white; border-radius: 10px; overflow: 
 <script type="text/plain" id="packed-figures">{{ figures }}</script>
 <script type="text/plain" id="packed-plotly">{{ plotly }}</script>
 <script>
-let figures = [];
+let figures = [], packedFigures = "";
+// Colours of figures that a dark page replaces by its own.
+const OWN = {"#1c2430": "--ink", "#000000": "--ink", "white": "--paper", "#ffffff": "--paper",
+  "#e4e8ed": "--line", "#c4ccd6": "--line", "#8a94a2": "--soft", "#0072b2": "--point",
+  "#b3261e": "--bad", "#4393c3": "--low", "#e58368": "#9c4a2e"};
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const finger = matchMedia("(pointer: coarse)").matches;  // a finger scrolls and taps
+function coloured() {
+  const style = getComputedStyle(document.documentElement);
+  const own = name => name.startsWith("--") ? style.getPropertyValue(name).trim() : name;
+  const found = JSON.parse(packedFigures, (_, value) => dark.matches && typeof value === "string"
+    && Object.hasOwn(OWN, value) ? own(OWN[value]) : value);
+  const page = {paper_bgcolor: own("--paper"), plot_bgcolor: own("--paper"),
+    font: {color: own("--ink")}, ...(finger ? {dragmode: false} : {})};
+  return found.map(f => ({...f, layout: {...page, ...f.layout}}));
+}
 async function unpacked(id) {
   const packed = atob(document.getElementById(id).textContent);
   const bytes = Uint8Array.from(packed, c => c.charCodeAt(0));
@@ -382,7 +400,8 @@ async function drawMechanisms() {
 async function draw() {
   await drawMechanisms();
   await run("packed-plotly");
-  figures = JSON.parse(await unpacked("packed-figures"));
+  packedFigures = await unpacked("packed-figures");
+  figures = coloured();
   figures.forEach((f, i) => {
     Plotly.newPlot("figure-" + i, f.data, f.layout,
       {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]});
@@ -390,6 +409,11 @@ async function draw() {
       const trace = e.points[0].data;
       if (trace.meta) mark(trace.meta, e.points[0].customdata);
     });
+  });
+  dark.addEventListener("change", () => {
+    figures = coloured();
+    figures.forEach((f, i) => Plotly.react("figure-" + i, f.data, f.layout));
+    markAll("", []);
   });
   document.documentElement.dataset.figures = figures.length;
 }
@@ -420,7 +444,7 @@ document.querySelectorAll("tr[data-row]").forEach(tr => {
 });
 const drawn = draw().catch(e => {
   document.documentElement.dataset.error = e.message;
-  document.querySelectorAll("main figure > div[id]:empty").forEach(div => {
+  document.querySelectorAll("main figure div[id]:empty").forEach(div => {
     div.textContent = "This figure needs a browser of 2023 or later: " + e.message;
   });
 });

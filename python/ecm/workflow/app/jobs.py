@@ -191,7 +191,7 @@ class Jobs:
                 stdin=subprocess.PIPE,
                 stdout=out,
                 stderr=err,
-                env={**os.environ, **_WATCHED},
+                env={**_WATCHED, **os.environ},
                 start_new_session=True,  # Ctrl-C is for the server, which ends this process
             )
 

@@ -1,7 +1,7 @@
 // Stage 5: the ladder of errors, its parameters, undo, and the sealed truth.
 
 import {chart} from "./chart.js";
-import {column, effectName, unitText} from "./columns.js";
+import {column, effectName, parameterName, unitText} from "./columns.js";
 import {button, el, number, table} from "./dom.js";
 import {help, term} from "./help.js";
 
@@ -44,7 +44,7 @@ function parameters(state, app) {
   if (!effects.length) return [el("div", {class: "waiting"}, "No effect has been added yet.")];
   return effects.map(effect => el("div", {class: "card"},
     el("h3", {}, effectName(effect.id), effect.frozen ? el("span", {class: "tag"}, "frozen") : null),
-    effect.parameters.map(p => el("p", {}, el("span", {class: "soft"}, `${p.name.replaceAll("_", " ")} `),
+    effect.parameters.map(p => el("p", {}, el("span", {class: "soft"}, `${parameterName(p.name)} `),
       el("span", {class: "value"}, number(p.value), " ",
         el("small", {}, p.sd ? `± ${number(p.sd, 2)} ` : "", unitText(p.unit), help("plus minus"))),
       p.sd ? el("span", {class: "soft"}, ` 95 %: ${number(p.value - 1.96 * p.sd)} to ${number(p.value + 1.96 * p.sd)}`) : null)),

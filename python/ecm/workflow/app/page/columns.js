@@ -29,5 +29,8 @@ export const readable = text => String(text ?? "").replaceAll("->", "→").repla
 
 export const effectName = id => id.replace(/^fts_/, "sensor ").replaceAll("_", " ").replace(/\+(?=\S)/g, " + ").trim();
 
+// modulus_at_strain_0p1 is "modulus at strain 0.1".
+export const parameterName = name => name.replaceAll("_", " ").replace(/(\d)p(?=\d)/g, "$1.");
+
 // A unit of the server; a bare number has none.
 export const unitText = unit => unit === "1" ? "" : unit.replaceAll("^2", "²");

@@ -48,7 +48,12 @@ function drawStages(stage) {
     }, el("span", {class: "place", "aria-hidden": "true"}, String(i + 1)), el("span", {}, item.title),
     el("small", {}, open ? item.brief(state) : item.needs)));
   }));
-  document.querySelector("nav [aria-current]").scrollIntoView({inline: "center", block: "nearest"});
+  seeStage();
+}
+
+// On a phone the stages are a row that scrolls.
+function seeStage() {
+  document.querySelector("nav [aria-current]")?.scrollIntoView({inline: "center", block: "nearest"});
 }
 
 function drawRunning() {
@@ -84,7 +89,7 @@ function announce(text) {
 }
 
 function drawTools() {
-  document.getElementById("folder").textContent = `Session folder: ${state.folder}`;
+  document.getElementById("folder").replaceChildren(el("span", {}, "Session folder: "), state.folder);
   const off = Boolean(state.running);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
@@ -177,5 +182,6 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   shown = "";
   if (state) draw();
 });
+addEventListener("resize", seeStage);
 document.body.append(el("div", {id: "announced", class: "hidden", "aria-live": "polite"}));
 poll();

@@ -1,7 +1,7 @@
 // Stage 4: the verdict, and every effect with what it would explain.
 
 import {view} from "./api.js";
-import {effectName, readable, unitText} from "./columns.js";
+import {effectName, parameterName, readable, unitText} from "./columns.js";
 import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {residualPanels} from "./panels.js";
@@ -50,8 +50,8 @@ function verdict(found, state) {
       ? `error on held-out poses ${before.toFixed(2)} → ${after.toFixed(2)} times the noise` : null,
   ].filter(Boolean);
   const unknown = found.unknown;
-  return el("div", {}, el("p", {class: "lead", id: "verdict", "data-verdict": found.verdict},
-    term("verdict", "Verdict"), " ", readable(found.sentence)),
+  return el("div", {}, el("div", {class: "lead", id: "verdict", "data-verdict": found.verdict},
+    el("strong", {}, term("verdict", "Verdict")), el("p", {}, readable(found.sentence))),
   el("p", {class: "rests"}, "It rests on: ", rests.join("; "), "."),
   found.warnings.map(text => el("div", {class: "warning"}, text)),
   (found.look_alikes ?? []).map(item => el("p", {class: "rests"},
@@ -95,7 +95,7 @@ function list(effects, found, state, app, look) {
       el("span", {class: "tag"}, item.side === "measurement"
         ? "of the measurement" : "of the mechanism"),
       el("div", {class: "soft"}, item.what),
-      rank ? el("small", {class: "soft"}, `${String(rank.parameter ?? "size").replaceAll("_", " ")} ${number(rank.size)} ± `
+      rank ? el("small", {class: "soft"}, `${parameterName(rank.parameter ?? "size")} ${number(rank.size)} ± `
         + `${[number(rank.sd), unitText(rank.unit)].filter(Boolean).join(" ")}; chance of this by accident ${number(rank.p, 2)}`) : null,
       el("div", {class: "gain", role: "img",
         "aria-label": `explains ${Math.round(100 * share)} percent of the squared residual`},

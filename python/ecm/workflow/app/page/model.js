@@ -23,7 +23,7 @@ let picked = null;
 export async function draw(root, state, app) {
   const now = picked ?? state.rungs[0]?.name ?? await usual(state);
   const curve = el("input", {type: "checkbox", id: "curve"});
-  const kinds = el("div", {class: "cards", role: "radiogroup", "aria-label": "Kind of model"},
+  const kinds = el("div", {class: "cards kinds", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
       el("input", {type: "radio", name: "kind", value: name, checked: name === now,
         onchange: event => {
