@@ -63,7 +63,10 @@ def print_workspace(bench: Bench) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument(
+        "--seeds", type=int, nargs="*", default=[20], help="how many, or first and end"
+    )
+    parser.add_argument("--full", type=int, default=5, help="seeds below it carry out every motion")
     parser.add_argument("--out", type=Path, default=Path("out/head"))
     parser.add_argument("--rows", type=int, nargs="*", default=range(len(ROWS)))
     parser.add_argument("--step-s", type=float, default=1e-3, help="step of the plant")
@@ -86,7 +89,7 @@ def main() -> None:
         left = (time.monotonic() - begun) / done * (total - done) / 60.0
         print(f"{done}/{total} {what}, about {left:.0f} min left", file=sys.stderr, flush=True)
 
-    bench.run(range(given.seeds), rows, progress)
+    bench.run(range(*given.seeds), rows, progress, given.full)
     print("\n".join(table_lines(bench.results())))
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
-from ecm.diagnosis import Diagnosis, diagnose
+from ecm.diagnosis import Diagnosis, diagnose, given_model
+from ecm.effects import Effect
+from ecm.errors import ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
 from ecm.io.table import Table, as_table
 from ecm.models import Model, fit_model
+from ecm.models.joint_fit import JointFit, joint_fit
+from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
@@ -157,3 +163,22 @@ def test_a_table_that_is_misread_lacks_no_effect() -> None:
     assert found.model.answer == "table"
     assert "effect is missing" not in found.sentence()
     assert "no known effect explains" not in found.sentence()
+
+
+def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Seen on a neck of 24 poses with a wrong body: base_compliance turned by 2e10 rad."""
+    tried = []
+
+    def runs_away(base: StiffnessMap, effects: Sequence[Effect], *rest: object) -> JointFit:
+        if effects:
+            tried.append(effects)
+            raise ModelError("the rotation vector (0, 0, -2e10) rad is longer than pi")
+        return joint_fit(base, effects, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(given_model, "joint_fit", runs_away)
+    found = diagnose(model("linear"), fast(measured(4, rows=200)))
+    assert tried
+    assert found.model.refitted is not None
+    assert found.model.with_effects is None

@@ -34,7 +34,7 @@ def test_the_head_misses_in_a_warm_room_and_hits_with_the_effect_that_is_named(
     assert loop.named == ("temperature_modulus",)
     missed, hit = loop.missed.figures(), loop.hit.figures()
     assert missed.settled_mm > 3.0 * hit.settled_mm
-    assert missed.settled_deg > hit.settled_deg  # the friction of the tendons is in both
+    assert missed.settled_deg > 3.0 * hit.settled_deg
     assert any("temperature_modulus" in line for line in loop.lines())
 
 

@@ -11,7 +11,7 @@ import pytest
 from ecm.head import table as module
 from ecm.head.experiment import Record
 from ecm.head.settings import HeadSettings
-from ecm.head.table import Bench, table_lines
+from ecm.head.table import WITHOUT, Bench, table_lines
 from ecm.io.mechanism import Mechanism
 from support.head import closed_neck
 
@@ -34,9 +34,27 @@ def test_the_figures_of_a_record_are_those_of_its_ends() -> None:
     assert figures.limited_share == pytest.approx(0.1)
 
 
+def test_overshoot_is_what_goes_beyond_the_end_of_a_way() -> None:
+    wanted = np.tile([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], (50, 1))
+    wanted[10:, 4] = 0.2
+    reached = wanted.copy()
+    reached[20:25, 4] += 0.01
+    reached[25:30, 3] += 0.05  # across the way
+    record = Record("x", wanted, reached, np.ones((50, 4)), np.zeros(50), ((40, 50),))
+    assert record.figures().overshoot_deg == pytest.approx(np.degrees(0.01))
+
+
 def test_the_table_shows_medians_with_their_range_and_falls() -> None:
     def result(seed: int, settled: float) -> dict[str, object]:
-        names = ("set points", "nod 1.5 Hz", "push", "payload", "hour of warming")
+        names = (
+            WITHOUT,
+            "set points",
+            "saccade",
+            "nod 1.5 Hz",
+            "push",
+            "payload",
+            "hour of warming",
+        )
         figures = Record(
             "x", np.zeros((1, 6)), np.zeros((1, 6)), np.full((1, 4), 9.0), np.zeros(1), ((0, 1),)
         ).figures()
@@ -46,7 +64,7 @@ def test_the_table_shows_medians_with_their_range_and_falls() -> None:
 
     lines = table_lines([result(seed, 0.5 + 0.1 * seed) for seed in range(5)])
     assert len(lines) == 3
-    assert "| energy6, 50 poses (fell with 1 of 5 seeds) | 0.70 (0.52 to 0.88) |" in lines[2]
+    assert "| energy6, 50 poses (fell with 1 of 5 seeds) | 5 | 0.70 (0.52 to 0.88) |" in lines[2]
 
 
 def test_a_bench_goes_on_where_it_was_stopped(
@@ -56,21 +74,22 @@ def test_a_bench_goes_on_where_it_was_stopped(
 
     class Quick(Bench):
         def one(self, row, seed, motions, push):  # type: ignore[no-untyped-def]
+            assert len(motions) == (2 if seed < 1 else 1)
             called.append((row, seed))
             return {"row": row, "seed": seed, "motions": []}
 
     monkeypatch.setattr(module, "Motions", lambda *arguments: _NoMotions())
     bench = Quick(closed_neck(), HeadSettings(), Mechanism(), tmp_path)
-    bench.run([0], ["no model (PD)"])
-    bench.run([0, 1], ["no model (PD)", "energy6, 50 poses"])
+    bench.run([0], ["no model (PD)"], full=1)
+    bench.run([0, 1], ["no model (PD)", "energy6, 50 poses"], full=1)
     assert len(called) == len(set(called)) == 4
     assert len(bench.results()) == 4
     assert all(json.loads(path.read_bytes()) for path in tmp_path.glob("*.json"))
 
 
 class _NoMotions:
-    def all(self) -> tuple[()]:
-        return ()
+    def all(self) -> tuple[None, None]:
+        return None, None
 
     def pushed(self) -> None:
         return None

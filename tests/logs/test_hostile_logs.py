@@ -201,3 +201,24 @@ def test_commas_that_may_be_thousands_are_asked_about(tmp_path: Path, force: str
         import_log(path)
     path.write_text(path.read_text().replace(".5\t", "\t").replace("1,", "0,").replace(".5", ""))
     assert import_log(path).table["fx_N"][1] == 0.201
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [[["a", "b"]] * 12, [np.arange(1.0 + i % 3) for i in range(12)], [None, *[np.ones(3)] * 11]],
+    ids=["lists of words", "lists of several lengths", "a missing list"],
+)
+def test_odd_cells_of_a_data_frame_are_left_aside(cells: list[Any]) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({**JOINT, "tags": cells[::-1]})
+    assert len(import_log(frame).table) == 12
+
+
+def test_a_pose_that_was_not_tracked_costs_its_row() -> None:
+    transforms = np.tile(np.eye(4), (20, 1, 1))
+    transforms[:, 0, 3] = np.linspace(0.1, 0.11, 20)
+    transforms[3] = np.nan
+    wrench = np.random.default_rng(0).standard_normal((20, 6))
+    log = {"time": np.arange(20.0), "tracker.pose": transforms, "wrench": wrench}
+    table = import_log(log, units=["SI"], leave_out=True).table
+    assert table.column("x_m").tolist() == np.delete(transforms[:, 0, 3], 3).tolist()

@@ -16,6 +16,7 @@ from ecm._native import seal_model
 from ecm.errors import EcmError, InputError
 from ecm.io.table import as_table
 from ecm.models import Model, fit_model, load_model
+from ecm.models.control import LoopSettings
 from ecm.models.export import export, export_files
 from ecm.models.export.opensim import fitted_expressions
 from support.exports import fitted, thousand_poses
@@ -99,3 +100,11 @@ def test_opensim_refuses_few_poses_and_bears_a_deflection_that_is_constant() -> 
         expressions, _, change = fitted_expressions(poses, base.predict(poses), noise)
     assert np.isfinite(change)
     assert not any("nan" in text or "inf" in text for text in expressions.values())
+
+
+def test_every_scene_has_the_mass_that_is_stated() -> None:
+    files = export_files(fitted("linear"), "mujoco", "neck", loop=LoopSettings(2.0, 0.01)).files
+    scenes = {path: str(text) for path, text in files.items() if path.endswith(".xml")}
+    assert len(scenes) == 3
+    for path, text in scenes.items():
+        assert 'mass="2" diaginertia="0.01 0.01 0.01"' in text, path

@@ -252,6 +252,18 @@ def test_a_cubic_refitted_with_effects_keeps_its_intervals_in_a_small_file(tmp_p
             load_model(path)
 
 
+@pytest.mark.parametrize("key", ["domain", "conditions"])
+@pytest.mark.parametrize("wrong", [None, [], 3, "x", {"x_m": [1.0]}, {"x_m": None}])
+def test_ranges_that_are_no_ranges_are_refused(tmp_path: Path, key: str, wrong: object) -> None:
+    path, x = tmp_path / "model.json", np.linspace(-0.01, 0.01, 9)
+    fit_model(Table({"x_m": x, "fx_N": 2000.0 * x}, Meta()), "linear").save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    del document["sha256"]
+    path.write_text(_native.seal_model(json.dumps(document | {key: wrong})), encoding="utf-8")
+    with pytest.raises(InputError, match="the model file lacks or misstates"):
+        load_model(path)
+
+
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     fit_model(campaign(seed=3), "energy4").save(path)

@@ -8,6 +8,7 @@ plain, or an effect is missing; the base that names are against tells which.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,10 +19,12 @@ from ecm.comparison.structure import StructureTest, structure_test
 from ecm.diagnosis.decision import Decision
 from ecm.diagnosis.held_out import held_out_rms
 from ecm.diagnosis.to_json import fields_json
+from ecm.effects import Effect
 from ecm.errors import EcmError
 from ecm.io.columns import unit_of
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.learned import LEARNED
+from ecm.models.maps import StiffnessMap
 from ecm.models.physics.map import PhysicsMap
 from ecm.regression.folds import is_pose_row
 from ecm.regression.noise import Noise, whiteners
@@ -169,7 +172,8 @@ def judge_given_model(
     # An effect of the base's columns has no meaning for a model of fewer.
     alike = (model.inputs, model.outputs) == (problem.base.inputs, problem.base.outputs)
     if again is not None and accepted and alike:
-        after = _errors(joint_fit(again.base, accepted, again.rows.table, noise), noise)
+        fit = _fit_or_none(again.base, accepted, again.rows.table, noise)
+        after = None if fit is None else _errors(fit, noise)
     # Of the same form as the base, what the base lacks the model lacks as well.
     lacks_the_same = alike and model.base.name == problem.base.name and decision.verdict != "none"
     answer = _answer(result.missing, refitted is not None and not still, decision)
@@ -209,8 +213,15 @@ def refit_of_kind(model: Model, table: Table, noise: Noise) -> JointFit | None:
     base = model.base
     if base.kind in LEARNED or 2 * len(base.coefficients) > len(table) * len(base.outputs):
         return None
+    return _fit_or_none(base, (), table, noise)
+
+
+def _fit_or_none(
+    base: StiffnessMap, effects: Sequence[Effect], table: Table, noise: Noise
+) -> JointFit | None:
+    """Fit together; None where the steps leave the range of the base or of an effect."""
     try:
-        return joint_fit(base, (), table, noise)
+        return joint_fit(base, effects, table, noise)
     except (EcmError, np.linalg.LinAlgError):
         return None
 

@@ -31,13 +31,15 @@ def slow_noise_of(decision: Decision) -> SlowNoise | None:
         return None
     columns = np.unique([c for item in problem.candidates for c in item.columns]).astype(np.int64)
     place = {int(c): i for i, c in enumerate(columns)}
-    root = np.sqrt(problem.weights)[:, None]
+    orders = _fewer(order_of_visits(problem.table))
+    rows = np.concatenate(orders)
+    root = np.sqrt(problem.weights[rows])[:, None]
     return slow_noise(
-        problem.table.column("time_s"),
-        _fewer(order_of_visits(problem.table)),
-        problem.response * root,
-        problem.base_block * root[:, :, None],
-        problem.design[:, :, columns] * root[:, :, None],
+        problem.table.column("time_s")[rows],
+        np.split(np.arange(len(rows)), np.cumsum([len(order) for order in orders])[:-1]),
+        problem.response[rows] * root,
+        problem.base_block[rows] * root[:, :, None],
+        problem.design[rows][:, :, columns] * root[:, :, None],
         [tuple(place[c] for c in item.columns) for item in problem.candidates],
     )
 
@@ -68,6 +70,6 @@ def as_slow_noise(
 
 
 def _fewer(orders: list[I]) -> list[I]:
-    """Return every so many rows of each run of at least two, so that there are not too many."""
+    """Return every so many rows of each run, so that there are not too many."""
     stride = 1 + sum(map(len, orders)) // _MOST_ROWS
-    return [order[::stride] for order in orders if len(order[::stride]) > 1]
+    return [order[::stride] for order in orders]

@@ -32,8 +32,9 @@ class Settings(ctypes.Structure):
         ("dt", _D), ("mass", _D), ("centre", _D * 3), ("inertia", _D * 3), ("gravity", _D * 3),
         ("guides", _D * 12), ("anchors", _D * 12),
         ("least", _D), ("most", _D), ("preferred", _D),
-        ("bandwidth", _D), ("compensation", _D),
+        ("bandwidth", _D), ("compensation", _D), ("integral", _D),
         ("gain", _D * 108), ("carry", _D * 324), ("length", _D),
+        ("damping", _D), ("speed_share", _D),
         ("delay_steps", ctypes.c_int32), ("feedback", ctypes.c_int32),
     )  # fmt: skip
 
@@ -43,6 +44,7 @@ class State(ctypes.Structure):
 
     _fields_ = (
         ("pose", _D * 6), ("twist", _D * 6), ("unknown", _D * 6), ("forces", _D * 4),
+        ("sum", _D * 4), ("drive", _D * 4),
         ("history", _D * (256 * 6)), ("steps", ctypes.c_int64),
         ("limited", ctypes.c_int32), ("reserved", ctypes.c_int32), ("wrench", _D * 6),
     )  # fmt: skip
@@ -180,6 +182,15 @@ class CompiledController:
         )  # fmt: skip
         return forces, int(limited)
 
+    def reach(self, pose: F, stiffness: F, forces: F, away: F) -> F:
+        """Change of the forces (4,) that moves the equilibrium nearest to a small twist (6,)."""
+        change = np.zeros(4)
+        self._code.head_reach(
+            ctypes.byref(self.settings), (_D * 6)(*pose), (_D * 36)(*np.ravel(stiffness)),
+            (_D * 4)(*forces), (_D * 6)(*away), ctypes.c_void_p(change.ctypes.data),
+        )  # fmt: skip
+        return change
+
 
 def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> Settings:
     """Settings of the C code."""
@@ -199,9 +210,12 @@ def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> S
         preferred=tendons.rest_N,
         bandwidth=control.bandwidth_rad_s,
         compensation=control.compensation,
+        integral=control.integral_per_s,
         gain=(_D * 108)(*observer.gain.ravel()),
         carry=(_D * 324)(*observer.carry.ravel()),
         length=length_m,
+        damping=tendons.motor_damping_N_s_m,
+        speed_share=control.speed_share,
         delay_steps=round(sensor.delay_s / control.dt_s),
         feedback=int(control.bandwidth_rad_s > 0.0),
     )

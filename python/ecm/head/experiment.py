@@ -70,12 +70,25 @@ class Record:
             tracking_mm=float(np.sqrt(np.mean(away**2))),
             tracking_deg=float(np.sqrt(np.mean(turned**2))),
             largest_deg=float(turned.max()),
+            overshoot_deg=self._overshoot_deg(),
             least_force_N=float(self.forces_N.min()),
             mean_force_N=float(self.forces_N.mean()),
             effort_N_per_step=float(np.abs(change).mean()) if len(change) else 0.0,
             limited_share=float((self.limited > 0).mean()),
             fallen=self.fallen,
         )
+
+    def _overshoot_deg(self) -> float:
+        """Largest turn beyond the end of a way, along it; ways end in the holds."""
+        beyond, begin = [], 0
+        for _, end in self.holds:
+            way = self.wanted[end - 1, 3:] - self.wanted[begin, 3:]
+            size = float(np.linalg.norm(way))
+            if size > 0.0:
+                past = (self.reached[begin:end, 3:] - self.wanted[end - 1, 3:]) @ way / size
+                beyond.append(max(0.0, float(past.max())))
+            begin = end - 1
+        return float(np.degrees(max(beyond))) if beyond else float("nan")
 
     def _settled(self, part: slice) -> tuple[float, float]:
         """Error of the mean pose over a part, mm and degrees."""
@@ -107,6 +120,8 @@ class Figures:
     tracking_deg: float = float("nan")
     largest_deg: float = float("nan")
     """Largest error of the motion: overshoot and lag."""
+    overshoot_deg: float = float("nan")
+    """Largest angle beyond a set point, along the way to it."""
     least_force_N: float = float("nan")
     mean_force_N: float = float("nan")
     effort_N_per_step: float = float("nan")
@@ -198,7 +213,7 @@ class Robot:
             limited[i] = controller.state.limited
             forces[i] = plant.forces_N
             try:
-                measured = plant.step(commands, motion.push(i * dt))
+                measured = plant.step(commands, motion.push(i * dt), controller.state.drive)
             except ComputationError:
                 fallen = True
                 reached[i:], forces[i:], limited[i:] = reached[i], forces[i], 4

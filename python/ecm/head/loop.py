@@ -122,7 +122,9 @@ def run_loop(
 
 def _run(bench: Bench, model: Model, motion: Motion, seed: int) -> Record:
     library = compile_controller(model, bench.folder)
-    return Robot(bench.settings, bench.neck, library).run(motion, seed)
+    # Without integral: it would take away at rest what the model misses, and hide it.
+    control = replace(bench.settings.control, integral_per_s=0.0)
+    return Robot(replace(bench.settings, control=control), bench.neck, library).run(motion, seed)
 
 
 def _error(figures: Figures) -> str:

@@ -83,6 +83,7 @@ class HeadPlant:
         self._current = forces.copy()
         self._command = forces.copy()
         self._sum = np.zeros(4)
+        self._error = np.zeros(4)
         self.library.mj_forward(self.model, data)
 
     @property
@@ -111,7 +112,7 @@ class HeadPlant:
         noise = self.settings.tendons.force_noise_N * self._random.standard_normal(4)
         return self.forces_N + noise
 
-    def step(self, commands_N: F, push: F | None = None) -> F:
+    def step(self, commands_N: F, push: F | None = None, drive_N: F | float = 0.0) -> F:
         """Go on by one period of the loop; return the tendon forces (4,) as they were measured.
 
         Parameters
@@ -120,6 +121,8 @@ class HeadPlant:
             (4,) wanted forces of the tendons.
         push
             (6,) wrench on the head beside all else, base axes about the top frame's origin.
+        drive_N
+            (4,) what the motors pull beyond the wanted forces, for their own losses.
 
         Raises
         ------
@@ -135,9 +138,12 @@ class HeadPlant:
         self._sum = np.clip(
             self._sum + tendons.force_rate_per_s * settings.control.dt_s * error, -30.0, 30.0
         )
-        wanted = np.clip(
-            self._command + tendons.force_gain * error + self._sum, 0.0, 2.0 * tendons.most_N
-        )
+        wanted = self._command + tendons.force_gain * error + self._sum + drive_N
+        # A stuck motor is pushed to where friction gives way, in the direction of the error.
+        self._error += (error - self._error) * settings.control.dt_s / tendons.friction_lag_s
+        stuck = tendons.friction_share * tendons.friction_N
+        wanted += stuck * np.tanh(self._error / tendons.friction_error_N)
+        wanted = np.clip(wanted, 0.0, 2.0 * tendons.most_N)
         share = dt / tendons.current_lag_s
         decay = float(np.exp(-share))
         mean = (1.0 - decay) / share

@@ -78,6 +78,13 @@ class Tendons(Checked):
     force_noise_N: float = setting(
         0.1, low=0.0, high=1e3, doc="White noise of a tendon's force sensor, N."
     )
+    friction_share: float = setting(
+        1.0, low=0.0, high=1.0, doc="Share of the friction that the force loop feeds forward."
+    )
+    friction_error_N: float = setting(
+        0.2, low=1e-3, high=1e3, doc="Error of force at which friction is fed forward, N."
+    )
+    friction_lag_s: float = setting(0.01, low=1e-3, high=1.0, doc="Filter of that error, s.")
     rate_N_per_s: float = setting(3000.0, low=1.0, high=1e9, doc="Largest change of force, N/s.")
     least_N: float = setting(5.0, low=0.0, high=1e4, doc="Least force that is commanded, N.")
     most_N: float = setting(200.0, low=1.0, high=1e5, doc="Largest force that is commanded, N.")
@@ -140,6 +147,12 @@ class Control(Checked):
     )
     compensation: float = setting(
         0.0, low=0.0, high=1.0, doc="Share of the observed unknown wrench that is fed back."
+    )
+    integral_per_s: float = setting(
+        1.5, low=0.0, high=100.0, doc="Integral along what tendons reach, 1/s; 0: none."
+    )
+    speed_share: float = setting(
+        0.8, low=0.0, high=1.0, doc="Share of unwanted speed in what is fed to the motors."
     )
 
 

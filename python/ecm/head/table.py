@@ -22,6 +22,8 @@ from ecm.io.arrays import F
 from ecm.io.cache import write_json
 from ecm.io.mechanism import Mechanism
 
+WITHOUT = "set points without integral"
+"""What the set points are called where the controller has no integral."""
 _OSCILLATES_DEG = 0.5
 """Standard deviation of the head's angle, long after a push, at which it counts as oscillating."""
 _MOST_DELAY_S = 0.128
@@ -50,15 +52,19 @@ class Bench:
 
     def run(
         self, seeds: Sequence[int], rows: Sequence[str] = tuple(ROWS),
-        progress: Callable[[int, int, str], object] | None = None,
+        progress: Callable[[int, int, str], object] | None = None, full: int = 5,
     ) -> None:  # fmt: skip
-        """Run all rows with all seeds, one seed of every row after the other."""
+        """Run all rows with all seeds, one seed of every row after the other.
+
+        Seeds from `full` on carry out the set points only.
+        """
         motions = self.motions()
         tasks = [(seed, row) for seed in seeds for row in rows]
         for done, (seed, row) in enumerate(tasks):
             path = self._path(row, seed)
             if not path.exists():
-                write_json(path, self.one(row, seed, motions.all(), motions.pushed()))
+                asked = motions.all() if seed < full else motions.all()[:1]
+                write_json(path, self.one(row, seed, asked, motions.pushed()))
             if progress is not None:
                 progress(done + 1, len(tasks), f"{row}, seed {seed}")
 
@@ -68,6 +74,10 @@ class Bench:
         moved = robot(row, self.neck, self.settings, seed, self.folder / "code", self.mechanism)
         identified = time.process_time() - begun
         figures = [moved.run(motion, seed).figures().to_dict() for motion in motions]
+        control = replace(self.settings.control, integral_per_s=0.0)
+        plain = replace(moved, settings=replace(self.settings, control=control))
+        for motion in motions[:1]:
+            figures.append({**plain.run(motion, seed).figures().to_dict(), "motion": WITHOUT})
         document: dict[str, Any] = {
             "row": row,
             "seed": seed,
@@ -141,9 +151,10 @@ def table_lines(results: Sequence[dict[str, Any]]) -> list[str]:
     '| controller'
     """
     lines = [
-        "| controller | settled mm | settled deg | after an hour deg | nod 1.5 Hz rms deg | "
-        "push deg | payload deg | least N | limited | delay ms | step us |",
-        "|---" * 11 + "|",
+        "| controller | seeds | model alone mm | model alone deg | settled mm | settled deg | "
+        "after an hour deg | nod 1.5 Hz rms deg | overshoot deg | push deg | payload deg | "
+        "effort N/step | least N | limited | delay ms | step us |",
+        "|---" * 16 + "|",
     ]
     for row in ROWS:
         own = [item for item in results if item["row"] == row]
@@ -151,12 +162,17 @@ def table_lines(results: Sequence[dict[str, Any]]) -> list[str]:
             continue
         first = next((item for item in own if "delay_margin_s" in item), {})
         cells = [
+            str(len(own)),
+            _cell(own, WITHOUT, "settled_mm"),
+            _cell(own, WITHOUT, "settled_deg"),
             _cell(own, "set points", "settled_mm"),
             _cell(own, "set points", "settled_deg"),
             _cell(own, "hour of warming", "settled_deg"),
             _cell(own, "nod 1.5 Hz", "tracking_deg"),
+            _cell(own, "saccade", "overshoot_deg"),
             _cell(own, "push", "largest_deg"),
             _cell(own, "payload", "settled_deg"),
+            _cell(own, "set points", "effort_N_per_step"),
             f"{min(_values(own, 'set points', 'least_force_N')):.0f}",
             f"{100.0 * max(_values(own, 'set points', 'limited_share')):.1f} %",
             f"{1e3 * first['delay_margin_s']:.0f}" if first else "",
@@ -179,7 +195,7 @@ def _cell(results: Sequence[dict[str, Any]], motion: str, name: str) -> str:
     if not len(values):
         return ""
     middle = float(np.median(values))
-    digits = max(0, 1 - math.floor(math.log10(max(middle, 1e-9))))
+    digits = min(2, max(0, 1 - math.floor(math.log10(max(middle, 1e-9)))))
     low, high = np.quantile(values, [0.05, 0.95])
     shown = f"{middle:.{digits}f}"
     return shown if len(values) < 3 else f"{shown} ({low:.{digits}f} to {high:.{digits}f})"

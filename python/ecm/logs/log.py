@@ -139,15 +139,21 @@ def unique_name(name: str, taken: Collection[str]) -> str:
 
 def _array(name: str, value: Any, source: str) -> NDArray[Any]:
     try:
-        array = np.asarray(value)
-        if array.dtype == object and array.ndim == 1 and len(array) and np.ndim(array[0]):
-            # A data frame holds an array in each cell.
-            array = np.stack([np.asarray(cell, dtype=np.float64) for cell in array])
-        return array
-    except TypeError:
-        return np.asarray(value)
+        return _stacked(np.asarray(value))
     except ValueError:
         raise InputError(f"{source}: '{name}' has rows of different lengths") from None
+
+
+def _stacked(cells: NDArray[Any]) -> NDArray[Any]:
+    """Return arrays in the cells of a data frame as one array; any other cells as they are."""
+    if cells.dtype != object or cells.ndim != 1 or len(cells) == 0:
+        return cells
+    try:
+        if np.ndim(cells[0]) == 0:
+            return cells
+        return np.stack([np.asarray(cell, dtype=np.float64) for cell in cells])
+    except (TypeError, ValueError):  # text, or of different lengths
+        return cells
 
 
 def _as_rows(value: NDArray[Any]) -> NDArray[Any]:
@@ -160,9 +166,10 @@ def _transforms(value: NDArray[Any]) -> NDArray[Any]:
     if value.ndim != 3 or value.shape[1:] != (4, 4) or value.dtype.kind not in "fiu":
         return value
     last = np.array([0.0, 0.0, 0.0, 1.0])
-    if (value[:, 3] == last).all():
+    seen = value[np.isfinite(value).all(axis=(1, 2))]  # others were not tracked
+    if (seen[:, 3] == last).all():
         return value[:, :3]
-    return value.transpose(0, 2, 1)[:, :3] if (value[:, :, 3] == last).all() else value
+    return value.transpose(0, 2, 1)[:, :3] if (seen[:, :, 3] == last).all() else value
 
 
 def _add_cells(

@@ -53,8 +53,8 @@ class AdaptSettings:
 
     Examples
     --------
-    >>> AdaptSettings(("payload", "zero")).names
-    ('mass', 'mass_x', 'mass_y', 'mass_z', 'zero_fx', ..., 'zero_tau_z')
+    >>> AdaptSettings(("modulus", "payload")).names
+    ('modulus', 'mass', 'mass_x', 'mass_y', 'mass_z')
     >>> AdaptSettings(("weight",))
     Traceback (most recent call last):
         ...

@@ -528,7 +528,9 @@ def _rows_of_poses(poses: F) -> F:
     return np.ascontiguousarray(poses, dtype=np.float64)
 
 
-def _ranges(document: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+def _ranges(document: Any) -> dict[str, tuple[float, float]]:
+    if not isinstance(document, dict):
+        raise TypeError(f"ranges of columns: found {document!r}")
     return {name: (float(low), float(high)) for name, (low, high) in document.items()}
 
 

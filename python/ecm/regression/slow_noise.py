@@ -17,6 +17,8 @@ from ecm.io.arrays import F, I
 
 _DRAWS, _SEED = 199, 11
 _TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
+_LEAST_ROWS = 30
+"""Of fewer rows slow noise explains anything."""
 _MOST_NUMBERS = 8_000_000
 """Filtered numbers that are held at once."""
 
@@ -68,14 +70,16 @@ def slow_noise(
     columns: F,
     blocks: Sequence[tuple[int, ...]],
 ) -> SlowNoise | None:
-    """Fit noise with a slow part and test the columns beside it; None where the noise is white.
+    """Fit noise with a slow part and test the columns beside it.
+
+    None where the noise is white, and where the runs have fewer than 30 rows.
 
     Parameters
     ----------
     time_s
         (N,) of the rows.
     orders
-        Rows of each run, in the order of time; other rows are left out.
+        Rows of each run, in the order of time; other rows, and runs without duration, are left out.
     response
         (N, m) residual over its noise.
     base
@@ -95,12 +99,16 @@ def slow_noise(
     >>> 2.0 < found.time_s < 10.0 and found.p > 0.01
     True
     """
-    order = np.concatenate(list(orders))
+    orders = [rows for rows in orders if len(rows) > 1 and time_s[rows[-1]] > time_s[rows[0]]]
+    if sum(map(len, orders)) < _LEAST_ROWS:
+        return None
+    order = np.concatenate(orders)
     steps = np.concatenate([np.r_[np.inf, np.diff(time_s[rows])] for rows in orders])
     series = _Series(np.maximum(steps, 1e-9), response[order], base[order], columns[order])
-    finite = steps[np.isfinite(steps)]
+    # Clocks that are rounded repeat a time.
+    later = steps[np.isfinite(steps) & (steps > 0.0)]
     longest = float(max(np.ptp(time_s[rows]) for rows in orders))
-    times = np.geomspace(max(float(np.median(finite)), 1e-9), longest / 4.0, _TIMES)
+    times = np.geomspace(float(np.median(later)), longest / 4.0, _TIMES)
     grid = np.array([(0.0, 0.0), *((t, share) for t in times for share in _SHARES)])
     first = _deviances(series, grid, series.response[:, :, None], ())
     best = int(np.argmin(first[0][:, 0]))
@@ -111,7 +119,7 @@ def slow_noise(
         series, grid, np.concatenate([series.response[:, :, None], drawn], axis=2), blocks
     )
     # Each with the noise that suits it best; the block that gains most, as it was chosen.
-    gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0)
+    gains = (null.min(axis=0) - with_block.min(axis=0)).max(axis=0, initial=-np.inf)
     p = (1.0 + float((gains[1:] >= gains[0]).sum())) / len(gains)
     return SlowNoise(float(grid[best, 0]), float(grid[best, 1]), p)
 
@@ -176,11 +184,12 @@ def _filtered(steps: F, grid: F, values: F) -> tuple[F, F]:
 
 def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> list[F]:
     """Return the squares of each response (s, r) that each block of columns (s, k) explains."""
-    matrix, vectors = columns.T @ columns, columns.T @ responses
+    vectors = columns.T @ responses
     gains = []
     for block in blocks:
         take = np.array(block, dtype=np.int64)
-        own = matrix[np.ix_(take, take)]
+        among = columns[:, take]
+        own = among.T @ among
         own = own + 1e-10 * np.diag(np.maximum(np.diag(own), 1e-200))
         gains.append(np.asarray((vectors[take] * np.linalg.solve(own, vectors[take])).sum(axis=0)))
     return gains

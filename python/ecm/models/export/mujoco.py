@@ -45,7 +45,9 @@ def mujoco(source: Source) -> Files:
     }
     written: dict[str, str | bytes] = dict(source.code())
     written |= {
-        f"{name}.xml": mujoco_text(name, rest.pose[0], rest.wrench, rest.stiffness, lost),
+        f"{name}.xml": mujoco_text(
+            name, rest.pose[0], rest.wrench, rest.stiffness, (mass, inertia), lost
+        ),
         f"{name}_plugin.cc": source.template("mujoco/plugin.cc"),
         f"{name}_plugin.xml": source.template("mujoco/plugin.xml", values),
         f"{name}_free.xml": source.template("mujoco/free.xml", values),

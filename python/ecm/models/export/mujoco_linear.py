@@ -66,7 +66,12 @@ def platform_joints(name: str) -> str:
 
 
 def mujoco_text(
-    name: str, length_m: float, wrench: F, stiffness: F, lost: Sequence[str] = ()
+    name: str,
+    length_m: float,
+    wrench: F,
+    stiffness: F,
+    platform: tuple[float, float],
+    lost: Sequence[str] = (),
 ) -> str:
     """MJCF of a platform on six tendons; qpos is the pose minus (L, 0, 0, 0, 0, 0).
 
@@ -76,25 +81,28 @@ def mujoco_text(
         (6,) at the undeformed pose, N and N m.
     stiffness
         (6, 6) generalised stiffness there.
+    platform
+        Its mass (kg), and its inertia (kg m2) about any axis.
     lost
         Lines for the comment: what the linear part leaves out.
     """
     tendons = linear_tendons(name, length_m, wrench, stiffness)
     joints = platform_joints(name)
+    mass, inertia = (f"{value:.9g}" for value in platform)
     comment = "\n".join(f"  {line}" for line in lost)
     return f"""<!--
   Linear part of the model {name} at its undeformed pose, without a plugin.
   Base frame = world; x along the undeformed axis. Joint values are the pose (x - L, y, z,
   theta_x, theta_y, theta_z): exact to first order, hinges do not add up to a rotation vector.
 {comment}
-  The platform's mass and inertia, and all damping, are yours: the values here are placeholders.
+  Mass and inertia are yours; nothing damps.
 -->
 <mujoco model="{name}">
   <compiler angle="radian" autolimits="true"/>
   <option gravity="-9.81 0 0" integrator="implicitfast"/>
   <worldbody>
     <body name="{name}_platform" pos="{length_m:.17g} 0 0">
-      <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>{joints}
+      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>{joints}
       <site name="{name}_top"/>
     </body>
   </worldbody>
