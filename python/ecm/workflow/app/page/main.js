@@ -51,9 +51,10 @@ function drawStages(stage) {
   seeStage();
 }
 
-// On a phone the stages are a row that scrolls.
+// On a phone the stages are a row that scrolls; the page itself stays where it is.
 function seeStage() {
-  document.querySelector("nav [aria-current]")?.scrollIntoView({inline: "center", block: "nearest"});
+  const nav = document.querySelector("nav"), item = nav.querySelector("[aria-current]");
+  if (item) nav.scrollLeft = item.offsetLeft - (nav.clientWidth - item.offsetWidth) / 2;
 }
 
 function drawRunning() {
