@@ -54,7 +54,7 @@ pub struct Body {
 }
 
 /// Displacements (3 per node, m) and scaled pressures: P2/P1 one per node, used at corners;
-/// P2/P0 one per element; P2 one per quadrature point (see [`crate::condensed_pressure`]).
+/// P2/P0 one per element; P2 one per quadrature point (condensed).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
     /// Displacement component `3 node + i`, m.

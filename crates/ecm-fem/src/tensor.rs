@@ -75,7 +75,7 @@ pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// [v]× with [v]× w = v × w.
+/// `[v]×`, with `[v]× w = v × w`.
 #[inline(always)]
 pub fn skew(v: [f64; 3]) -> Mat3 {
     [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]]

@@ -6,7 +6,7 @@ use crate::linear::{
 use crate::real::Real;
 use crate::stumpff::Stumpff;
 
-/// J(θ) = I + c₂ [θ]× + c₃ [θ]×² of a rotation vector (rad).
+/// `J(θ) = I + c₂ [θ]× + c₃ [θ]×²` of a rotation vector (rad).
 #[inline]
 pub fn left_jacobian<R: Real>(theta: &Vec3<R>) -> Mat3<R> {
     left_jacobian_from(theta, &Stumpff::new(dot(theta, theta)))
@@ -19,7 +19,7 @@ pub fn left_jacobian_from<R: Real>(theta: &Vec3<R>, functions: &Stumpff<R>) -> M
     with_parts(theta, functions.c[1], functions.c[2], functions.c[3])
 }
 
-/// J(θ)⁻¹ = I − ½ [θ]× + g [θ]×², g = (c₃ − 2 c₄)/(2 c₂); it exists for |θ| < 2π.
+/// `J(θ)⁻¹ = I − ½ [θ]× + g [θ]×²`, g = (c₃ − 2 c₄)/(2 c₂); it exists for |θ| < 2π.
 #[inline]
 pub fn left_jacobian_inverse<R: Real>(theta: &Vec3<R>) -> Mat3<R> {
     left_jacobian_inverse_from(theta, &Stumpff::new(dot(theta, theta)))
@@ -33,7 +33,7 @@ pub fn left_jacobian_inverse_from<R: Real>(theta: &Vec3<R>, functions: &Stumpff<
     with_parts(theta, R::ONE - dot(theta, theta) * g, -R::HALF, g)
 }
 
-/// x I + y [θ]× + z θ θᵀ.
+/// `x I + y [θ]× + z θ θᵀ`.
 #[inline(always)]
 fn with_parts<R: Real>(theta: &Vec3<R>, x: R, y: R, z: R) -> Mat3<R> {
     sum(

@@ -1,7 +1,7 @@
 //! Poses, wrenches and mid-frame coordinates on SE(3), without std, allocation or libm.
 //!
 //! Conventions: a pose is (r, θ), the position of the top frame's origin in the base
-//! frame and the rotation vector of the top frame's orientation, R = exp([θ]×). A wrench
+//! frame and the rotation vector of the top frame's orientation, `R = exp([θ]×)`. A wrench
 //! is (f, τ) at the top frame's origin, in base axes. Virtual work is f·δr + τ·δφ with
 //! δφ = J(θ) δθ, so the generalised force to θ is J(θ)ᵀ τ.
 //!

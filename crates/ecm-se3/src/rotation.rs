@@ -4,7 +4,7 @@ use crate::linear::{Mat3, Vec3, add, cross, diagonal, dot, outer, scaled};
 use crate::real::Real;
 use crate::stumpff::Stumpff;
 
-/// R = exp([θ]×) = c₀ I + c₁ [θ]× + c₂ θ θᵀ of a rotation vector (rad), |θ| ≤ π; NaN beyond |θ| = 4.
+/// `R = exp([θ]×) = c₀ I + c₁ [θ]× + c₂ θ θᵀ` of a rotation vector (rad), |θ| ≤ π; NaN beyond |θ| = 4.
 ///
 /// ```
 /// let quarter = std::f64::consts::FRAC_PI_2;
