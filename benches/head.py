@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ecm.head.allocation import largest_turns, uncontrolled
-from ecm.head.compiled import CompiledController
-from ecm.head.identification import ROWS, robot
-from ecm.head.neck_wrench import fem_neck
-from ecm.head.settings import HeadSettings
-from ecm.head.table import Bench, table_lines
 from ecm.io.cache import cache_directory
 from ecm.io.mechanism import Mechanism
+from ecm.workflow.head.allocation import largest_turns, uncontrolled
+from ecm.workflow.head.compiled import CompiledController
+from ecm.workflow.head.identification import ROWS, robot
+from ecm.workflow.head.neck_wrench import fem_neck
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.table import Bench, table_lines
 
 
 def worst_step(bench: Bench, row: str, steps: int) -> None:

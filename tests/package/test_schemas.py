@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from docsite.json_page import SCHEMAS, page
-from ecm.head.experiment import Record
-from ecm.head.loop import HeadLoop
 from ecm.models import fit_model
+from ecm.workflow.head.experiment import Record
+from ecm.workflow.head.loop import HeadLoop
 from support.full_table import full_table
 from support.neck import ROOT, Done
 from support.programs import need_packages

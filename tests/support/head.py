@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm._native import EnergyModel
-from ecm.head.neck_wrench import TrueNeck
+from ecm.workflow.head.neck_wrench import TrueNeck
 from support.neck import LENGTH_M, STIFFNESS
 
 F = NDArray[np.float64]

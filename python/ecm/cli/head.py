@@ -5,14 +5,14 @@ from __future__ import annotations
 from ecm.cli.options.head import Options
 from ecm.cli.outputs import check_output_directory
 from ecm.cli.session import Session
-from ecm.head.film import write_film
-from ecm.head.loop import hidden_effect, run_loop
-from ecm.head.neck_wrench import fem_neck
-from ecm.head.settings import HeadSettings
-from ecm.head.table import Bench
 from ecm.io.cache import cache_directory
 from ecm.io.extras import require
 from ecm.io.mechanism import Mechanism
+from ecm.workflow.head.film import write_film
+from ecm.workflow.head.loop import hidden_effect, run_loop
+from ecm.workflow.head.neck_wrench import fem_neck
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.table import Bench
 
 
 def head(options: Options, session: Session) -> None:

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from ecm.head.allocation import Statics, gravity_wrench, holding_forces
-from ecm.head.settings import HeadSettings
-from ecm.head.tendons import tendon_matrix
 from ecm.io.arrays import F
 from ecm.rig.frames import displaced, rotation, skew
+from ecm.workflow.head.allocation import Statics, gravity_wrench, holding_forces
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.tendons import tendon_matrix
 
 _ACCELERATION = np.repeat([1.0, 10.0], 3)
 """Acceleration that the model misses, m/s^2 and rad/s^2, as white noise over a millisecond."""

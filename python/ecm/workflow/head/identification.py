@@ -9,10 +9,6 @@ import numpy as np
 
 from ecm.designs import DesignSettings, diagnosable_plan, optimal_design, plain_plan
 from ecm.errors import InputError
-from ecm.head.compiled import compile_controller, exportable
-from ecm.head.experiment import Robot
-from ecm.head.neck_wrench import TrueNeck
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.io.columns import POSE
 from ecm.io.description import Meta
@@ -21,6 +17,10 @@ from ecm.io.table import Table, as_table
 from ecm.models import Model, PhysicsModel, fit_model
 from ecm.models.maps import EnergyMap
 from ecm.rig import CampaignOptions, PlantTable, RigSettings, run_campaign
+from ecm.workflow.head.compiled import compile_controller, exportable
+from ecm.workflow.head.experiment import Robot
+from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.settings import HeadSettings
 
 _RIG = RigSettings(plant=PlantTable(room_cycle_degC=4.0))
 """A room whose heating is felt, so that a campaign can see what temperature does."""

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from ecm.errors import ComputationError
-from ecm.head.neck_wrench import TrueNeck
-from ecm.head.scene import scene_text
-from ecm.head.settings import HeadSettings
-from ecm.head.tendons import tendon_lengths
 from ecm.io.arrays import F
 from ecm.io.extras import require
+from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.scene import scene_text
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.tendons import tendon_lengths
 
 _TOO_FAR_RAD = 2.5
 """Rotation of the head at which a simulation is given up."""

@@ -13,14 +13,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ecm.errors import ComputationError
-from ecm.head.observer import Observer, design_observer
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.io.table import as_table
 from ecm.models import EnergyModel, Model, fit_model
 from ecm.models.export import export_files
+from ecm.workflow.head.observer import Observer, design_observer
+from ecm.workflow.head.settings import HeadSettings
 
 _D = ctypes.c_double
 
@@ -75,7 +75,7 @@ def compile_controller(model: Model | None, folder: Path) -> Path:
     ComputationError
         No C compiler, or one that fails.
     """
-    step = (files("ecm.head") / "code" / "control_step.c").read_text(encoding="utf-8")
+    step = (files("ecm.workflow.head") / "code" / "control_step.c").read_text(encoding="utf-8")
     sources = {"control_step.c": step}
     flags = ["-DNO_NECK"]
     if model is not None:

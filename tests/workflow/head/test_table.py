@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ecm.head import table as module
-from ecm.head.experiment import Record
-from ecm.head.settings import HeadSettings
-from ecm.head.table import WITHOUT, Bench, table_lines
 from ecm.io.mechanism import Mechanism
+from ecm.workflow.head import table as module
+from ecm.workflow.head.experiment import Record
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.table import WITHOUT, Bench, table_lines
 from support.head import closed_neck
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from ecm.errors import InputError
-from ecm.head.loop import hidden_effect, run_loop
-from ecm.head.motions import Motions
-from ecm.head.neck_wrench import Temperature
-from ecm.head.settings import HeadSettings
-from ecm.head.table import Bench
 from ecm.io.mechanism import Mechanism
+from ecm.workflow.head.loop import hidden_effect, run_loop
+from ecm.workflow.head.motions import Motions
+from ecm.workflow.head.neck_wrench import Temperature
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.table import Bench
 from support.head import closed_neck, statics
 from support.neck import LENGTH_M
 

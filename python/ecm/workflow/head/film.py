@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ecm.errors import ComputationError
-from ecm.head.experiment import Record
-from ecm.head.neck_wrench import TrueNeck
-from ecm.head.plant import HeadPlant
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.io.extras import require
 from ecm.rig.arm.film import centre_line, gl_context
 from ecm.rig.frames import rotation
+from ecm.workflow.head.experiment import Record
+from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.plant import HeadPlant
+from ecm.workflow.head.settings import HeadSettings
 
 WIDTH, HEIGHT = 340, 400
 """Of the picture of one controller."""

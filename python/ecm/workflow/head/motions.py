@@ -13,10 +13,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ecm.errors import InputError
-from ecm.head.allocation import HeldPose, Statics, held_pose
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.rig.frames import left_jacobian_inverse
+from ecm.workflow.head.allocation import HeldPose, Statics, held_pose
+from ecm.workflow.head.settings import HeadSettings
 
 SET_POINTS_RAD = (
     (0.0, 0.12, 0.0), (0.0, -0.2, 0.0), (0.0, 0.0, 0.2), (0.15, 0.0, 0.0), (-0.12, 0.06, -0.1),

@@ -13,14 +13,14 @@ from typing import Any
 
 from ecm.diagnosis import diagnose
 from ecm.errors import InputError
-from ecm.head.compiled import compile_controller
-from ecm.head.experiment import Figures, Record, Robot
-from ecm.head.identification import Identified, measured
-from ecm.head.motions import Motion
-from ecm.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
-from ecm.head.table import Bench
 from ecm.io.table import Table
 from ecm.models import Model, fit_model
+from ecm.workflow.head.compiled import compile_controller
+from ecm.workflow.head.experiment import Figures, Record, Robot
+from ecm.workflow.head.identification import Identified, measured
+from ecm.workflow.head.motions import Motion
+from ecm.workflow.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
+from ecm.workflow.head.table import Bench
 
 HIDDEN = {
     effect.effect: effect

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.head.settings import Tendons
 from ecm.io.arrays import F
 from ecm.rig.frames import rotation
+from ecm.workflow.head.settings import Tendons
 
 
 def tendon_lengths(tendons: Tendons, pose: F) -> F:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ecm.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
-from ecm.head.plant import HeadPlant
-from ecm.head.settings import HeadSettings, Tendons
+from ecm.workflow.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
+from ecm.workflow.head.plant import HeadPlant
+from ecm.workflow.head.settings import HeadSettings, Tendons
 from support.head import closed_neck
 
 pytest.importorskip("mujoco")

@@ -6,9 +6,9 @@ from collections import deque
 
 import numpy as np
 
-from ecm.head.settings import PoseSensor
 from ecm.io.arrays import F
 from ecm.rig.frames import displaced
+from ecm.workflow.head.settings import PoseSensor
 
 
 class PoseReadings:
@@ -16,7 +16,7 @@ class PoseReadings:
 
     Examples
     --------
-    >>> from ecm.head.settings import CAMERA
+    >>> from ecm.workflow.head.settings import CAMERA
     >>> readings = PoseReadings(CAMERA, dt_s=0.001, seed=0)
     >>> pose = np.array([0.1, 0, 0, 0, 0, 0])
     >>> seen = [readings.at(pose) for _ in range(100)]

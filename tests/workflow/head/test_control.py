@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 from ecm import as_table, fit_model
-from ecm.head.allocation import (
+from ecm.io.columns import POSE, WRENCH
+from ecm.io.description import Meta
+from ecm.models import Model
+from ecm.rig.frames import displaced
+from ecm.workflow.head.allocation import (
     gravity_wrench,
     held_pose,
     holding_forces,
     largest_turns,
     uncontrolled,
 )
-from ecm.head.compiled import CompiledController, compile_controller, exportable
-from ecm.head.experiment import Robot
-from ecm.head.motions import Motions
-from ecm.head.observer import static_slope
-from ecm.head.settings import Control, HeadSettings, Tendons
-from ecm.head.tendons import tendon_lengths, tendon_matrix
-from ecm.io.columns import POSE, WRENCH
-from ecm.io.description import Meta
-from ecm.models import Model
-from ecm.rig.frames import displaced
+from ecm.workflow.head.compiled import CompiledController, compile_controller, exportable
+from ecm.workflow.head.experiment import Robot
+from ecm.workflow.head.motions import Motions
+from ecm.workflow.head.observer import static_slope
+from ecm.workflow.head.settings import Control, HeadSettings, Tendons
+from ecm.workflow.head.tendons import tendon_lengths, tendon_matrix
 from support.head import closed_neck, neck_pairs, statics
 from support.neck import LENGTH_M
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ecm.head.settings import HeadSettings
-from ecm.head.tendons import tendon_matrix
 from ecm.io.arrays import F
 from ecm.rig.frames import rotation
+from ecm.workflow.head.settings import HeadSettings
+from ecm.workflow.head.tendons import tendon_matrix
 
 Statics = Callable[[F], tuple[F, F]]
 """Pose (6,) to wrench (6,) and stiffness (6, 6) of the neck."""

@@ -8,12 +8,12 @@ MuJoCo's implicit integrators are implicit in velocity only: a spring in the XML
 better than one that is applied, and with both the energy of the free head grows by half in a
 minute at 0.5 ms. The neck's fastest mode on this head has about 110 rad/s and a tendon's with its
 motor 350 rad/s, so that RK4, which asks for the neck's wrench at each of its four stages, resolves
-both. `tests/head/test_plant.py` checks drift and convergence.
+both. `tests/workflow/head/test_plant.py` checks drift and convergence.
 """
 
 from __future__ import annotations
 
-from ecm.head.settings import HeadSettings
+from ecm.workflow.head.settings import HeadSettings
 
 _REEL_M = 0.05
 """Distance from a guide to its motor."""

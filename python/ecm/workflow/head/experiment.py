@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from ecm.errors import ComputationError
-from ecm.head.compiled import CompiledController
-from ecm.head.motions import Motion
-from ecm.head.neck_wrench import TrueNeck
-from ecm.head.plant import HeadPlant
-from ecm.head.sensing import PoseReadings
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.rig.frames import rotation, rotation_vector, transpose
+from ecm.workflow.head.compiled import CompiledController
+from ecm.workflow.head.motions import Motion
+from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.plant import HeadPlant
+from ecm.workflow.head.sensing import PoseReadings
+from ecm.workflow.head.settings import HeadSettings
 
 _REFERENCE_DEGC = 22.0
 

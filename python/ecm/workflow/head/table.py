@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from ecm.head.compiled import CompiledController
-from ecm.head.experiment import Robot
-from ecm.head.identification import ROWS, robot
-from ecm.head.motions import Motion, Motions
-from ecm.head.neck_wrench import TrueNeck
-from ecm.head.settings import HeadSettings
 from ecm.io.arrays import F
 from ecm.io.cache import write_json
 from ecm.io.mechanism import Mechanism
+from ecm.workflow.head.compiled import CompiledController
+from ecm.workflow.head.experiment import Robot
+from ecm.workflow.head.identification import ROWS, robot
+from ecm.workflow.head.motions import Motion, Motions
+from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.settings import HeadSettings
 
 WITHOUT = "set points without integral"
 """What the set points are called where the controller has no integral."""
