@@ -68,7 +68,9 @@ class Options:
     adapt: Annotated[
         str | None,
         typer.Option(
-            "--adapt", metavar="LIST", help="Follow readings: modulus,payload,zero,shares."
+            "--adapt",
+            metavar="LIST",
+            help="Experimental: follow readings: modulus,payload,zero,shares.",
         ),
     ] = None
     force: Annotated[
