@@ -170,6 +170,7 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
 
   let from = null;
   canvas.addEventListener("pointerdown", event => {
+    if (event.button !== 0 || !event.isPrimary) return; // a menu or a second finger is no drag
     from = {x: event.offsetX, y: event.offsetY, eye: {...eye}, marks: onbox && (event.shiftKey || place.classList.contains("marking"))};
     canvas.setPointerCapture(event.pointerId);
   });

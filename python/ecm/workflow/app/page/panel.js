@@ -165,6 +165,7 @@ export function panel({onbrush, say}) {
     + `${data.xTitle} ${number(data.x[i], 4)}`;
   let from = null;
   over.addEventListener("pointerdown", event => {
+    if (event.button !== 0 || !event.isPrimary) return; // a menu or a second finger is no drag
     from = [event.offsetX, event.offsetY];
     over.setPointerCapture(event.pointerId);
   });
