@@ -153,7 +153,7 @@ def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> 
 
     Examples
     --------
-    >>> random = np.random.default_rng(0)
+    >>> random = np.random.default_rng(4)
     >>> error = np.repeat(random.standard_normal((30, 1)), 6, axis=1)
     >>> columns = np.einsum("nq,ij->niqj", random.standard_normal((30, 3)), np.eye(6))
     >>> columns = columns.reshape(30, 6, 18)
