@@ -283,7 +283,8 @@ def test_effects_lists_and_explains(tmp_path: Path, ecm_command: Command) -> Non
     plain = ecm_command("effects", "fts_offset").out
     assert "\nneeds: nothing beside pose and wrench\nside: measurement" in plain
     effects = {effect["id"]: effect for effect in read(tmp_path / "e.json")["effects"]}
-    assert effects["hysteresis"]["needs"] == "poses reached from both sides (approach), or a continuous test"
+    both = "poses reached from both sides (approach), or a continuous test"
+    assert effects["hysteresis"]["needs"] == both
     assert effects["fts_offset"]["needs"] == ""
     assert (effects["pose_noise"]["side"], effects["pose_noise"]["kind"]) == (
         "measurement", "noise",
