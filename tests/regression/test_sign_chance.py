@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ecm.regression.f_test import omnibus_test, sign_chance, with_sign_chance
+from ecm.regression.f_test import Beside, omnibus_test, sign_chance
 
 
 def test_errors_that_components_share_are_no_structure() -> None:
@@ -29,5 +29,5 @@ def test_structure_is_still_seen() -> None:
     columns = np.einsum("nq,ij->niqj", values, np.eye(4)).reshape(60, 4, 12)
     errors = random.standard_normal((60, 4)) + values[:, :1]
     nothing, weights = np.zeros((60, 4, 0)), np.ones(60)
-    test = omnibus_test(errors, columns, nothing, weights)
-    assert with_sign_chance(test, errors, columns, nothing, weights).p < 1e-6
+    beside = Beside.of(errors, columns, nothing, weights)
+    assert beside.with_sign_chance(beside.omnibus_test()).p < 1e-6

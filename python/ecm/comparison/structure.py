@@ -15,7 +15,7 @@ import numpy as np
 from ecm.comparison.residuals import feature_columns
 from ecm.io.arrays import B, F
 from ecm.io.columns import JOINT_SIGNS, JOINTS, VELOCITY
-from ecm.regression.f_test import lack_of_fit, omnibus_test, with_sign_chance
+from ecm.regression.f_test import Beside, lack_of_fit
 from ecm.regression.repeats import repeat_cells
 from ecm.regression.rows import Rows
 
@@ -77,8 +77,8 @@ def structure_test(
         ],
         axis=2,
     )
-    smooth = omnibus_test(whitened, columns, own, weights)
-    tests = [with_sign_chance(smooth, whitened, columns, own, weights)]
+    smooth = Beside.of(whitened, columns, own, weights)
+    tests = [smooth.with_sign_chance(smooth.omnibus_test())]
     cells = np.where(scored, repeat_cells(rows.table), -1 - np.arange(n))
     repeated = lack_of_fit(whitened, cells, own.shape[2], weights)
     if repeated is not None:

@@ -12,7 +12,7 @@ from ecm.diagnosis.bounds import Bounded, bounded_estimate
 from ecm.diagnosis.problem import Candidate, Problem
 from ecm.diagnosis.search import delta_chi2
 from ecm.io.arrays import F
-from ecm.regression.f_test import FTest, lack_of_fit, omnibus_test, with_sign_chance
+from ecm.regression.f_test import Beside, FTest, lack_of_fit, omnibus_test
 from ecm.regression.repeats import repeat_cells
 
 
@@ -50,10 +50,15 @@ class Leftover:
 
 def gate(problem: Problem) -> Gate:
     """Test the base's residual against repeats and against smooth functions; either may reject."""
-    smooth = omnibus_test(
+    beside = Beside.of(
         problem.response, problem.smooth_columns, problem.base_block, problem.weights
     )
-    tests = [_by_component(problem, smooth)]
+    smooth = beside.omnibus_test()
+    assumed = problem.noise.source == "assumed"
+    by_component = _over_own_scatter(problem) if assumed else beside
+    test = by_component.omnibus_test() if assumed else smooth
+    # Components that err together are no independent readings.
+    tests = [by_component.with_sign_chance(test)]
     rows = np.arange(len(problem.table))
     cells = lack_of_fit(
         problem.response,
@@ -69,24 +74,19 @@ def gate(problem: Problem) -> Gate:
     return Gate(best.F, p, p < problem.settings.level, smooth, structure)
 
 
-def _by_component(problem: Problem, smooth: FTest) -> FTest:
-    """Test for smooth functions where the noise of the components may be stated wrongly.
+def _over_own_scatter(problem: Problem) -> Beside:
+    """Response and smooth functions, each component over its own scatter.
 
-    Where nothing is known of it, each component is over its own scatter: what scatters more than
-    was assumed is no structure. Components that err together are no independent readings.
+    Where nothing is known of the noise, what scatters more than was assumed is no structure.
     """
-    spread = np.ones(problem.response.shape[1])
-    if problem.noise.source == "assumed":
-        spread = np.sqrt((problem.response**2).mean(axis=0))
-        spread = np.where(spread > 0.0, spread, 1.0)
-    over = (
+    spread = np.sqrt((problem.response**2).mean(axis=0))
+    spread = np.where(spread > 0.0, spread, 1.0)
+    return Beside.of(
         problem.response / spread,
         problem.smooth_columns / spread[:, None],
         problem.base_block / spread[:, None],
         problem.weights,
     )
-    test = omnibus_test(*over) if problem.noise.source == "assumed" else smooth
-    return with_sign_chance(test, *over)
 
 
 def leftover(problem: Problem, gate: Gate, effects: Sequence[Candidate]) -> Leftover:

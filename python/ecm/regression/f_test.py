@@ -132,10 +132,7 @@ def omnibus_test(whitened: F, design: F, fitted: F, weights: F | None = None) ->
     >>> test.dof, test.p < 1e-6
     (1, True)
     """
-    y, z, basis, size = _beside_fitted(whitened, design, fitted, weights)
-    explained, directions = explained_by_span(z, y)
-    rest = float(y @ y) - explained
-    return FTest.of(explained, directions, rest, size - basis.shape[1] - directions)
+    return Beside.of(whitened, design, fitted, weights).omnibus_test()
 
 
 def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> float:
@@ -162,63 +159,123 @@ def sign_chance(whitened: F, design: F, fitted: F, weights: F | None = None) -> 
     >>> alone < 0.01 < sign_chance(error, columns, nothing)
     True
     """
-    y, z, basis, _ = _beside_fitted(whitened, design, fitted, weights)
-    random = np.random.default_rng(_SEED)
-    signs = random.choice([-1.0, 1.0], (len(whitened), _DRAWS))
-    signs[:, 0] = 1.0
-    drawn = np.repeat(signs, whitened.shape[1], axis=0) * y[:, None]
-    drawn -= basis @ (basis.T @ drawn)
-    total = (drawn**2).sum(axis=0)
-    explained, directions = _explained(z, drawn)
-    if directions == 0 or not total.min() > 0.0:
-        return 1.0
-    shares = np.clip(explained / total, 0.0, 1.0)
-    mean, variance = float(shares[1:].mean()), float(shares[1:].var())
-    if not 0.0 < variance < mean * (1.0 - mean):
-        return 1.0
-    both = mean * (1.0 - mean) / variance - 1.0
-    return float(special.betainc((1.0 - mean) * both, mean * both, 1.0 - shares[0]))
+    return Beside.of(whitened, design, fitted, weights).sign_chance()
 
 
-def with_sign_chance(test: FTest, whitened: F, design: F, fitted: F, weights: F) -> FTest:
-    """Return an omnibus test of several components with the larger of its p and `sign_chance`."""
-    if whitened.shape[1] < 2 or test.p > 0.5 or not np.isfinite(test.F):
-        return test
-    return replace(test, p=max(test.p, sign_chance(whitened, design, fitted, weights)))
+@dataclass(frozen=True)
+class Beside:
+    """A residual and columns beside what was fitted already: one decomposition for both tests.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(0)
+    >>> error, columns = random.standard_normal((30, 2)), random.standard_normal((30, 2, 3))
+    >>> beside = Beside.of(error, columns, np.ones((30, 2, 1)))
+    >>> beside.omnibus_test() == omnibus_test(error, columns, np.ones((30, 2, 1)))
+    True
+    """
+
+    residual: F
+    """(n, m) weighted, the fitted columns projected out."""
+    span: Span
+    """Of the weighted columns beside the fitted ones."""
+    basis: F
+    """(n m, k) orthonormal, of the weighted fitted columns."""
+    size: int
+    """Readings of the rows that count."""
+
+    @staticmethod
+    def of(whitened: F, design: F, fitted: F, weights: F | None = None) -> Beside:
+        """Project the fitted columns out; arguments as for `omnibus_test`."""
+        n, m, q = design.shape
+        root = np.ones(n) if weights is None else np.sqrt(weights)
+        y = (whitened * root[:, None]).ravel()
+        z = (design * root[:, None, None]).reshape(n * m, q)
+        basis = orthonormal((fitted * root[:, None, None]).reshape(n * m, -1))
+        y = y - basis @ (basis.T @ y)
+        z = z - basis @ (basis.T @ z)
+        return Beside(y.reshape(n, m), Span.of(z), basis, int((root > 0.0).sum()) * m)
+
+    def omnibus_test(self) -> FTest:
+        """F test whether the columns explain the residual."""
+        y = self.residual.ravel()
+        explained, directions = float(self.span.explained(y[:, None])[0]), self.span.rank
+        rest = float(y @ y) - explained
+        return FTest.of(explained, directions, rest, self.size - self.basis.shape[1] - directions)
+
+    def sign_chance(self) -> float:
+        """Chance of as much explained where the components of a row may share their errors."""
+        n, m = self.residual.shape
+        random = np.random.default_rng(_SEED)
+        signs = random.choice([-1.0, 1.0], (n, _DRAWS))
+        signs[:, 0] = 1.0
+        drawn = np.repeat(signs, m, axis=0) * self.residual.reshape(-1, 1)
+        drawn -= self.basis @ (self.basis.T @ drawn)
+        total = (drawn**2).sum(axis=0)
+        if self.span.rank == 0 or not total.min() > 0.0:
+            return 1.0
+        shares = np.clip(self.span.explained(drawn) / total, 0.0, 1.0)
+        mean, variance = float(shares[1:].mean()), float(shares[1:].var())
+        if not 0.0 < variance < mean * (1.0 - mean):
+            return 1.0
+        both = mean * (1.0 - mean) / variance - 1.0
+        return float(special.betainc((1.0 - mean) * both, mean * both, 1.0 - shares[0]))
+
+    def with_sign_chance(self, test: FTest) -> FTest:
+        """Return the omnibus test of several components with the larger of its p and the chance."""
+        if self.residual.shape[1] < 2 or test.p > 0.5 or not np.isfinite(test.F):
+            return test
+        return replace(test, p=max(test.p, self.sign_chance()))
 
 
-def _beside_fitted(whitened: F, design: F, fitted: F, weights: F | None) -> tuple[F, F, F, int]:
-    """Return weighted residual (r,) and columns (r, q) beside the fitted ones, their basis, r."""
-    n, m, q = design.shape
-    root = np.ones(n) if weights is None else np.sqrt(weights)
-    y = (whitened * root[:, None]).ravel()
-    z = (design * root[:, None, None]).reshape(n * m, q)
-    base = (fitted * root[:, None, None]).reshape(n * m, -1)
-    basis = orthonormal(base)
-    y = y - basis @ (basis.T @ y)
-    z = z - basis @ (basis.T @ z)
-    return y, z, basis, int((root > 0.0).sum()) * m
+@dataclass(frozen=True)
+class Span:
+    """The span of some columns, decomposed once for any number of responses.
+
+    Examples
+    --------
+    >>> Span.of(np.array([[1.0, 2.0], [0.0, 0.0]])).rank
+    1
+    """
+
+    columns: F
+    """(r, q) of length one."""
+    factor: F
+    """(rank, rank) upper triangle of the pivoted Cholesky factor of their products."""
+    order: I
+    """(rank,) columns in the order of the factor."""
+
+    @staticmethod
+    def of(columns: F) -> Span:
+        """Decompose columns (r, q); those without length are left out."""
+        norms = np.sqrt((columns**2).sum(axis=0))
+        keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+        scaled = columns[:, keep] / norms[keep]
+        if not keep.any():
+            return Span(scaled, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
+        # The pivoted Cholesky factor of the normal equations shows dependent columns in any order
+        # and costs a quarter of an orthonormal basis.
+        factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
+        return Span(scaled, factor[:rank, :rank], order[:rank] - 1)
+
+    @property
+    def rank(self) -> int:
+        """Dimension of the span."""
+        return len(self.order)
+
+    def explained(self, responses: F) -> F:
+        """(b,) sum of squares of each response (r, b) in the span."""
+        if self.rank == 0:
+            return np.zeros(responses.shape[1])
+        along = (self.columns.T @ responses)[self.order]
+        projected = solve_triangular(self.factor, along, trans="T", check_finite=False)
+        return np.asarray((projected**2).sum(axis=0))
 
 
 def explained_by_span(columns: F, response: F) -> tuple[float, int]:
     """Sum of squares of the response in the columns' span, and the dimension of the span."""
-    squares, rank = _explained(columns, response[:, None])
-    return float(squares[0]), rank
-
-
-def _explained(columns: F, responses: F) -> tuple[F, int]:
-    """Return the same for each of the responses (r, b): (b,), and the dimension."""
-    norms = np.sqrt((columns**2).sum(axis=0))
-    keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-    if not keep.any():
-        return np.zeros(responses.shape[1]), 0
-    scaled = columns[:, keep] / norms[keep]
-    # The pivoted Cholesky factor of the normal equations shows dependent columns in any order and
-    # costs a quarter of an orthonormal basis.
-    factor, order, rank, _ = lapack.dpstrf(scaled.T @ scaled, tol=_DEPENDENT**2)
-    along = (scaled.T @ responses)[order[:rank] - 1]
-    projected = solve_triangular(factor[:rank, :rank], along, trans="T", check_finite=False)
-    return np.asarray((projected**2).sum(axis=0)), int(rank)
+    span = Span.of(columns)
+    return float(span.explained(response[:, None])[0]), span.rank
 
 
 def orthonormal(columns: F) -> F:
