@@ -252,8 +252,28 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
         found = client.get("/api/live").json()
         assert (found["row"], found["columns"]["x_m"]) == ([1, 2], [0.1, 0.1])
         assert found["force_N"] == [5.0, 5.0]
+        with journal.open("a", encoding="utf-8") as file:
+            file.write(line[len("0.1,0.") :] + "\n")
+        found = client.get("/api/live?after=2").json()
+        assert (found["row"], "plan" in found) == ([3], False)
+        assert client.get("/api/live?after=-1").status_code == 400
         app.session.end(step.number, "cancelled", "", 0.0)
-        assert client.get("/api/live").json() == {"plan": None}
+        assert client.get("/api/live").json() == {"step": None}
+
+
+def test_of_a_growing_journal_only_what_is_new_is_read(app: App) -> None:
+    step = app.session.begin("example", {"name": "neck"})
+    measured = app.session.folder / "data-1.journal.csv"
+    line = ",".join(["0.1"] * len(HEADER.split(",")))
+    measured.write_text(f"# campaign 1\n{HEADER}\n{line}\n", encoding="utf-8")
+    assert app.readings.after(step, 0)["row"] == [1]
+    assert len(app.session.journal.read().steps) == 1
+    for path in (measured, app.session.journal.path):
+        path.write_bytes(b"x" * path.stat().st_size)  # not read again
+    with measured.open("a", encoding="utf-8") as file:
+        file.write(f"{line}\n")
+    assert app.readings.after(step, 0)["row"] == [1, 2]
+    assert len(app.session.journal.read().steps) == 1
 
 
 def test_a_reading_takes_as_long_as_a_person_needs_to_see_it(

@@ -61,26 +61,59 @@ def page() -> Iterator[Page]:
         yield opened
 
 
-def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
+_OTHER_TAB = """fetch("/api/redo", {method: "POST", body: "{}",
+  headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
+_DRAWN = "!document.querySelector('#main .waiting[role=status]')"
+ALL_STAGES = ("data", "model", "fails", "missing", "add", "next", "out")
+_PREVIEW = """(() => {
+  const drawn = () => document.querySelectorAll(".panel canvas")[1].toDataURL();
+  const before = drawn();
+  document.querySelector(".effects li").dispatchEvent(new MouseEvent("mouseenter"));
+  const frame = new Promise(done => requestAnimationFrame(() => setTimeout(done)));
+  return frame.then(() => drawn() !== before);
+})()"""
+
+
+def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, "--session", tmp_path / "session") as address:
         page.open(address)
         page.click(".warning button")  # a warning about the column of one's own
         page.click("#to-model")
         page.click("[name=kind][value=linear]")
+        page.click("#curve")
         page.click("#fit")
+        page.until("document.querySelector('#main .ladder circle, #main .ladder rect') !== null")
+        assert "how many poses are enough" in page.text().lower()
         page.click("#to-fails")
         page.until("document.querySelectorAll('.panel canvas, .space canvas').length > 6")
+        for kind in ("wrench", "pose", "noise"):
+            page.click(f"[name=kind-of-residual][value={kind}]")
+            label = page.js("document.querySelector('.panel [role=img]').ariaLabel")
+            assert {"wrench": "[N]", "pose": "[mm]", "noise": "[times the noise]"}[kind] in label
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add=fts_drift]')")
-        page.click("#diagnose")
-        page.click(".effects .named [data-add=fts_drift]")
+        assert page.js(_PREVIEW)  # before it is added
+        assert "Record temperature_degC" in page.text()
+        page.tab_to("#diagnose")
+        page.keys("Enter")
+        page.tab_to(".effects .named [data-add=fts_drift]")
+        page.keys("Enter")
         page.until("document.documentElement.dataset.stage === 'add'")
         page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         rungs = _state(page)["rungs"]
         assert [rung["name"] for rung in rungs] == ["linear", "+ fts_drift"]
         history = rungs[-1]["report"]["history"]
         assert history[-1]["held_out"] < 0.9 * history[0]["held_out"]
+        added = page.text()
+        assert "N/s" in added
+        assert "95\u00a0%" in added
+        assert "yes: p = " in added
+        page.tab_to("#undo")
+        page.keys("Enter")  # while the comparison may still be computed
+        page.until("document.querySelectorAll('#main table tbody tr').length === 1")
+        page.js(_OTHER_TAB)
+        page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         page.js("location.hash = 'out'")
         page.until("document.querySelector('#script').textContent.includes('--add fts_drift')")
         page.js("document.querySelector('.skip').click()")
@@ -89,7 +122,19 @@ def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> 
         page.until(f"document.querySelector('#main').textContent.includes({json.dumps(HOSTILE)})")
         assert page.js("document.title") == "Data – ECM"
         assert page.js("document.querySelectorAll('#main img').length") == 0
+        _every_stage_on_a_phone(page)
     assert page.problems() == []
+
+
+def _every_stage_on_a_phone(page: Page) -> None:
+    """No stage is wider than a phone, and a screen reader has a name for each control."""
+    page.size(360, 740)
+    for stage in ALL_STAGES:
+        page.js(f"location.hash = '{stage}'")
+        page.until(_DRAWN)
+        assert page.unnamed() == [], stage
+        assert page.js("document.documentElement.scrollWidth") <= 360, stage
+    page.size(1280, 900)
 
 
 _DROP = """

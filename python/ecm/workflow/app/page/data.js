@@ -1,6 +1,6 @@
 // Stage 1: a table is dropped, read, drawn beside the mechanism, and checked.
 
-import {idle, post, upload, view} from "./api.js";
+import {busy, idle, post, upload, view} from "./api.js";
 import {column, label, readable} from "./columns.js";
 import {button, el, number, table, waiting} from "./dom.js";
 import {term} from "./help.js";
@@ -25,7 +25,7 @@ export async function draw(root, state, app) {
 
 function empty(state, app) {
   const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
-    {class: style, id: `example-${name}`, disabled: Boolean(state.running)});
+    {class: style, id: `example-${name}`, disabled: busy(state)});
   return el("div", {}, dropZone(state, app), state.dropped.length ? null : el("div", {class: "cards"},
     el("div", {class: "card"}, el("h3", {}, "No data yet?"),
       el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
@@ -130,5 +130,5 @@ function mapping(state, app) {
     el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map),
     el("div", {class: "row"}, ...field("units", "Units where unstated", "mm,deg,N,N mm"),
       el("label", {for: "rotation"}, "Rotation"), rotation),
-    button("Import", run, {class: "first", id: "import", disabled: Boolean(state.running)}));
+    button("Import", run, {class: "first", id: "import", disabled: busy(state)}));
 }
