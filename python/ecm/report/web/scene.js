@@ -45,7 +45,12 @@ export function workspace(view, rows, columns, values, {title, unit, forces = fa
       text: i => `row ${rows[i]}: ${title} ${number(values[i])} ${unit}; at ${number(x[i])}, `
         + `${number(y[i])}, ${number(z[i])} mm`}});
   }
-  onMark(show);
+  // The panels are drawn first: a brush is seen there at once.
+  let asked = false;
+  onMark(() => {
+    if (!asked) requestAnimationFrame(() => setTimeout(() => { asked = false; show(); }));
+    asked = true;
+  });
   show();
   return el("div", {}, drawn.node,
     el("div", {class: "scale", role: "img", "aria-label": `Colours from 0 to ${number(largest)} ${unit}`},
