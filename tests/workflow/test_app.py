@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from starlette.testclient import TestClient
 
 from ecm.cli.campaign import paced
@@ -200,6 +201,25 @@ def test_logs_that_are_dropped_together_become_runs_of_one_table(app: App, tmp_p
         assert wrong.status_code == 400
     table = read_table([app.session.folder / item["file"] for item in state["data"]])
     assert sorted(set(table.column("run"))) == [0, 1]
+
+
+def test_a_matlab_file_is_listed_and_imported(app: App, tmp_path: Path) -> None:
+    x = np.linspace(-1.0, 1.0, 20)
+    savemat(
+        tmp_path / "rig.mat",
+        {"stroke_x_mm": x, "cell": 10 * x, "q": np.tile([1.0, 0, 0, 0], (20, 1))},
+    )
+    with client_of(app) as client:
+        assert client.get("/api/view/log").status_code == 400
+        assert upload(client, tmp_path / "rig.mat", "rig.mat").status_code == 200
+        columns = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
+        assert columns["cell"] == {
+            "name": "cell", "range": [-10.0, 10.0], "unit": "", "standard": "", "rotation": False,
+        }  # fmt: skip
+        assert (columns["stroke_x_mm"]["standard"], columns["stroke_x_mm"]["unit"]) == ("x_m", "mm")
+        state = step(client, app, "import", map=["fx_N=cell:N"], rotation="wxyz")
+    assert {"x_m", "fx_N", "theta_x_rad"} <= state["imported"]["columns"].keys()
+    assert state["check"]["rows"] == 20
 
 
 def test_looking_keeps_redo_and_undo_keeps_an_opened_truth(app: App, tmp_path: Path) -> None:

@@ -165,6 +165,37 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
         assert state["check"]["rows"] == 40
 
 
+_PICK = """(name, what, unit) => {
+  const menu = document.querySelector(`[aria-label="What ${name} is"]`);
+  menu.value = what;
+  menu.dispatchEvent(new Event("change"));
+  document.querySelector(`[aria-label="Unit of ${name}"]`).value = unit;
+}"""
+
+
+def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path: Path) -> None:
+    data = tmp_path / "cell.csv"
+    rows = "".join(f"{1000 * k},{0.002 * k + 1e-5 * (k % 3)}\n" for k in range(20))
+    data.write_text(f"load_lb,deflection_in\n{rows}", encoding="utf-8")
+    with served(data, "--session", tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#to-model')")
+        page.until("document.querySelectorAll('#main select').length > 4")
+        assert page.js("document.querySelector('#to-model').disabled")
+        page.js(f"({_PICK})('load_lb', 'fx_N', 'lbf')")
+        page.js(f"({_PICK})('deflection_in', 'x_m', 'in')")
+        page.click("#import")
+        page.click("#to-model")
+        page.until("document.querySelector('[value=energy6]').disabled")
+        page.click("#fit")
+        page.click("#to-fails")
+        page.until("document.querySelectorAll('.panel canvas').length === 2")
+        assert page.js("document.querySelectorAll('#main .error').length") == 0
+        check = _state(page)["check"]
+        assert [item["role"] for item in check["columns"]] == ["pose", "wrench"]
+    assert page.problems() == []
+
+
 _DEPTH = """import("/page/depth.js").then(({picture}) => {
   const size = 40, red = [255, 0, 0], blue = [0, 0, 255], flat = [1, 1, 1];
   const plane = (left, right) => [[[0, 0, left], [0, size, left], [size, size, right]],

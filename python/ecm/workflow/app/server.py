@@ -149,13 +149,14 @@ class _Routes:
             return _json({"error": f"no view; there are {', '.join(SHOWN)}"}, 404)
         history = self.app.session.journal.read()
         files = self.app.session.files(history)
-        if not files.data or (name in NEED_MODEL and files.model is None):
+        data = files.dropped[:1] if name == "log" else files.data
+        if not data or (name in NEED_MODEL and files.model is None):
             raise InputError("nothing to show yet: it needs a table, and most views a model")
         model = files.model if name in NEED_MODEL else None
-        now = ",".join([*files.data, *([] if model is None else [model])])
+        now = ",".join([*data, *([] if model is None else [model])])
         if request.query_params.get("of", now) != now:
             raise Busy("the session has changed in the meantime")
-        path = await asyncio.to_thread(self.app.views.file, name, files.data, model)
+        path = await asyncio.to_thread(self.app.views.file, name, data, model)
         return _file(path)
 
     async def live(self, request: Any) -> Any:

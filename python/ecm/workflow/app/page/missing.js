@@ -138,7 +138,12 @@ function explanation(effects, residuals) {
 
 export function untestable(items) {
   if (!items?.length) return null;
+  const needs = new Map();  // effects that lack the same are one line
+  for (const {id, reason, record} of items) {
+    const key = `${reason}. Record ${record}`;
+    needs.set(key, {reason, record, ids: [...needs.get(key)?.ids ?? [], id]});
+  }
   return el("details", {open: true}, el("summary", {}, el("strong", {}, `Not testable with this table (${items.length})`)),
-    el("ul", {}, items.map(item => el("li", {}, el("strong", {}, effectName(item.id)),
-      `: ${item.reason}. Record `, el("code", {}, item.record)))));
+    el("ul", {}, [...needs.values()].map(({ids, reason, record}) => el("li", {}, el("strong", {}, ids.map(effectName).join(", ")),
+      `: ${reason}. Record `, el("code", {}, record)))));
 }

@@ -17,21 +17,24 @@ const KINDS = [
   ["choose", "Choose for me", "Fits all kinds, keeps the one that predicts held-out poses best. Takes longest."],
 ];
 
+const OF_SIX = ["physics", "energy4", "energy6", "energy6-general"];
 const TERM = {physics: "physics", energy4: "energy", energy6: "energy", "energy6-general": "energy", choose: "held out"};
 
 // What a person has picked stays picked when the page is drawn again.
 let picked = null;
 
 export async function draw(root, state, app) {
-  const now = picked ?? state.rungs[0]?.name ?? await usual(state);
+  const {six, length} = await known(state);
+  const now = picked ?? state.rungs[0]?.name ?? (six && length ? "energy6" : "linear");
   const curve = el("input", {type: "checkbox", id: "curve"});
   const kinds = el("div", {class: "cards kinds", role: "radiogroup", "aria-label": "Kind of model"},
     KINDS.map(([name, title, what]) => el("label", {class: `card ${name === now ? "chosen" : ""}`},
-      el("input", {type: "radio", name: "kind", value: name, checked: name === now,
+      el("input", {type: "radio", name: "kind", value: name, checked: name === now, disabled: OF_SIX.includes(name) && !six,
         onchange: event => {
           picked = name;
           for (const card of kinds.children) card.classList.toggle("chosen", card === event.target.parentElement);
-        }}), " ", el("span", {}, el("strong", {}, title), TERM[name] ? help(TERM[name]) : null), el("div", {class: "soft"}, what))));
+        }}), " ", el("span", {}, el("strong", {}, title), TERM[name] ? help(TERM[name]) : null), el("div", {class: "soft"}, what,
+        OF_SIX.includes(name) && !six ? el("em", {}, " Needs all six columns of the pose.") : null))));
   const fit = () => app.step("fit",
     {model: kinds.querySelector(":checked")?.value ?? now, curve: curve.checked});
   root.append(kinds, el("div", {class: "row"},
@@ -46,10 +49,9 @@ export async function draw(root, state, app) {
 }
 
 // An energy needs six coordinates and the length of the mechanism.
-async function usual(state) {
+async function known(state) {
   const {columns, length_m} = await view("poses", state);
-  const all = POSE.every(name => columns[name]) && !state.check.padding.length;
-  return all && length_m ? "energy6" : "linear";
+  return {six: POSE.every(name => columns[name]) && !state.check.padding.length, length: Boolean(length_m)};
 }
 
 function report(fit) {
