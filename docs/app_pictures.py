@@ -24,7 +24,7 @@ WIDTHS = (360, 900, 1800)
 IDLE = "document.documentElement.dataset.running === ''"
 COMPARED = IDLE + " && /times the noise/.test(document.querySelector('nav').textContent)"
 DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
-LOG = "Position X [mm],Force 1,note\n" + "".join(
+LOG = "Position X [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
 Take = Callable[[str], None]
@@ -104,7 +104,8 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
     page.keys("ArrowRight", " ", "ArrowRight", "ArrowRight", " ")
     take("marked")
-    page.keys("Escape")
+    page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
+    page.keys("Escape")  # another theme has drawn the panels again
     page.js("document.documentElement.scrollTop = 0")
     page.click("#to-missing")
     page.until(DRAWN, LONG_S)
@@ -125,7 +126,8 @@ def walk(page: Page, address: str, take: Take) -> None:
     take("add")
     page.js("location.hash = 'out'")
     page.click("#export", LONG_S)
-    page.until(f"{IDLE} && document.querySelector('#script')?.textContent.length > 9", LONG_S)
+    page.until(f"!!document.querySelector('.files a') && {IDLE}", LONG_S)
+    page.until("document.querySelector('#script').textContent.length > 9", LONG_S)
     take("out")
 
 
@@ -141,7 +143,9 @@ def troubles(page: Page, folder: Path, take: Take) -> None:
         page.click("#import")
         page.until("!!document.querySelector('#trouble')", LONG_S)
         take("error")
-        page.js("document.querySelector('#map').value = 'x_m=Position X [mm]:mm\\nfx_N=Force 1:N'")
+        page.js(
+            "document.querySelector('#map').value = 'x_m=Position X [mm]:mm\\nfx_N=Channel 7:N'"
+        )
         page.click("#import")
         page.until("!!document.querySelector('.warning button')", LONG_S)
         take("warning")

@@ -61,26 +61,59 @@ def page() -> Iterator[Page]:
         yield opened
 
 
-def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
+_OTHER_TAB = """fetch("/api/redo", {method: "POST", body: "{}",
+  headers: {"content-type": "application/json"}}).then(answer => answer.status)"""
+_DRAWN = "!document.querySelector('#main .waiting[role=status]')"
+ALL_STAGES = ("data", "model", "fails", "missing", "add", "next", "out")
+_PREVIEW = """(() => {
+  const drawn = () => document.querySelectorAll(".panel canvas")[1].toDataURL();
+  const before = drawn();
+  document.querySelector(".effects li").dispatchEvent(new MouseEvent("mouseenter"));
+  const frame = new Promise(done => requestAnimationFrame(() => setTimeout(done)));
+  return frame.then(() => drawn() !== before);
+})()"""
+
+
+def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: Path) -> None:
     data = drifting_table(tmp_path / "stage.csv")
     with served(data, "--session", tmp_path / "session") as address:
         page.open(address)
         page.click(".warning button")  # a warning about the column of one's own
         page.click("#to-model")
         page.click("[name=kind][value=linear]")
+        page.click("#curve")
         page.click("#fit")
+        page.until("document.querySelector('#main .ladder circle, #main .ladder rect') !== null")
+        assert "how many poses are enough" in page.text().lower()
         page.click("#to-fails")
         page.until("document.querySelectorAll('.panel canvas, .space canvas').length > 6")
+        for kind in ("wrench", "pose", "noise"):
+            page.click(f"[name=kind-of-residual][value={kind}]")
+            label = page.js("document.querySelector('.panel [role=img]').ariaLabel")
+            assert {"wrench": "[N]", "pose": "[mm]", "noise": "[times the noise]"}[kind] in label
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add=fts_drift]')")
-        page.click("#diagnose")
-        page.click(".effects .named [data-add=fts_drift]")
+        assert page.js(_PREVIEW)  # before it is added
+        assert "Record temperature_degC" in page.text()
+        page.tab_to("#diagnose")
+        page.keys("Enter")
+        page.tab_to(".effects .named [data-add=fts_drift]")
+        page.keys("Enter")
         page.until("document.documentElement.dataset.stage === 'add'")
         page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         rungs = _state(page)["rungs"]
         assert [rung["name"] for rung in rungs] == ["linear", "+ fts_drift"]
         history = rungs[-1]["report"]["history"]
         assert history[-1]["held_out"] < 0.9 * history[0]["held_out"]
+        added = page.text()
+        assert "N/s" in added
+        assert "95\u00a0%" in added
+        assert "yes: p = " in added
+        page.tab_to("#undo")
+        page.keys("Enter")  # while the comparison may still be computed
+        page.until("document.querySelectorAll('#main table tbody tr').length === 1")
+        page.js(_OTHER_TAB)
+        page.until("document.querySelectorAll('#main table tbody tr').length >= 3")
         page.js("location.hash = 'out'")
         page.until("document.querySelector('#script').textContent.includes('--add fts_drift')")
         page.js("document.querySelector('.skip').click()")
@@ -89,7 +122,19 @@ def test_the_loop_by_clicks_down_to_a_lower_rung(page: Page, tmp_path: Path) -> 
         page.until(f"document.querySelector('#main').textContent.includes({json.dumps(HOSTILE)})")
         assert page.js("document.title") == "Data – ECM"
         assert page.js("document.querySelectorAll('#main img').length") == 0
+        _every_stage_on_a_phone(page)
     assert page.problems() == []
+
+
+def _every_stage_on_a_phone(page: Page) -> None:
+    """No stage is wider than a phone, and a screen reader has a name for each control."""
+    page.size(360, 740)
+    for stage in ALL_STAGES:
+        page.js(f"location.hash = '{stage}'")
+        page.until(_DRAWN)
+        assert page.unnamed() == [], stage
+        assert page.js("document.documentElement.scrollWidth") <= 360, stage
+    page.size(1280, 900)
 
 
 _DROP = """
@@ -118,6 +163,37 @@ def test_files_that_are_dropped_together_become_runs_with_their_description(
         state = _state(page)
         assert [item["name"] for item in state["data"]] == ["a.csv", "length.toml"]
         assert state["check"]["rows"] == 40
+
+
+_PICK = """(name, what, unit) => {
+  const menu = document.querySelector(`[aria-label="What ${name} is"]`);
+  menu.value = what;
+  menu.dispatchEvent(new Event("change"));
+  document.querySelector(`[aria-label="Unit of ${name}"]`).value = unit;
+}"""
+
+
+def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path: Path) -> None:
+    data = tmp_path / "cell.csv"
+    rows = "".join(f"{1000 * k},{0.002 * k + 1e-5 * (k % 3)}\n" for k in range(20))
+    data.write_text(f"load_lb,deflection_in\n{rows}", encoding="utf-8")
+    with served(data, "--session", tmp_path / "session") as address:
+        page.open(address)
+        page.until("!!document.querySelector('#to-model')")
+        page.until("document.querySelectorAll('#main select').length > 4")
+        assert page.js("document.querySelector('#to-model').disabled")
+        page.js(f"({_PICK})('load_lb', 'fx_N', 'lbf')")
+        page.js(f"({_PICK})('deflection_in', 'x_m', 'in')")
+        page.click("#import")
+        page.click("#to-model")
+        page.until("document.querySelector('[value=energy6]').disabled")
+        page.click("#fit")
+        page.click("#to-fails")
+        page.until("document.querySelectorAll('.panel canvas').length === 2")
+        assert page.js("document.querySelectorAll('#main .error').length") == 0
+        check = _state(page)["check"]
+        assert [item["role"] for item in check["columns"]] == ["pose", "wrench"]
+    assert page.problems() == []
 
 
 _DEPTH = """import("/page/depth.js").then(({picture}) => {

@@ -164,7 +164,7 @@ def import_log(
     >>> log.table["theta_x_rad"].round(4)
     array([ 0.    , -0.1745])
     """
-    raw, source, digest = _read(log, topics)
+    raw, source, digest = read_log(log, topics)
     if axis not in ("", "x", "y", "z"):
         raise InputError(f"--axis {axis}: expected x, y or z")
     choices = UserChoices(dict(columns or {}), rotation, given_units(units), axis)
@@ -200,8 +200,8 @@ def import_log(
     return ImportedLog(table, described, source, every)
 
 
-def _read(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
-    """The log, its name for messages, and the sha256 of its file."""
+def read_log(log: Any, topics: Sequence[str]) -> tuple[Log, str, str]:
+    """Return the log, its name for messages, and the sha256 of its file."""
     if not isinstance(log, (str, Path)):
         return _of_object(log), type(log).__name__, ""
     path = Path(log)

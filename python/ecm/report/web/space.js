@@ -6,7 +6,7 @@ import {lit, normalsOf, picture} from "./depth.js";
 import {button, el} from "./dom.js";
 import {marked} from "./selection.js";
 
-const AXES = ["#d0460f", "#008f67", "#2a78c2"];
+const AXES = ["#d0460f", "#00996e", "#2a66c8"];
 const WHILE_TURNING = 4000, MANY = 3000;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
@@ -53,13 +53,12 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
     for (const body of scene.bodies) body.normals = normalsOf(body);
     const all = [...scene.bodies.flatMap(body => body.points),
       ...scene.frames.flatMap(({origin, axes, size}) => axes.map(axis => origin.map((v, m) => v + size * axis[m])))];
-    const {points} = scene;
-    if (points) for (let i = 0; i < points.x.length; i += 1) all.push([points.x[i], points.y[i], points.z[i]]);
+    if (scene.points) all.push(...outermost(scene.points));
     const low = [0, 1, 2].map(i => all.reduce((m, p) => Math.min(m, p[i]), Infinity));
     const high = [0, 1, 2].map(i => all.reduce((m, p) => Math.max(m, p[i]), -Infinity));
     centre = low.map((v, i) => (v + high[i]) / 2);
     reach = Math.hypot(...low.map((v, i) => high[i] - v)) || 1;
-    extent = all.length > 2000 ? all.filter((_, i) => i % Math.ceil(all.length / 2000) === 0) : all;
+    extent = all;
     // What is seen from the start lies in the middle of the picture.
     const at = extent.map(projection(0, 0, START, 1)), middle = k =>
       (Math.min(...at.map(point => point[k])) + Math.max(...at.map(point => point[k]))) / 2;
@@ -242,6 +241,27 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
   });
   canvas.addEventListener("blur", () => { cursor = -1; ask(); });
   return {node, set, redraw: ask};
+}
+
+// Those of many points that bound all: the outermost in directions over the whole sphere.
+const DIRECTIONS = Array.from({length: 100}, (_, k) => {
+  const up = 1 - (2 * k + 1) / 100, side = Math.sqrt(1 - up * up), turn = 2.39996 * k;  // a golden spiral
+  return [up, side * Math.cos(turn), side * Math.sin(turn)];
+});
+const bounds = new WeakMap();  // by the column of x: it stays the same while rows are marked
+function outermost({x, y, z}) {
+  if (!bounds.has(x)) {
+    const corners = DIRECTIONS.map(([a, b, c]) => {
+      let best = 0, most = -Infinity;
+      for (let i = 0; i < x.length; i += 1) {
+        const at = a * x[i] + b * y[i] + c * z[i];
+        if (at > most) [best, most] = [i, at];
+      }
+      return best;
+    });
+    bounds.set(x, x.length ? [...new Set(corners)].map(i => [x[i], y[i], z[i]]) : []);
+  }
+  return bounds.get(x);
 }
 
 // A line that is faint where a body lies before it.

@@ -208,13 +208,32 @@ def plan(tables: Sequence[Path], _model: Path | None) -> dict[str, Any]:
     return {**view_of(table.meta), "columns": columns}
 
 
+def log(files: Sequence[Path], _model: Path | None) -> dict[str, Any]:
+    """Return the columns of the first of the files that were dropped, for a person to name them."""
+    from ecm.logs.listing import list_columns  # noqa: PLC0415 - the server does not need them
+
+    return {
+        "columns": [
+            {
+                "name": column.name,
+                "range": _short(np.array([column.low, column.high])),
+                "unit": column.unit,
+                "standard": column.standard,
+                "rotation": column.rotation,
+            }
+            for column in list_columns(files[0])
+        ]
+    }
+
+
 VIEWS: dict[str, Callable[[Sequence[Path], Path | None], dict[str, Any]]] = {
     "poses": poses,
     "residuals": residuals,
     "effects": effects,
     "plan": plan,
+    "log": log,
 }
-SHOWN = ("poses", "residuals", "effects")
+SHOWN = ("poses", "residuals", "effects", "log")
 """Those that the page may ask for by name."""
 NEED_MODEL = ("residuals", "effects")
 

@@ -35,8 +35,8 @@ function figures(state, residuals) {
     el("div", {class: "value"}, size, " ", el("small", {}, unit)), el("div", {class: "soft"}, text, help(name)));
   return el("div", {class: "cards values"},
     value(error.toFixed(2), "times the noise", "error of the model", "over noise"),
-    pose ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
-    pose ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,
+    pose?.position_mm ? value(pose.position_mm.median.toFixed(2), "mm, median", "position that is off", "as pose error") : null,
+    pose?.rotation_deg ? value(pose.rotation_deg.median.toFixed(2), "deg, median", "rotation that is off", "as pose error") : null,
     value(String(state.compare.rows), "rows", "measured poses compared", "pose"));
 }
 

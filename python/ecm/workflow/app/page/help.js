@@ -31,6 +31,8 @@ const TERMS = {
   "readings": "The force as the sensor reads it, its zero included. The table corrects for that at the end.",
   "chance": "Probability that the verdict is right after this experiment.",
   "controller": "The model as source code for a real-time computer.",
+  "correlation": "How far an error of one value is made up by another, from -1 to 1: near either end only a "
+    + "combination of the two is known.",
   "energy": "The wrench is the slope of an energy: a sum of products of the pose's coordinates, so "
     + "that pushing round a loop gives no work for free.",
   "physics": "Finite elements of the described body; modulus and Poisson's ratio are fitted.",

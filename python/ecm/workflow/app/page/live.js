@@ -18,20 +18,29 @@ export function live() {
   const drawn = space("Planned poses, and the readings of the simulated rig as they come");
   const node = el("section", {"aria-label": "Readings as they come"},
     el("h3", {}, "The simulated rig measures, ", term("readings", "reading by reading")), count, drawn.node);
-  let seen = -1;
+  let known = null;
   const look = async () => {
-    if (seen >= 0 && !node.isConnected) return;
-    const found = await get("/api/live").catch(() => ({plan: null}));
-    if (found.plan && found.row.length !== seen) {
-      seen = found.row.length;
-      drawn.set(sceneOf(found));
+    if (known && !node.isConnected) return;
+    const found = await get(`/api/live?after=${known ? known.row.length : 0}`).catch(() => ({step: null}));
+    if (found.step !== null && (found.plan || found.step !== known.step)) known = found.plan ? found : null;
+    else if (found.step !== null) join(known, found);
+    if (found.step !== null && known && (found.plan || found.row.length)) {
+      drawn.set(sceneOf(known));
+      const seen = known.row.length;
       if (seen) count.textContent = `${seen} ${seen === 1 ? "reading" : "readings"} so far; the last force is `
-        + `${number(found.force_N.at(-1))} N. Faint points are planned.`;
+        + `${number(known.force_N.at(-1))} N. Faint points are planned.`;
     }
     setTimeout(look, EVERY_MS);
   };
   look();
   return node;
+}
+
+// The server sends what is new.
+function join(known, found) {
+  known.row.push(...found.row);
+  known.force_N.push(...found.force_N);
+  for (const name of POSE) known.columns[name].push(...found.columns[name]);
 }
 
 function sceneOf({plan, row, columns, force_N: force}) {

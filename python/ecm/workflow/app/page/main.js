@@ -1,6 +1,6 @@
 // The loop: polls the state of the session folder, and shows one of the seven stages.
 
-import {get, post} from "./api.js";
+import {busy, get, post} from "./api.js";
 import {button, el, waiting} from "./dom.js";
 import {forget, mark} from "./selection.js";
 import {stages} from "./stages.js";
@@ -9,16 +9,21 @@ const main = document.getElementById("main");
 const WORK = {example: "Preparing the example", campaign: "Measuring on the simulated rig", import: "Importing", check: "Checking the table",
   fit: "Fitting the model", refit: "Fitting with the change", compare: "Comparing model and data",
   diagnose: "Testing every effect", export: "Writing the controller", reveal: "Opening the sealed truth"};
-let state = null, shown = "", lost = false, marksOf = "", wasRunning = null;
+let state = null, shown = "", lost = false, acting = false, marksOf = "", wasRunning = null;
 
 export const app = {
   go: id => { location.hash = id; },
+  // One click at a time: the second of a double click does nothing.
   async act(work) {
+    if (acting) return;
+    acting = true;
     say("");
     try {
       await work();
     } catch (error) {
       say(error.message, true);
+    } finally {
+      acting = false;
     }
     await refresh();
   },
@@ -70,7 +75,7 @@ function drawRunning() {
   if (node.hidden) {
     node.replaceChildren(el("div", {class: "what"}, el("strong", {}), el("div", {class: "soft"})),
       el("progress", {"aria-label": "progress"}),
-      button("Cancel", () => app.act(() => post("/api/cancel")), {id: "cancel"}));
+      button("Cancel", cancel, {id: "cancel"}));
     node.hidden = false;
   }
   const what = WORK[step?.verb] ?? step?.verb ?? "";
@@ -79,11 +84,14 @@ function drawRunning() {
   node.querySelector("strong").textContent = what;
   const count = running.total ? `${running.done} of ${running.total}` : "";
   node.querySelector(".soft").textContent = [running.what, count, `${Math.round(running.seconds)} s so far`,
-    running.left].filter(Boolean).join(", ");
+    running.left, running.waiting ? "your click comes next" : ""].filter(Boolean).join(", ");
   const bar = node.querySelector("progress");
   if (running.total) { bar.max = running.total; bar.value = running.done; }
   else bar.removeAttribute("value");
 }
+
+// Also while a click waits.
+const cancel = () => post("/api/cancel").then(refresh, error => say(error.message, true));
 
 function announce(text) {
   document.getElementById("announced").textContent = text;
@@ -91,7 +99,7 @@ function announce(text) {
 
 function drawTools() {
   document.getElementById("folder").replaceChildren(el("span", {}, "Session folder: "), state.folder);
-  const off = Boolean(state.running);
+  const off = busy(state);
   document.getElementById("tools").replaceChildren(
     button("Undo", () => app.act(() => post("/api/undo")),
       {id: "undo", disabled: !state.undo || off, title: "Take the last change of data or model back"}),

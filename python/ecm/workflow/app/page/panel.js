@@ -114,6 +114,10 @@ export function panel({onbrush, say}) {
     if (!data) return;
     const palette = colours();
     context.font = FONT;
+    context.save();
+    context.beginPath();
+    context.rect(LEFT - 5, TOP - 5, w - LEFT - RIGHT + 10, h - TOP - BOTTOM + 10);
+    context.clip();
     if (preview) {
       if (preview.length > MANY) dots(context, data.x, preview, null, palette.second, 0);
       else {
@@ -122,8 +126,9 @@ export function panel({onbrush, say}) {
         preview.forEach((v, i) => v !== null && plus(context, px(data.x[i]), py(v)));
       }
     }
+    if (chosen.length) dots(context, data.x, data.y, chosen, palette.second, 4.2);
+    context.restore();
     if (chosen.length) {
-      dots(context, data.x, data.y, chosen, palette.second, 4.2);
       bars(context, chosen.map(i => data.y[i]), palette.second);
     }
     if (cursor >= 0) {
