@@ -20,6 +20,7 @@ from ecm.rig import CampaignOptions, PlantTable, RigSettings, run_campaign
 from ecm.workflow.head.compiled import compile_controller, exportable
 from ecm.workflow.head.experiment import Robot
 from ecm.workflow.head.neck_wrench import TrueNeck
+from ecm.workflow.head.plugin import build_plugin
 from ecm.workflow.head.settings import HeadSettings
 
 _RIG = RigSettings(plant=PlantTable(room_cycle_degC=4.0))
@@ -135,14 +136,15 @@ def robot(
         Body of the neck.
     """
     row = ROWS[name]
+    plugin = build_plugin(neck.energy, folder)
     if row.model == "truth":
         library = compile_controller(true_model(neck), folder)
-        return Robot(settings, neck, library, knows_the_truth=True)
+        return Robot(settings, neck, library, knows_the_truth=True, plugin=plugin)
     model = None
     if row.model:
         model = identified(row, measured(neck, row, seed, mechanism), mechanism)
         model = exportable(model, _workspace_poses(neck))
-    return Robot(settings, neck, compile_controller(model, folder))
+    return Robot(settings, neck, compile_controller(model, folder), plugin=plugin)
 
 
 def true_model(neck: TrueNeck) -> Model:

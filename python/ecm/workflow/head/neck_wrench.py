@@ -103,7 +103,10 @@ class NeckMemory:
             else:
                 self._friction = effect
         self._length = neck.length_m
-        self._stiffness = neck.energy.stiffness(neck.rest[None])[0]
+        stiffness = neck.energy.stiffness(neck.rest[None])[0]
+        self._held = np.zeros((6, 6))  # wrench of friction per state
+        if self._friction is not None:
+            self._held = self._friction.wrench(np.eye(6), stiffness, neck.length_m).T
         self._before: tuple[F, F] | None = None
         self._chains: F = np.zeros((3, 6))
         self._slip: F = np.zeros(6)
@@ -134,7 +137,7 @@ class NeckMemory:
             added = added + self._factor * self._chains.sum(axis=0)
         if self._friction is not None:
             self._slip = self._friction.state_after(self._slip, moved, self._length)
-            added = added + self._friction.wrench(self._slip, self._stiffness, self._length)
+            added = added + self._held @ self._slip
         return added
 
     def rest(self, seconds: float) -> None:
