@@ -17,7 +17,7 @@ from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.workflow.head.compiled import compile_controller
 from ecm.workflow.head.experiment import Figures, Record, Robot
-from ecm.workflow.head.identification import Identified, measured
+from ecm.workflow.head.identification import Identified, measured, with_effects
 from ecm.workflow.head.motions import Motion
 from ecm.workflow.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
 from ecm.workflow.head.plugin import build_plugin
@@ -114,9 +114,7 @@ def run_loop(
     say("diagnosis")
     answer = diagnose(before, table, seed=seed, effects=effects).to_dict()["answer"]
     named = tuple(members[0] for members in answer)
-    after = before
-    for effect in named:
-        after = after.add(effect).fit(table)
+    after = with_effects(before, named, table)
     say("the head with the model that has it")
     return HeadLoop(table, before, after, named, missed, _run(bench, after, motion, seed))
 
