@@ -36,8 +36,8 @@ FORMS: dict[str, Effect] = {"stress_relaxation": StressRelaxation(1.0, second_ta
 """Forms of effects that are fitted here: a head moves within a second and rests for minutes, which
 one time constant cannot follow."""
 DWELLS_S = (0.5, 2.0, 8.0, 30.0, 120.0)
-"""Rests before a reading where effects of time are looked for. After 30 s a slow chain still carries
-so much that its share would be taken for static stiffness."""
+"""Rests before a reading where effects of time are looked for. After 30 s a slow chain carries
+so much that it would be taken for static stiffness."""
 _EFFECTS = ("stress_relaxation", "hysteresis", "temperature_modulus")
 
 
