@@ -51,7 +51,7 @@ def test_the_memory_goes_on_like_that_of_the_rig() -> None:
     elastic = neck.energy.predict(poses)
     memory = neck.memory()
     stepped = np.stack([memory.step(p, h, 0.05) for p, h in zip(poses, elastic, strict=True)])
-    relaxing = RELAXATION.carried(elastic, time, np.zeros(len(time), dtype=bool))
+    relaxing = RELAXATION.along(poses, elastic, time, np.zeros(len(time), dtype=bool))
     states = HYSTERESIS.states(
         [(poses[:1], False)] + [(poses[i : i + 2], False) for i in range(len(poses) - 1)],
         neck.length_m,

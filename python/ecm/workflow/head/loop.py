@@ -17,9 +17,10 @@ from ecm.io.table import Table
 from ecm.models import Model, fit_model
 from ecm.workflow.head.compiled import compile_controller
 from ecm.workflow.head.experiment import Figures, Record, Robot
-from ecm.workflow.head.identification import Identified, measured
+from ecm.workflow.head.identification import Identified, measured, with_effects
 from ecm.workflow.head.motions import Motion
 from ecm.workflow.head.neck_wrench import HYSTERESIS, RELAXATION, TEMPERATURE
+from ecm.workflow.head.plugin import build_plugin
 from ecm.workflow.head.table import Bench
 
 HIDDEN = {
@@ -113,9 +114,7 @@ def run_loop(
     say("diagnosis")
     answer = diagnose(before, table, seed=seed, effects=effects).to_dict()["answer"]
     named = tuple(members[0] for members in answer)
-    after = before
-    for effect in named:
-        after = after.add(effect).fit(table)
+    after = with_effects(before, named, table)
     say("the head with the model that has it")
     return HeadLoop(table, before, after, named, missed, _run(bench, after, motion, seed))
 
@@ -124,7 +123,9 @@ def _run(bench: Bench, model: Model, motion: Motion, seed: int) -> Record:
     library = compile_controller(model, bench.folder)
     # Without integral: it would take away at rest what the model misses, and hide it.
     control = replace(bench.settings.control, integral_per_s=0.0)
-    return Robot(replace(bench.settings, control=control), bench.neck, library).run(motion, seed)
+    plugin = build_plugin(bench.neck.energy, bench.folder)
+    settings = replace(bench.settings, control=control)
+    return Robot(settings, bench.neck, library, plugin=plugin).run(motion, seed)
 
 
 def _error(figures: Figures) -> str:
