@@ -12,6 +12,7 @@ import numpy as np
 
 from ecm._native import convert_stiffness
 from ecm.effects import Effect, Missing, Rows, effects_for, get_effect
+from ecm.effects.length import missing_length
 from ecm.effects.thinned import correction_of
 from ecm.errors import InputError
 from ecm.io.arrays import B, F
@@ -180,7 +181,7 @@ class Model:
             return None
         poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
         columns = self.base.columns(np.ascontiguousarray(poses))
-        variance = np.einsum("nmk,kl,nml->nm", columns, self.covariance, columns)
+        variance = _variance(columns, self.covariance)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
 
     def reading_sd(self, poses: F) -> F | None:
@@ -224,7 +225,7 @@ class Model:
             return None
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         variances = [
-            np.einsum("nmk,kl,nml->nm", slope, self.covariance, slope)
+            _variance(slope, self.covariance)
             for slope in central_differences(self.base.columns, poses, 1e-5)
         ]
         return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
@@ -506,7 +507,8 @@ class Model:
         """The model whose effect at this position has its best shape, with values zero."""
         item = self.effects[position]
         (plain,) = effects_for((*self.inputs, *self.outputs), (item.effect,))
-        lacking = plain.missing(table if table.whole is None else table.whole)
+        whole = (table if table.whole is None else table.whole).with_length(self.known_length_m)
+        lacking = plain.missing(whole) or missing_length(plain, whole)
         if lacking is not None:
             raise InputError(
                 f"{table.source}: effect {item.id} cannot be fitted, {lacking.reason}; "
@@ -517,6 +519,11 @@ class Model:
         effects = list(self.effects)
         effects[position] = FittedEffect.unfitted(effect)
         return replace(self, effects=tuple(effects))
+
+
+def _variance(columns: F, covariance: F) -> F:
+    """(N, m) c' C c of columns c (N, m, k): a matrix product first, of which BLAS is made."""
+    return np.asarray(np.einsum("nmk,nmk->nm", columns @ covariance, columns))
 
 
 def _rows_of_poses(poses: F) -> F:
