@@ -19,6 +19,7 @@ from ecm.io.arrays import B, F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta, Scene
 from ecm.io.extras import require
+from ecm.io.steps import Progress, Steps
 from ecm.io.table import Table, TableLike, as_table
 from ecm.models import file
 from ecm.models.controller import Controller
@@ -26,7 +27,7 @@ from ecm.models.fit_report import correlations_of, fit_report
 from ecm.models.folding import folded
 from ecm.models.history import FitRecord, RecordedFit, fit_records
 from ecm.models.joint_fit import FittedEffect, best_shape, joint_fit
-from ecm.models.leverage import leverages
+from ecm.models.leverage import leverages, variances_of, wrench_variances
 from ecm.models.maps import StiffnessMap, central_differences
 from ecm.models.plots import history_figure
 from ecm.models.pose_error import pose_error, report_rows
@@ -43,6 +44,9 @@ from ecm.regression.blocks import MANY_ROWS
 from ecm.regression.folds import without_zero_readings
 from ecm.regression.noise import Noise
 from ecm.regression.thinning import HOW, RowsUsed, spread_rows
+
+_NOISE, _FORM, _ALL, _RECORD = "noise", "form of {}", "all values together", "errors"
+"""Steps of a fit with effects."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,8 +184,7 @@ class Model:
         if self.covariance is None:
             return None
         poses = data if isinstance(data, np.ndarray) else Rows(data, self.base).poses
-        columns = self.base.columns(np.ascontiguousarray(poses))
-        variance = _variance(columns, self.covariance)
+        variance = wrench_variances(self.base, self.covariance, poses)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.base.error**2))
 
     def reading_sd(self, poses: F) -> F | None:
@@ -225,7 +228,7 @@ class Model:
             return None
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         variances = [
-            _variance(slope, self.covariance)
+            variances_of(slope, self.covariance)
             for slope in central_differences(self.base.columns, poses, 1e-5)
         ]
         return np.asarray(np.sqrt(np.maximum(np.stack(variances, axis=2), 0.0)))
@@ -439,7 +442,12 @@ class Model:
                 raise InputError(f"the model has no effect {id}; it has: {listed}")
 
     def fit(
-        self, table: TableLike, *, noise: Noise | None = None, most_rows: int = MANY_ROWS
+        self,
+        table: TableLike,
+        *,
+        noise: Noise | None = None,
+        most_rows: int = MANY_ROWS,
+        progress: Progress | None = None,
     ) -> Model:
         """Refit the base's coefficients and all effects that are not frozen, jointly.
 
@@ -454,6 +462,8 @@ class Model:
         most_rows
             Of a larger table so many rows are fitted, spread over runs, time and poses, and the
             fit report says so; what depends on earlier rows is computed on all of them.
+        progress
+            Called with the part that is done, the whole, and the step that begins.
 
         Raises
         ------
@@ -468,13 +478,20 @@ class Model:
             total, table = len(table), table.thinned(spread_rows(table, most_rows))
             fitted_rows = RowsUsed(total, len(table), HOW, "the errors of the values are theirs")
             training["rows_used"] = fitted_rows.to_dict()
+        free = [item.id for item in self.effects if not item.frozen]
+        steps = Steps(
+            {_NOISE: 1, **{_FORM.format(id): 6 for id in free}, _ALL: 6, _RECORD: 5}, progress
+        )
+        steps.begin(_NOISE)
         used = noise
         if used is None:
             used = noise_for(self.base, table, self.noise, same_rows=same_rows)
         shaped = self
         for position, item in enumerate(self.effects):
             if not item.frozen:
+                steps.begin(_FORM.format(item.id))
                 shaped = shaped._best_shape(position, table, used)
+        steps.begin(_ALL)
         joint = joint_fit(shaped.base, shaped.effects, table, used, freeze_base=freeze_base)
         if any(item.effect.shape.get("overstress") == "linear" for item in joint.effects):
             # Such a branch follows it, also in a controller, which has no table.
@@ -495,6 +512,7 @@ class Model:
             previous=self.previous if self.changed else self,
             changed=False,
         )
+        steps.begin(_RECORD)
         shown = report_rows(table)
         errors = table.matrix(self.outputs)[shown] - fitted.predict(table)[shown]
         training["pose_error"] = pose_error(fitted, table.select(shown), errors).to_dict()
@@ -519,11 +537,6 @@ class Model:
         effects = list(self.effects)
         effects[position] = FittedEffect.unfitted(effect)
         return replace(self, effects=tuple(effects))
-
-
-def _variance(columns: F, covariance: F) -> F:
-    """(N, m) c' C c of columns c (N, m, k): a matrix product first, of which BLAS is made."""
-    return np.asarray(np.einsum("nmk,nmk->nm", columns @ covariance, columns))
 
 
 def _rows_of_poses(poses: F) -> F:
