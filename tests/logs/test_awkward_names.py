@@ -49,7 +49,7 @@ def test_the_smallest_value_of_a_force_is_no_time() -> None:
     assert not imported.table.has("fy_N")
 
 
-@pytest.mark.parametrize("name", ["Phi", "gyro", "Data.acc", "imu/mag"])
+@pytest.mark.parametrize("name", ["psi", "gyro", "Data.acc", "imu/mag"])
 def test_three_numbers_of_something_else_are_no_position(name: str) -> None:
     columns: dict[str, Any] = {"fx_N": LOAD[:, 0], name: PLACE}
     imported = import_log(columns)
@@ -81,6 +81,17 @@ def test_several_columns_without_an_axis_are_to_be_named_each() -> None:
     columns = {"AP Force": LOAD[:, 0], "ML Force": LOAD[:, 1], "x [mm]": PLACE[:, 0]}
     with pytest.raises(ecm.InputError, match='--map "fx_N=AP Force"'):
         import_log(columns, units=["SI"])
+
+
+def test_a_name_that_is_there_twice_is_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{i},{i},{2 * i}\n" for i in range(9))
+    path.write_text("phi/deg,torque [N mm],torque [N mm]\n" + rows)
+    with pytest.raises(ecm.InputError, match=r"both be tau_z_Nm.*--map \"tau_z_Nm=torque"):
+        import_log(path, axis="z")
+    chosen = import_log(path, axis="z", columns={"tau_z_Nm": "torque [N mm]_2:N mm"})
+    assert np.allclose(chosen.table["tau_z_Nm"], 2e-3 * np.arange(9))
+    assert np.allclose(chosen.table["theta_z_rad"], np.radians(np.arange(9)))
 
 
 def test_labels_and_units_of_an_xarray_dataset() -> None:

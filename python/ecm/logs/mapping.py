@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -78,12 +79,19 @@ def _read_names(log: Log) -> dict[str, Named]:
     named = {}
     for name, shown in zip(log.columns, _renamed(log), strict=True):
         own = read_name(shown, log.units.get(name, ""))
+        repeated = re.fullmatch(r"(.*)_[2-9]", name)
+        if repeated is not None and repeated[1] in named and not _is_pose_or_wrench(own):
+            own = named[repeated[1]]  # a name that is there twice is asked about
         units = trailing_units(name.rpartition(".")[0])[1] if shown != name else {}
         stated = tuple(r for r in own.readings if DIMENSION.get(r.quantity) in units)
         if own.unit is None and stated:
             own = Named(stated, units[DIMENSION[stated[0].quantity]])
         named[name] = own
     return named
+
+
+def _is_pose_or_wrench(named: Named) -> bool:
+    return any(_standard(reading, "x") is not None for reading in named.readings)
 
 
 def _renamed(log: Log) -> list[str]:

@@ -58,7 +58,7 @@ _WORDS = {
     "force": "f force load kraft",
     "torque": "m torque moment tau trq mom drehmoment",
     "rotvec": "theta rotvec rv rodrigues axisangle",
-    "rotation": "r rot rotation angle ang euler winkel deviation",
+    "rotation": "r rot rotation angle ang euler winkel deviation phi alpha",
     "quaternion": "q quat quaternion orientation ori",
     "matrix": "r rot rotation matrix dcm",
     "time": "t time timestamp stamp timestamps elapsed zeit clock",
