@@ -76,7 +76,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
 
 def _read_names(log: Log) -> dict[str, Named]:
     """The readings of every column; arrays state units at the end of their name: position_mm."""
-    named = {}
+    named: dict[str, Named] = {}
     for name, shown in zip(log.columns, _renamed(log), strict=True):
         own = read_name(shown, log.units.get(name, ""))
         repeated = re.fullmatch(r"(.*)_[2-9]", name)
