@@ -21,18 +21,21 @@ import numpy as np
 import pytest
 
 from ecm._native import __version__, rotation_matrices
+from ecm.cli import console
 from ecm.cli.app import COMMANDS as REGISTRY
 from ecm.cli.app import file_of, load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
 from ecm.cli.session import Session
+from ecm.comparison import compare
 from ecm.designs import CRITERIA
 from ecm.effects import LinearEffect, Parameter, unregister
 from ecm.errors import ComputationError, FemError, InputError, ModelError
 from ecm.io.columns import POSE, STIFFNESS, WRENCH
 from ecm.io.mechanism import Mechanism
-from ecm.io.table import read_table
+from ecm.io.table import as_table, read_table
 from ecm.models import PhysicsMap, fit_model
+from ecm.models.refit import refit
 from ecm.report.page import number
 from support.campaigns import campaign, physics
 from support.neck import LENGTH_M, Done, csv_text, neck_columns, neck_rows
@@ -593,6 +596,55 @@ def test_a_full_disk_is_said(neck_csv: Path) -> None:
     assert done.returncode == 1
     assert "the disk is full" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_long_work_tells_its_step_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "_FIRST_LINE_S", 0.01)
+    monkeypatch.setattr(console, "_LINE_EVERY_S", 0.01)
+    said = ""
+
+    def until(words: str) -> None:
+        nonlocal said
+        while words not in said:
+            time.sleep(0.005)
+            said += capsys.readouterr().err
+
+    with Console().working("fitting") as tell:
+        until("fitting: 0 s so far\n")
+        tell(0, 4, "noise")
+        until("fitting, noise, 0 s so far: 0 of 4, 0 s left\n")
+        tell(3, 4, "all values")
+        until("fitting, all values, 0 s so far: 3 of 4, 0 s left\n")
+    with Console(quiet=True).working("fitting") as tell:
+        tell(0, 4, "noise")
+    assert capsys.readouterr().err == ""
+
+
+def test_compare_and_refit_tell_their_steps() -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    columns = {"theta_z_rad": x, "tau_z_Nm": 2.0 * x + 0.1 * np.sign(x), "time_s": 9.0 * x + 9.0}
+    table = as_table(columns)
+    model = fit_model(table, "linear")
+    told: list[tuple[int, int, str]] = []
+
+    def progress(*step: Any) -> None:
+        told.append(step)
+
+    compared = compare(model, table, progress=progress)
+    compared.complete(progress)
+    assert [words for *_, words in told] == [
+        "errors", "structure of the errors", "pose errors", "reference models", "residual maps",
+    ]  # fmt: skip
+    refitted: list[tuple[int, int, str]] = []
+    refit(model, table, add=["fts_drift"], progress=lambda *step: refitted.append(step))
+    assert refitted[1][2] == "form of fts_drift"
+    for steps in (told, refitted):
+        done = [step[0] for step in steps]
+        assert done[0] == 0
+        assert done == sorted(set(done))
+        assert done[-1] < steps[-1][1] == steps[0][1]
 
 
 def test_progress_off_a_terminal_is_plain_lines(

@@ -17,12 +17,13 @@ def predict(options: Options, session: Session) -> None:
     load_installed()
     table = session.read([options.poses], need="predict")
     kind: Any = options.stiffness_kind.value if options.stiffness else None
-    predicted = predict_table(
-        open_model(options.model, session, table), table, stiffness=kind, leverage=options.leverage
-    )
+    model = open_model(options.model, session, table)
+    with session.working(f"predicting {len(table)} rows"):
+        predicted = predict_table(model, table, stiffness=kind, leverage=options.leverage)
     for warning in predicted.warnings[len(table.warnings) :]:
         session.warn(warning)
-    predicted.write(options.out)
+    with session.working(f"writing {options.out}"):
+        predicted.write(options.out)
     new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
     session.write_json({"schema": 1, "rows": len(table), "columns": new})
     session.print(f"{options.out}: {len(table)} rows, {len(new)} predicted columns")

@@ -13,6 +13,7 @@ from ecm.diagnosis.statements import reversed_sign, time_unit
 from ecm.diagnosis.suspect_rows import SuspectRows, suspect_rows, whole_turns
 from ecm.diagnosis.to_json import fields_json
 from ecm.effects import effects_for
+from ecm.effects.length import missing_length
 from ecm.io.columns import POSE, TEXT, WRENCH, is_standard
 from ecm.io.table import MetaLike, Table, TableLike, as_table
 from ecm.regression.correlation import correlation_time
@@ -323,7 +324,7 @@ def _effects(
     testable: list[str] = []
     not_testable: list[NotTestable] = []
     for effect in effects_for((*table.pose_columns, *table.wrench_columns)):
-        missing = effect.missing(table)
+        missing = effect.missing(table) or missing_length(effect, table)
         if missing is not None:
             not_testable.append(NotTestable(effect.id, missing.reason, missing.record))
         elif constant:

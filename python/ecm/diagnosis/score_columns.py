@@ -11,10 +11,11 @@ from scipy import special
 from ecm.diagnosis.settings import DiagnosisSettings
 from ecm.effects import Effect, Missing, Rows
 from ecm.effects.few.forms import FORMS
+from ecm.effects.length import UNKNOWN_LENGTH
 from ecm.effects.thinned import jacobian_of
-from ecm.errors import InputError
 from ecm.io.arrays import F
 from ecm.regression.f_test import explained_by_span
+from ecm.regression.rows import UnknownLength
 
 _ROUNDING = 1e-9
 
@@ -145,12 +146,8 @@ def all_score_columns(
                 ScoreColumns(v, score_columns(rows, whitener, v), lacking is not None)
                 for v in variants
             ]
-        except InputError:
-            if rows.has_length:
-                raise
-            untestable[effect.id] = Missing(
-                "the mechanism's length is not known", "[mechanism] length_m"
-            )
+        except UnknownLength:
+            untestable.setdefault(effect.id, UNKNOWN_LENGTH)
     return columns, untestable
 
 

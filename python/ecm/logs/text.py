@@ -32,7 +32,7 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!|\*)")
 def read_text_log(path: Path) -> Log:
     """Read a text file of numbers; InputError where no rows of numbers are found."""
     lines = _decoded(path).splitlines()
-    kept = [line for line in lines if line.strip() and not _COMMENT.match(line)]
+    kept = [line for line in lines if line.strip(' \t;,|"') and not _COMMENT.match(line)]
     comments = [line for line in lines if _COMMENT.match(line)]
     word, split, begin, width = _layout(kept[:_SAMPLE], path)
     comma = word != "commas" and has_decimal_comma(kept[begin:], split, path)
@@ -45,9 +45,19 @@ def read_text_log(path: Path) -> Log:
         notes.append(f"{begin} line(s) above the numbers")
     if not above and not _named_by_comment(comments, split, width):
         notes.append("no line of names: the columns are called column_1, column_2, ...")
+    if above and _counts_rows(above[-1], names, columns):
+        del columns[names[0]]
+        notes.append("the first column has no name and counts the rows: it was left aside")
     if bad:
         notes.append(f"{bad} line(s) do not have {width} cells and were left out")
     return Log(columns, text, units, tuple(notes))
+
+
+def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str, F]) -> bool:
+    """Whether the first column is the number of the row, as data frames are written."""
+    values = columns.get(names[0])
+    unnamed = len(header) == len(names) > 1 and not header[0].strip(' "')
+    return unnamed and values is not None and bool(np.all(np.diff(values) == 1.0))
 
 
 def _decoded(path: Path) -> str:
@@ -58,7 +68,10 @@ def _decoded(path: Path) -> str:
         except UnicodeDecodeError:
             break
     if b"\0" in raw[:65536]:
-        raise InputError(f"{path}: a binary file of a kind that is not known here")
+        raise InputError(
+            f"{path}: a binary file of a kind that is not known here. Save the log as CSV, "
+            "Parquet, MAT, HDF5 or NPZ."
+        )
     return raw.decode("latin-1")
 
 
