@@ -58,6 +58,7 @@ def build(target: str, out: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out) as folder:
         command = ["maturin", "build", "--release", "--locked", "--target", target]
+        command += ["--compression-level", "9"]
         _run([*command, *wanted.arguments, "--out", folder])
         (wheel,) = Path(folder).glob("*.whl")
         if not wheel.stem.endswith(f"-abi3-{wanted.tag}"):
