@@ -76,7 +76,7 @@ class Release:
 
     def windows(self) -> str:
         """The wheel of Windows under wine gives the figures of this machine."""
-        foreign.need("x86_64-w64-mingw32-gcc", advice="apt-get install gcc-mingw-w64-x86-64")
+        foreign.need(foreign.MINGW, advice="apt-get install gcc-mingw-w64-x86-64")
         wheel = self._wheel("x86_64-pc-windows-gnu")
         return self._same(foreign.use_on_windows(wheel, self.work))
 
