@@ -59,7 +59,7 @@ def add_missing(root: Path, python: Path) -> None:
     shutil.copy(library, python / "crtwine.dll")
     shutil.copy(root / MINGW / "zlib1.dll", python)
     definitions, source = python / "ucrtbase.def", python / "ucrtbase.c"
-    names, code = _complex_numbers()
+    names, code = complex_numbers()
     listed = subprocess.run(
         ["x86_64-w64-mingw32-objdump", "--private-headers", library],
         check=True, capture_output=True, text=True,
@@ -74,8 +74,8 @@ def add_missing(root: Path, python: Path) -> None:
     )
 
 
-def _complex_numbers() -> tuple[dict[str, str], str]:
-    """The functions by their name in Windows, and their source; `l` is `double` there."""
+def complex_numbers() -> tuple[dict[str, str], str]:
+    """Return the functions by their name in Windows, and their source; `l` is `double` there."""
     names, code = {}, []
     for end, kind in (("", "double"), ("f", "float")):
         z = f"{kind} _Complex"
