@@ -22,7 +22,7 @@ no error. Do not fill up with zeros: leave out what was not measured.
 
 `ecm new data --dof 1` writes a table of one angle and one torque with its description, `--dof 3`
 three of each, `--dof 6` all; `ecm check data.csv` says what a table holds and what it can test.
-[Import a log](import.md) is about logs with other names, units and frames.
+`docs/import.md` is about logs with other names, units and frames.
 
 | column | unit | meaning | allowed | effects that need it |
 |---|---|---|---|---|
