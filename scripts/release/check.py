@@ -43,6 +43,14 @@ class Release:
             raise RuntimeError(done.stderr)
         return " → ".join(re.findall(r"Uploading ([\w-]+) v", done.stderr))
 
+    def oldest(self) -> str:
+        """The oldest compiler that Cargo.toml promises accepts every crate."""
+        foreign.need("rustup", advice="the oldest compiler comes by rustup")
+        subprocess.run(
+            ["make", "oldest-rust"], cwd=ROOT, capture_output=True, text=True, check=True
+        )
+        return f"rustc {version.oldest_rust()}"
+
     def linux(self) -> str:
         """The manylinux wheel, installed without a compiler."""
         wheel = self._wheel("x86_64-unknown-linux-gnu")
@@ -68,7 +76,7 @@ class Release:
 
     def windows(self) -> str:
         """The wheel of Windows under wine gives the figures of this machine."""
-        foreign.need("x86_64-w64-mingw32-gcc", advice="apt-get install gcc-mingw-w64-x86-64")
+        foreign.need(foreign.MINGW, advice="apt-get install gcc-mingw-w64-x86-64")
         wheel = self._wheel("x86_64-pc-windows-gnu")
         return self._same(foreign.use_on_windows(wheel, self.work))
 
@@ -96,6 +104,7 @@ class Release:
 CHECKS: tuple[Callable[[Release], str], ...] = (
     Release.versions,
     Release.crates,
+    Release.oldest,
     Release.linux,
     Release.installed,
     Release.musl,
@@ -125,7 +134,10 @@ def main() -> int:
             outcome, words = "ok", check(release)
         except NotHereError as error:
             outcome, words = "not run", str(error)
-        except (RuntimeError, ValueError, subprocess.CalledProcessError) as error:
+        except subprocess.CalledProcessError as error:
+            outcome, words = "failed", f"{error}\n{error.stdout or ''}{error.stderr or ''}"
+            failed += 1
+        except (RuntimeError, ValueError) as error:
             outcome, words = "failed", str(error)
             failed += 1
         print(

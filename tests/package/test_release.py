@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import yaml
 
-from release import check, foreign, version, wheels
+from release import check, foreign, version, wheels, wine
 from support.neck import ROOT
 
 if sys.version_info >= (3, 11):
@@ -109,6 +110,31 @@ def test_a_wheel_is_refused_that_does_not_keep_its_tag(
     with pytest.raises(RuntimeError, match=r"linux_x86_64\.whl was built.*manylinux_2_28_x86_64"):
         wheels.build("x86_64-unknown-linux-gnu", tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("tag", "own_libraries"), [("manylinux_2_28_x86_64", True), ("musllinux_1_2_x86_64", False)]
+)
+def test_a_wheel_for_musl_is_not_held_against_the_c_library_of_this_machine(
+    tag: str, own_libraries: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands: list[list[str]] = []
+
+    def show(command: list[str], **settings: Any) -> SimpleNamespace:
+        commands.append(command)
+        words = f'is consistent with the following platform tag: "{tag}"'
+        return SimpleNamespace(stdout=words, stderr="")
+
+    monkeypatch.setattr(wheels.subprocess, "run", show)
+    wheels.audit(tmp_path / f"ecm_stiffness-0.1.0-cp310-abi3-{tag}.whl")
+    assert ("--ldpaths" not in commands[0]) == own_libraries
+
+
+def test_every_complex_function_of_windows_has_a_definition() -> None:
+    names, code = wine.complex_numbers()
+    defined = set(re.findall(r"(own_\w+)\(", code))
+    assert {"cabs", "crealf", "cexpl", "cpowf"} <= set(names)
+    assert set(names.values()) == defined
 
 
 def test_figures_of_another_machine_that_differ_are_a_failure(tmp_path: Path) -> None:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ecm.cli.models import open_model
 from ecm.cli.options.predict import Options
 from ecm.cli.session import Session
 from ecm.effects import load_installed
+from ecm.io.columns import POSE
+from ecm.logs.rotations import check_rotation_word, rotation_columns
 from ecm.models.prediction import predict as predict_table
 
 
@@ -15,6 +19,8 @@ def predict(options: Options, session: Session) -> None:
     """Run `ecm predict`."""
     session.check_output(options.out)
     load_installed()
+    if options.rotation:
+        check_rotation_word(options.rotation)
     table = session.read([options.poses], need="predict")
     kind: Any = options.stiffness_kind.value if options.stiffness else None
     model = open_model(options.model, session, table)
@@ -22,6 +28,9 @@ def predict(options: Options, session: Session) -> None:
         predicted = predict_table(model, table, stiffness=kind, leverage=options.leverage)
     for warning in predicted.warnings[len(table.warnings) :]:
         session.warn(warning)
+    if options.rotation:
+        vectors = np.column_stack([predicted.column(name) for name in POSE[3:]])
+        predicted = predicted.with_columns(rotation_columns(options.rotation, vectors))
     with session.working(f"writing {options.out}"):
         predicted.write(options.out)
     new = [n for n, column in predicted.columns.items() if column is not table.columns.get(n)]
