@@ -193,7 +193,7 @@ def _gains(columns: F, responses: F, blocks: Sequence[tuple[int, ...]]) -> F:
     sizes = np.array([len(block) for block in blocks], dtype=np.int64)
     for k in np.unique(sizes).tolist():
         which = np.flatnonzero(sizes == k)
-        take = np.array([blocks[i] for i in which], dtype=np.int64)
+        take = np.array([blocks[i] for i in which.tolist()], dtype=np.int64)
         among = np.swapaxes(columns[:, take], 0, 1)
         own = np.swapaxes(among, 1, 2) @ among
         ridge = 1e-10 * np.maximum(np.einsum("bii->bi", own), 1e-200)
