@@ -346,6 +346,9 @@ def test_a_polynomial_of_any_shape_is_a_crate(
     model = fit_model(as_table(columns), f"poly:{degree}")
     folder = written(model, tmp_path, "rust", precision)
     assert not (folder / "src" / "evaluation").exists()
+    oldest = re.search(r'^rust-version = "\S+"$', (ROOT / "Cargo.toml").read_text("utf-8"), re.M)
+    assert oldest is not None
+    assert oldest.group() in (folder / "Cargo.toml").read_text("utf-8").splitlines()
     environment = {
         **os.environ, "CARGO_TARGET_DIR": str(tmp_path / "target"), "RUSTFLAGS": "-D warnings",
     }  # fmt: skip
