@@ -32,9 +32,9 @@ class LoopSettings:
     """
 
     mass_kg: float | None = None
-    """Of the platform and what it carries; default: by the mechanism's own frequency."""
+    """Mass of the platform and what it carries; default: by the mechanism's own frequency."""
     inertia_kg_m2: float | None = None
-    """About any axis through the origin of the top frame; default: as the mass."""
+    """Inertia about any axis through the origin of the top frame; default: as the mass."""
     delay_s: float = 0.003
     """Longest time between the reading of a pose and the moment from which its wrench acts."""
     dt_s: float = 0.001
