@@ -46,12 +46,12 @@ def python_imports(source: str, modules: Iterable[str]) -> set[str]:
             parts = name.split(".")[1:]
             while parts and ".".join(parts) not in known:
                 parts.pop()
-            found.add(".".join(parts))
+            found.add(".".join(parts) or "ecm")
     return found
 
 
 def python_graph() -> dict[str, set[str]]:
-    """Every module with what it imports; the package itself is not a room."""
+    """Every module with what it imports; the package itself, `ecm`, is not a room."""
     modules = python_modules()
     graph = {
         name: python_imports(path.read_text(encoding="utf-8"), modules) - {name}
