@@ -82,7 +82,7 @@ def neck_physics(products: Path) -> PhysicsMap:
 def quick_config(products: Path) -> Iterator[Path]:
     """`examples/quick.toml` with fewer pairs."""
     name = "quick.toml"
-    small = partial(write_smaller, n=150, n_test=20)
+    small = partial(write_smaller, n=180, n_test=20)
     with made_once(products, "quick-config", lambda out: small(out / name)) as folder:
         yield folder / name
 

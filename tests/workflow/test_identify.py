@@ -28,16 +28,16 @@ from support.jobs import QUICK, copy_cases, identify, identify_command
 from support.neck import Done
 from support.report_pages import open_page
 
-HALF = 90
+HALF = 120
 
 
 def test_the_results_are_there_and_hang_together(quick_job: Path) -> None:
     summary = json.loads((quick_job / "summary.json").read_text())
     counts = summary["simulate"]["counts"]
-    assert counts["kept"] == 150
+    assert counts["kept"] == 180
     assert counts["drawn"] > counts["screened"] >= counts["solved"] >= counts["kept"]
     with (quick_job / "simulated.csv").open() as file:
-        assert sum(1 for _ in csv.reader(file)) == 151
+        assert sum(1 for _ in csv.reader(file)) == 181
     degrees = {row["degree"]: row for row in summary["select"]["table_two"]["degrees"]}
     for component in (1, 2):
         assert degrees[2]["rmse"][component] > 3.0 * degrees[3]["rmse"][component]
