@@ -34,6 +34,11 @@ def run_again(block: Block, folder: Path, where: str) -> str:
     return (run_apart if "if [" in block.text else run_here)(block, folder, where)
 
 
+def run_python_apart(block: Block, folder: Path, where: str) -> str:
+    """Run commands in this process, but Python, which may register effects, in one of its own."""
+    return (run_apart if block.language == "python" else run_here)(block, folder, where)
+
+
 def measured(folder: Path, seed: int | None = None) -> str:
     """What the page's last block prints after all but the plan, with that seed instead."""
     page = blocks(PAGE)[2:]
@@ -76,7 +81,7 @@ def test_an_effect_of_ones_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_job: Path, neck_physics: PhysicsMap
 ) -> None:
     copy_cases(quick_job, tmp_path / "candidates.parts")
-    follow(blocks(OWN), OWN.name, tmp_path)
+    follow(blocks(OWN), OWN.name, tmp_path, run_python_apart)
     ask = ["ecm", "predict", "better.json", "measured.csv", "--out", "predicted.csv"]
     with pytest.raises(AssertionError, match="unknown effect 'hose'"):
         run(ask, tmp_path, OWN.name)
