@@ -143,7 +143,7 @@ class _Pardiso:
         return np.asarray(self._solver._call_pardiso(upper, right))
 
 
-def felupe_p2(  # noqa: PLR0915
+def felupe_p2(  # noqa: PLR0915 - a program of the peer as its manual writes it
     mesh: Mesh, tolerance: float = 1e-8, linear: type[_SuperLU] | type[_Pardiso] = _SuperLU
 ) -> Run:
     """FElupe's quadratic tetrahedra under the same platform and wrench."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from ecm.cli import run
 from ecm.io.mechanism import Mechanism
 from ecm.models import PhysicsMap, physics_map
 from ecm.regression.blas import one_blas_thread
-from support.jobs import QUICK, identify
+from support.jobs import identify, write_smaller
 from support.neck import ROOT, SHARED_DATA, Done, csv_text, neck_columns
 from support.products import cache_of_this_code, made_once
 
@@ -78,9 +79,19 @@ def neck_physics(products: Path) -> PhysicsMap:
 
 
 @pytest.fixture(scope="session")
-def quick_job(products: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
-    """Results of `ecm identify examples/quick.toml` on two threads."""
-    with made_once(products, "quick", lambda out: identify(QUICK, out, "--threads", "2")) as job:
+def quick_config(products: Path) -> Iterator[Path]:
+    """`examples/quick.toml` with fewer pairs."""
+    name = "quick.toml"
+    small = partial(write_smaller, n=180, n_test=20)
+    with made_once(products, "quick-config", lambda out: small(out / name)) as folder:
+        yield folder / name
+
+
+@pytest.fixture(scope="session")
+def quick_job(products: Path, quick_config: Path, neck_physics: PhysicsMap) -> Iterator[Path]:
+    """Results of `ecm identify` of those settings on two threads."""
+    make = partial(identify, quick_config)
+    with made_once(products, "quick", lambda out: make(out, "--threads", "2")) as job:
         yield job
 
 

@@ -19,7 +19,7 @@ from ecm.regression.blocks import in_threads
 _DRAWS, _SEED = 199, 11
 _TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
 _LEAST_ROWS = 30
-"""Of fewer rows slow noise explains anything."""
+"""Slow noise can explain any residual of fewer rows."""
 _MOST_NUMBERS = 4_000_000
 """Filtered numbers that a thread holds at once."""
 
