@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
@@ -23,12 +25,10 @@ from ecm.regression.noise import Noise
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 
-META = Meta(
-    mechanism={"length_m": L},
-    instrument=Instrument(
-        pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
-    ),
+INSTRUMENT = Instrument(
+    pose_position_sd_m=1e-9, pose_rotation_sd_rad=1e-9, force_sd_N=0.3, torque_sd_Nm=0.01
 )
+META = Meta(mechanism={"length_m": L}, instrument=INSTRUMENT)
 
 
 def measured(seed: int, *, factor: float = 1.0, rows: int = 120) -> Table:
@@ -182,3 +182,69 @@ def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(
     assert tried
     assert found.model.refitted is not None
     assert found.model.with_effects is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "degrees", "words"),
+    [(1.0, 90.0, "the axes of pose and wrench look turned by 90 degrees about z"), (4.7, 0.0, "")],
+)
+def test_turned_axes_show_against_the_given_model(
+    factor: float, degrees: float, words: str
+) -> None:
+    """No length is stated with these rows: the base is a polynomial, which takes in any axes.
+
+    Another specimen is no misread table.
+    """
+
+    def noisy(seed: int, rows: int) -> Table:
+        """As noisy as what a cubic cannot follow."""
+        table = measured(seed, rows=rows)
+        noise = np.random.default_rng(seed).standard_normal((rows, 6)) * [3, 3, 3, 0.1, 0.1, 0.1]
+        columns = dict(zip(WRENCH, (table.wrenches + noise).T, strict=True))
+        instrument = replace(INSTRUMENT, force_sd_N=3.0, torque_sd_Nm=0.1)
+        return table.with_columns(columns).with_meta(Meta(instrument=instrument))
+
+    april, may = noisy(0, 300), noisy(1, 120)
+    turn = np.asarray(Rotation.from_euler("z", degrees, degrees=True).as_matrix())
+    poses, h = (
+        np.hstack([part[:, :3] @ turn.T, part[:, 3:] @ turn.T])
+        for part in (may.matrix(POSE), factor * may.wrenches)
+    )
+    columns = dict(zip(POSE, poses.T, strict=True)) | dict(zip(WRENCH, h.T, strict=True))
+    found = diagnose(fit_model(april, "cubic"), may.with_columns(columns), effects=["payload"])
+    if not words:
+        assert found.model.statement is None
+        assert found.model.answer != "table"
+        return
+    assert f"The table looks misread: {words}" in found.model.sentence()
+    assert found.model.answer == "table"
+    assert found.to_dict()["model"]["statement"]["error_after"] < 3.0
+
+
+def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
+    random = np.random.default_rng(0)
+
+    def hinge(scale: float) -> Table:
+        angle = random.uniform(-0.4, 0.4, 60)
+        torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
+        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01, pose_rotation_sd_rad=1e-9))
+        return as_table({"theta_z_rad": scale * angle, "tau_z_Nm": torque}, meta=meta)
+
+    model = fit_model(hinge(1.0), "cubic")
+    assert diagnose(model, hinge(1.0)).model.statement is None
+    said = diagnose(model, hinge(-1.0)).model.statement
+    assert said is not None
+    assert said.what == "the wrench's sign looks reversed"
+    said = diagnose(model, hinge(np.pi / 180.0)).model.statement
+    assert said is not None
+    assert said.what == "the angles look divided by 57.3 once too often"
+
+
+def test_a_model_that_errs_many_times_the_noise_does_not_fit() -> None:
+    """Few rows of six columns: no test of the residual sees what a linear model lacks."""
+    table = measured(3, rows=50)
+    found = diagnose(fit_model(table, "linear"), table, effects=["payload"])
+    assert found.base.kind == "energy"
+    assert found.verdict == "none"
+    assert found.model.answer == "form"
+    assert "fits these data" not in found.sentence()
