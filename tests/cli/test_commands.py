@@ -27,7 +27,6 @@ from ecm.cli.app import COMMANDS as REGISTRY
 from ecm.cli.app import file_of, load_command
 from ecm.cli.console import Console
 from ecm.cli.main import reported
-from ecm.cli.session import Session
 from ecm.comparison import compare
 from ecm.designs import CRITERIA
 from ecm.effects import LinearEffect, Parameter, unregister
