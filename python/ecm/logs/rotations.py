@@ -156,7 +156,7 @@ def rotation_columns(word: str, vectors: F) -> dict[str, F]:
         values = turn.as_euler("XYZ") * _signs(word)
     else:
         names = [f"euler{i + 1}_{axis}_rad" for i, axis in enumerate(word)]
-        values = turn.as_euler(word)
+        values = turn.as_euler(word)  # type: ignore[call-overload]  # checked where it is read
     return dict(zip(names, np.asarray(values).T, strict=True))
 
 
