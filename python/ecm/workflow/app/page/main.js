@@ -107,12 +107,19 @@ function drawTools() {
       {id: "redo", disabled: !state.redo || off, title: "Bring back what was undone"}));
 }
 
+// The server's words name options of the command line; the page has a list of the columns.
+function advice({verb, message}) {
+  if (!state.dropped.length) return message;
+  if (verb === "check" && !state.check) return `${message}\nOr say below what the columns are, and import it.`;
+  return verb === "import" ? message.replace(/\s*\b(Say it once|Say which|Name what is one|Say --)[^]*$/, "\nSay so in the list below.") : message;
+}
+
 // What to do after a step that did not end well.
 function trouble() {
   const last = state.steps.at(-1);
   if (!last || state.running) return null;
   const words = {
-    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${last.message}\n`,
+    failed: `${WORK[last.verb] ?? last.verb}: this did not work.\n${advice(last)}\n`,
     cancelled: `${WORK[last.verb] ?? last.verb}: cancelled. Nothing was changed.\n`,
     interrupted: `${WORK[last.verb] ?? last.verb}: cut off (${last.message}). All else is kept.\n`,
   }[last.status];

@@ -16,9 +16,19 @@ const AXES = [["", "none"], ["x", "x"], ["y", "y"], ["z", "z"]];
 const options = (entries, chosen = "") => entries.map(([value, text]) => el("option", {value, selected: value === chosen}, text));
 const kindOf = name => name.slice(name.lastIndexOf("_") + 1);
 
+// What was chosen for these files stays when the page is drawn again, as after an import that failed.
+let kept = {};
+
 export function mapping(state, app) {
+  const files = state.dropped.join("\n");
+  if (kept.files !== files) kept = {files};
   const place = el("div", {}, waiting("Reading the names of the columns …")), picks = [];
   const map = el("textarea", {id: "map", rows: 3, cols: 40, placeholder: "x_m=Position X:mm\nfx_N=Force 1"});
+  const keep = node => {
+    if (kept[node.id] !== undefined) node.value = kept[node.id];
+    node.addEventListener("change", () => { kept[node.id] = node.value; });
+    return node;
+  };
   const value = id => document.getElementById(id).value.trim();
   const run = () => app.step("import", {
     map: [...picks.flatMap(pick => pick()), ...map.value.split("\n").map(line => line.trim()).filter(Boolean)],
@@ -31,11 +41,11 @@ export function mapping(state, app) {
       + `${state.dropped.join(", ")}.`) : null,
     el("p", {}, "Names and units are guessed; what you choose here goes first. A table needs at least one column of the ",
       term("pose"), " and one of the ", term("wrench"), "."), place,
-    el("div", {class: "row"}, el("label", {for: "rotation"}, "The rotation is"), el("select", {id: "rotation"}, options(ROTATIONS)),
-      el("label", {for: "axis"}, "Axis of columns that name none"), el("select", {id: "axis"}, options(AXES)),
-      el("label", {for: "units"}, "Units where unstated"), el("input", {id: "units", placeholder: "mm,deg,N,N mm"})),
+    el("div", {class: "row"}, el("label", {for: "rotation"}, "The rotation is"), keep(el("select", {id: "rotation"}, options(ROTATIONS))),
+      el("label", {for: "axis"}, "Axis of columns that name none"), keep(el("select", {id: "axis"}, options(AXES))),
+      el("label", {for: "units"}, "Units where unstated"), keep(el("input", {id: "units", placeholder: "mm,deg,N,N mm"}))),
     el("details", {}, el("summary", {}, "Write it instead, one column a line, as NAME=COLUMN:UNIT"),
-      el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), map)),
+      el("div", {class: "row"}, el("label", {for: "map"}, "Columns"), keep(map))),
     button("Import", run, {class: "first", id: "import", disabled: busy(state)}));
 }
 
@@ -44,13 +54,15 @@ function listed(columns, picks) {
   return table("The columns of the file, and what they become", ["in the file", "from", "to", "what it is", "unit in the file"],
     columns.map(item => {
       const guess = item.standard ? column(item.standard).words : item.rotation ? "part of the rotation" : "a column of your own";
-      const unit = el("select", {"aria-label": `Unit of ${item.name}`});
-      const what = el("select", {"aria-label": `What ${item.name} is`, onchange: () => units()},
-        options([["", `guess: ${guess}`], ...names.map(name => [name, column(name).words])]));
+      const unit = el("select", {"aria-label": `Unit of ${item.name}`, onchange: () => { kept[`unit ${item.name}`] = unit.value; }});
+      const what = el("select", {"aria-label": `What ${item.name} is`, onchange: () => {
+        kept[`what ${item.name}`] = what.value;
+        units();
+      }}, options([["", `guess: ${guess}`], ...names.map(name => [name, column(name).words])], kept[`what ${item.name}`]));
       const units = () => {
         const standard = what.value || item.standard, own = standard ? UNITS[kindOf(standard)] : item.rotation ? UNITS.rad : [];
         unit.replaceChildren(...options([["", item.unit ? `as stated: ${item.unit}` : own.length ? "not stated" : "–"],
-          ...own.map(word => [word.replaceAll(" ", ""), word])]));
+          ...own.map(word => [word.replaceAll(" ", ""), word])], kept[`unit ${item.name}`]));
         unit.disabled = !own.length || (!standard && item.rotation);
       };
       units();
