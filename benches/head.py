@@ -3,8 +3,9 @@
     .venv/bin/python benches/head.py --seeds 20 --full 5 --workers 2 --docs docs/head.md
 
 Each row and seed is one file below --out and is not run again, so that the command goes on where it
-was stopped. `--rows` takes a part, `--docs` writes the tables into a page, `--steps N` measures
-the worst step of N instead, `--workspace` prints what four tendons can hold.
+was stopped. `--rows` takes a part. Instead of the tables, `--steps N` measures the worst step of N,
+`--loop` runs the loop through the loop with each effect that can be hidden, and `--workspace` says
+what four tendons can hold. `--docs` writes what is printed into its part of a page.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import re
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +26,7 @@ from ecm.io.mechanism import Mechanism
 from ecm.workflow.head.allocation import largest_turns, uncontrolled
 from ecm.workflow.head.compiled import CompiledController
 from ecm.workflow.head.identification import ROWS, robot
+from ecm.workflow.head.loop import HIDDEN, run_loop, run_told
 from ecm.workflow.head.neck_wrench import fem_neck
 from ecm.workflow.head.settings import HeadSettings
 from ecm.workflow.head.table import Bench, table_lines
@@ -78,15 +81,43 @@ def worst_step(bench: Bench, row: str, steps: int) -> list[str]:
     ]
 
 
-def print_workspace(bench: Bench) -> None:
-    """Print the largest turns that are held, and what is uncontrolled at rest."""
+def workspace_lines(bench: Bench) -> list[str]:
+    """The largest turns that are held, and what is uncontrolled at rest."""
     motions = bench.motions()
     length = bench.neck.length_m
     turns = np.degrees(largest_turns(motions.neck, bench.settings, length))
+    lines = ["| about | from deg | to deg |", "|---|---|---|"]
     for axis, (low, high) in zip("xyz", turns, strict=True):
-        print(f"about {axis}: {-low:.0f} to {high:.0f} degrees")
-    for row in uncontrolled(motions.neck, bench.settings, motions.upright.pose, length):
-        print("uncontrolled: " + " ".join(f"{value:+.2f}" for value in row))
+        lines.append(f"| {axis} | {-low:.0f} | {high:.0f} |")
+    lines += [
+        "",
+        "| uncontrolled at rest | x | y | z | about x | about y | about z |",
+        "|---" * 7 + "|",
+    ]
+    for i, row in enumerate(
+        uncontrolled(motions.neck, bench.settings, motions.upright.pose, length)
+    ):
+        lines.append(f"| {i + 1} | " + " | ".join(f"{value:+.2f}" for value in row) + " |")
+    return lines
+
+
+def loop_lines(bench: Bench) -> list[str]:
+    """Misses and hits of the head with each effect that can be hidden, and when told the truth."""
+    lines = [
+        "| hidden | named | before mm | before deg | after mm | after deg | told the truth mm | "
+        "told the truth deg |",
+        "|---" * 8 + "|",
+    ]
+    for name, effect in HIDDEN.items():
+        own = replace(
+            bench, neck=replace(bench.neck, effects=(effect,)), folder=bench.folder / "code"
+        )
+        loop = run_loop(own, say=lambda text, name=name: print(f"{name}: {text}", file=sys.stderr))
+        told = run_told(own, own.motions().warming(), 0)
+        ends = [record.figures() for record in (loop.missed, loop.hit, told)]
+        cells = [f"{value:.2f}" for end in ends for value in (end.settled_mm, end.settled_deg)]
+        lines.append(f"| {name} | {', '.join(loop.named)} | {' | '.join(cells)} |")
+    return lines
 
 
 def main() -> None:
@@ -99,20 +130,24 @@ def main() -> None:
     parser.add_argument("--rows", type=int, nargs="*", default=range(len(ROWS)))
     parser.add_argument("--step-s", type=float, default=1e-3, help="step of the plant")
     parser.add_argument("--steps", type=int, default=0)
+    parser.add_argument("--loop", action="store_true", help="miss, measure, name, hit")
     parser.add_argument("--workers", type=int, default=cores())
     parser.add_argument("--docs", type=Path, help="page to write into, such as docs/head.md")
     parser.add_argument("--workspace", action="store_true", help="what four tendons can hold")
     given = parser.parse_args()
     bench = bench_in(given.out, given.step_s)
     rows = [list(ROWS)[i] for i in given.rows]
+    instead: tuple[str, list[str]] | None = None
     if given.workspace:
-        print_workspace(bench)
-        return
-    if given.steps:
-        lines = [line for row in rows for line in worst_step(bench, row, given.steps)]
-        print("\n".join(lines))
+        instead = "workspace", workspace_lines(bench)
+    elif given.loop:
+        instead = "loop", loop_lines(bench)
+    elif given.steps:
+        instead = "steps", [line for row in rows for line in worst_step(bench, row, given.steps)]
+    if instead is not None:
+        print("\n".join(instead[1]))
         if given.docs:
-            write_into(given.docs, "steps", lines)
+            write_into(given.docs, *instead)
         return
 
     def progress(done: int, left_s: float) -> None:

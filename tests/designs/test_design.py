@@ -317,6 +317,8 @@ def test_a_diagnosable_plan_has_repeats_sides_dwells_and_checks(tmp_path: Path) 
     assert "initial" in approaches
     assert len(approaches) > 5
     assert set(poses.column("dwell_s")) == {2.0, 8.0, 30.0}
+    longer = diagnosable_plan(table, chosen, seed=0, dwells_s=(0.5, 120.0))
+    assert set(longer.column("dwell_s")[longer.text("kind") == "pose"]) == {0.5, 120.0}
     assert (kind == "home").sum() >= 6
     assert (kind == "unloaded").sum() >= 2
     rest = plan.poses[kind != "pose"]

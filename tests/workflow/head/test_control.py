@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ecm import as_table, fit_model
+from ecm.errors import ComputationError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.models import Model
@@ -146,6 +147,13 @@ def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
     plain = Robot(SETTINGS, neck, library).run(motion).figures()
     better = Robot(control, neck, library).run(motion).figures()
     assert better.settled_deg < 0.4 * plain.settled_deg
+
+
+def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(ComputationError, match=r"controller is C code: no C compiler \(cc, gcc"):
+        compile_controller(None, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_constant_curvature_is_compiled_as_an_energy_that_equals_it() -> None:

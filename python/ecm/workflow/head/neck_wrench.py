@@ -126,7 +126,7 @@ class NeckMemory:
         if self._relaxation is not None:
             # Stress turns with the body: chains are loaded by the resultants of the middle section.
             to_top = _top_from_section(pose)
-            section = np.linalg.solve(to_top, elastic)
+            section = np.asarray(np.linalg.solve(to_top, elastic), dtype=np.float64)
         if self._before is None:
             self._before = pose.copy(), section.copy()
         moved, loaded = pose - self._before[0], section - self._before[1]
