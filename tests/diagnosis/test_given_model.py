@@ -13,7 +13,8 @@ from ecm.cli.diagnosis_text import paragraphs
 from ecm.comparison import compare
 from ecm.diagnosis import Diagnosis, diagnose, given_model
 from ecm.effects import Effect
-from ecm.errors import ModelError
+from ecm.effects.se3 import rotated
+from ecm.errors import InputError, ModelError
 from ecm.io.arrays import F
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Instrument, Meta
@@ -22,6 +23,7 @@ from ecm.models import Model, fit_model
 from ecm.models.joint_fit import JointFit, joint_fit
 from ecm.models.maps import StiffnessMap
 from ecm.regression.noise import Noise
+from ecm.regression.wild import naming_wild_readings
 from support.campaigns import workspace_poses
 from support.stand_in import L, wrench
 
@@ -163,6 +165,20 @@ def test_a_table_that_is_misread_lacks_no_effect() -> None:
     assert found.model.answer == "table"
     assert "effect is missing" not in found.sentence()
     assert "no known effect explains" not in found.sentence()
+
+
+def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> None:
+    """Its force turned a soft clamp by many turns: rotation_vectors, row 1 of an inner array."""
+    table = measured(9, rows=60)
+    force = table.column("fx_N").copy()
+    force[17] = 1e9
+    wild, given = table.with_columns({"fx_N": force}), model()
+    with pytest.raises(InputError, match=r"row 18, column 'fx_N': found 1e\+09.*\[leave_out\]"):
+        diagnose(given, wild, effects=["base_compliance"])
+    with pytest.raises(ModelError, match="NaN"), naming_wild_readings(table):
+        raise ModelError("the prediction is NaN")
+    x = np.array([0.0, 1.0, 0.0])
+    assert np.allclose(rotated(x, np.array([0.0, 0.0, 9.0])), [-np.sin(9.0), np.cos(9.0), 0.0])
 
 
 def test_effects_that_leave_their_range_beside_the_models_kind_are_left_out(

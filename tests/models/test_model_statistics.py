@@ -286,7 +286,12 @@ def test_the_one_standard_error_rule_takes_the_small_model() -> None:
     assert choice.error[0] > 2.0 * choice.error[1]
     assert choice.coefficients[1] == 22
     # Degree and b the same way: a smaller error has to be worth its coefficients.
-    degrees = choose_model(table, ["linear", "quadratic", "cubic"], folds=5)
+    told: list[tuple[int, int, str]] = []
+    degrees = choose_model(
+        table, ["linear", "quadratic", "cubic"], folds=5, progress=lambda *at: told.append(at)
+    )
+    assert [at[:2] for at in told] == [(i, 15) for i in range(15)]
+    assert told[-1][2] == "cubic"
     within = degrees.error <= degrees.error.min() + degrees.standard_error[degrees.error.argmin()]
     assert degrees.chosen == int(np.argmax(within))
     cuts = [PolynomialModel(3, pcr=b) for b in (0.01, 0.1, 0.5, 2.0)]

@@ -33,7 +33,8 @@ def missing_length(effect: Effect, table: Table) -> Missing | None:
     Examples
     --------
     >>> import numpy as np
-    >>> from ecm import as_table, get_effect
+    >>> from ecm import as_table
+    >>> from ecm.effects import get_effect
     >>> from ecm.io.columns import POSE, WRENCH
     >>> columns = {name: np.arange(9.0) / 100 for name in (*POSE, *WRENCH)}
     >>> table = as_table(columns)

@@ -172,7 +172,7 @@ def _told(how: str, shares: dict[str, float]) -> list[str]:
     lost = [column for column in shares if column not in usable]
     sentences = []
     if usable:
-        listed = ", ".join(f"{column} {share:.2f}" for column, share in usable.items())
+        listed = ", ".join(f"{column} {100.0 * share:.2g} %" for column, share in usable.items())
         sentences.append(f"{how}, share of the spread: {listed}")
     if lost:
         sentences.append(

@@ -10,6 +10,7 @@ from ecm.errors import InputError
 from ecm.io.steps import Progress
 from ecm.io.table import MetaLike, TableLike, as_table
 from ecm.models.model import Model
+from ecm.regression.wild import naming_wild_readings
 
 
 def refit(
@@ -71,7 +72,9 @@ def refit(
             "(--add EFFECT, --remove EFFECT, --freeze NAME)"
         )
     changed = model.remove(*remove).add(*add).freeze(*freeze)
-    return changed.fit(as_table(table, meta=meta), progress=progress)
+    rows = as_table(table, meta=meta)
+    with naming_wild_readings(rows):
+        return changed.fit(rows, progress=progress)
 
 
 def refit_summary(model: Model) -> dict[str, Any]:
