@@ -62,12 +62,10 @@ class Release:
         return size.words(self._wheel("x86_64-unknown-linux-gnu"))
 
     def musl(self) -> str:
-        """The musllinux wheels keep their tag; no Python with that library is here to run them."""
-        names = [
-            self._wheel(f"{processor}-unknown-linux-musl").name
-            for processor in ("x86_64", "aarch64")
-        ]
-        return ", ".join(names)
+        """The musllinux wheels keep their tag; that of this processor gives the same figures."""
+        own, other = (self._wheel(f"{name}-unknown-linux-musl") for name in ("x86_64", "aarch64"))
+        used = self._same(foreign.use_on_musl(own, self.work))
+        return f"{own.name}, {used}; {other.name}"
 
     def aarch64(self) -> str:
         """The manylinux wheel of aarch64 under qemu gives the figures of this machine."""

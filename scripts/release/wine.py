@@ -12,10 +12,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
-SOURCE = (
-    "deb [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] "
-    "http://deb.debian.org/debian trixie main\n"
-)
+from release import debian
+
 BUILTIN = "usr/lib/x86_64-linux-gnu/wine/x86_64-windows"
 MINGW = "usr/x86_64-w64-mingw32/lib"
 WORK = "work"
@@ -28,22 +26,10 @@ COMPLEX = ("ccos", "ccosh", "cexp", "clog", "csin", "csinh", "csqrt", "ctan", "c
 def unpack(root: Path) -> None:
     """Unpack wine and all that it needs into a folder, by apt with lists of its own."""
     packages = root.parent / "wine-packages"
-    for part in ("lists/partial", "archives/partial"):
-        (packages / part).mkdir(parents=True, exist_ok=True)
-    (packages / "status").touch()
-    (packages / "sources.list").write_text(SOURCE, encoding="utf-8")
-    own = {
-        "Dir::Etc::sourcelist": packages / "sources.list", "Dir::Etc::sourceparts": "-",
-        "Dir::State::Lists": packages / "lists", "Dir::State::status": packages / "status",
-        "Dir::Cache::archives": packages / "archives", "Dir::Cache::pkgcache": "",
-        "Dir::Cache::srcpkgcache": "", "APT::Architecture": "amd64",
-    }  # fmt: skip
-    apt = ["apt-get", "-qq", *(word for name in own for word in ("-o", f"{name}={own[name]}"))]
     get = ["install", "--yes", "--no-install-recommends", "--download-only", "wine64"]
-    for command in ([*apt, "update"], [*apt, *get]):
-        subprocess.run(command, check=True, capture_output=True, text=True)
-    for package in (packages / "archives").glob("*.deb"):
-        subprocess.run(["dpkg-deb", "--extract", package, root], check=True, capture_output=True)
+    command = [*debian.apt(packages), *get]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    debian.extract(packages / "archives", root)
     for name in ("bin", "lib", "lib64"):
         if not (root / name).exists():
             (root / name).symlink_to(f"usr/{name}")

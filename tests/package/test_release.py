@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from release import check, foreign, version, wheels, wine
+from release import check, foreign, size, version, wheels, wine
 from support.neck import ROOT
 
 if sys.version_info >= (3, 11):
@@ -128,6 +128,30 @@ def test_a_wheel_for_musl_is_not_held_against_the_c_library_of_this_machine(
     monkeypatch.setattr(wheels.subprocess, "run", show)
     wheels.audit(tmp_path / f"ecm_stiffness-0.1.0-cp310-abi3-{tag}.whl")
     assert ("--ldpaths" not in commands[0]) == own_libraries
+
+
+@pytest.mark.parametrize(
+    ("megabytes", "seconds", "kept"), [(59.0, 0.2, True), (60.2, 0.2, False), (59.0, 0.3, False)]
+)
+def test_an_install_beyond_its_promise_is_a_failure(
+    megabytes: float, seconds: float, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def download(wheel: Path, python: str, folder: Path) -> float:
+        asked.append(python)
+        return megabytes
+
+    monkeypatch.setattr(size, "_download", download)
+    monkeypatch.setattr(size, "_run", lambda command, forget: (seconds, seconds))
+    monkeypatch.setattr(size.venv, "create", lambda *given, **named: None)
+    monkeypatch.setattr(size.subprocess, "run", lambda *given, **named: None)
+    if kept:
+        assert size.words(tmp_path / "a.whl").startswith("download 59.0 MB on 3.10, ")
+    else:
+        with pytest.raises(RuntimeError, match=r"at most 60 MB, 1\.0 s and 0\.25 s"):
+            size.words(tmp_path / "a.whl")
+    assert set(size.PYTHONS) <= set(asked)
 
 
 def test_every_complex_function_of_windows_has_a_definition() -> None:
