@@ -23,7 +23,6 @@ import json
 import os
 import re
 import resource
-import shutil
 import subprocess
 import tempfile
 import time
@@ -285,11 +284,6 @@ def _deck(mesh: Mesh, force: F, moment: F, tolerance: float | None) -> str:
     lines += ["*NODE PRINT, NSET=REF, FREQUENCY=1000", "U"]
     lines += ["*NODE PRINT, NSET=ROT, FREQUENCY=1000", "U", "*END STEP", ""]
     return "\n".join(lines)
-
-
-def have_calculix() -> bool:
-    """Whether `ccx` can be called."""
-    return shutil.which("ccx") is not None
 
 
 def peers(mesh: Mesh, rotation: F) -> list[Run]:

@@ -20,20 +20,28 @@ from support.products import cache_of_this_code, made_once
 TESTS = ROOT / "tests"
 LONGEST_FIRST = (
     "workflow/test_identify.py",
-    "blind_benchmark/test_blind.py",
-    "package/test_tutorial.py",
     "diagnosis/test_diagnose.py",
-    "package/test_readme.py",
+    "package/test_tutorial.py",
+    "models/test_export.py",
+    "workflow/test_app.py",
+    "blind_benchmark/test_blind.py",
+    "workflow/test_app_page.py",
     "package/test_wheel.py",
+    "models/test_physics_model.py",
+    "package/test_examples.py",
     "fem/test_dask.py",
-    "effects/test_body_variation.py",
+    "package/test_readme.py",
+    "diagnosis/test_large_tables.py",
+    "report/test_page.py",
     "blind_benchmark/test_blind_broken.py",
+    "diagnosis/test_wrong_statements.py",
+    "diagnosis/test_correlated_log.py",
+    "effects/test_body_variation.py",
     "workflow/test_identify_with_arm.py",
-    "models/test_physics_rod.py",
 )
 """Files that begin first when the tests run on several workers, so that none ends alone.
 
-The first makes the job that the pages use; the second needs nothing of it.
+The first makes the job that the third uses on the same worker; the second needs nothing of it.
 """
 
 

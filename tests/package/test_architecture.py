@@ -230,9 +230,10 @@ def test_exceptions_from_the_rules_are_few_and_say_why() -> None:
 
 def test_no_docstring_and_no_help_begins_with_of() -> None:
     """A docstring says what its subject is, not only what it belongs to."""
-    begins = re.compile(r'^\s*"""Of |(?:help|doc)="Of ', re.M)
+    begins = re.compile(r'^\s*(?:"""|//[/!] )Of |(?:help|doc)="Of ', re.M)
     assert begins.search('    """Of a rod."""')
-    files = [
-        path for top in ("python", "benches", "scripts") for path in (ROOT / top).rglob("*.py")
-    ]
-    assert [path for path in files if begins.search(path.read_text(encoding="utf-8"))] == []
+    assert begins.search("    /// Of a rod.")
+    for folder in ("python", "benches", "scripts", "crates"):
+        files = [p for p in (ROOT / folder).rglob("*.*") if p.suffix in (".py", ".rs")]
+        assert files
+        assert [p for p in files if begins.search(p.read_text(encoding="utf-8"))] == []

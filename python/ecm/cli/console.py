@@ -62,7 +62,7 @@ class Console:
 
     @contextmanager
     def working(self, title: str) -> Iterator[Callable[..., None]]:
-        """Say how long a work goes on, after two seconds and on, whatever it computes.
+        """Say how long work has taken: first after two seconds, then again.
 
         The block gets a callback (done, total[, step]); what it was told last is said too, with
         the time left.

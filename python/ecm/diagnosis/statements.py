@@ -10,7 +10,7 @@ nothing else serves as base, an energy without symmetry is asked: any elastic bo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
