@@ -76,7 +76,11 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
     if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
         return [base]
     own = base.model
-    terms: dict[str, Any] = {"length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"}
+    terms: dict[str, Any] = {
+        "length_m": own.length_m,
+        "degree": own.degree,
+        "symmetry": "revolution",
+    }
     count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
     zeros = np.zeros(count.shape[2])
     unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
