@@ -24,7 +24,7 @@ WIDTHS = (360, 900, 1800)
 IDLE = "document.documentElement.dataset.running === ''"
 COMPARED = IDLE + " && /times the noise/.test(document.querySelector('nav').textContent)"
 DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
-LOG = "Position X [mm],Channel 7,note\n" + "".join(
+LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
 Take = Callable[[str], None]
@@ -66,6 +66,7 @@ def of_all(page: Page, folder: Path) -> Take:
                 page.size(width, 900, dark=dark)
                 save(page, folder / f"{name}-{width}-{'dark' if dark else 'light'}.png")
         page.size(1280, 900)
+        page.js("new Promise(done => setTimeout(done, 700))")  # another theme draws all again
 
     return take
 
@@ -104,8 +105,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
     page.keys("ArrowRight", " ", "ArrowRight", "ArrowRight", " ")
     take("marked")
-    page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
-    page.keys("Escape")  # another theme has drawn the panels again
+    page.js("[...document.querySelectorAll('.marked button')].at(-1).click()")
     page.js("document.documentElement.scrollTop = 0")
     page.click("#to-missing")
     page.until(DRAWN, LONG_S)
@@ -143,9 +143,7 @@ def troubles(page: Page, folder: Path, take: Take) -> None:
         page.click("#import")
         page.until("!!document.querySelector('#trouble')", LONG_S)
         take("error")
-        page.js(
-            "document.querySelector('#map').value = 'x_m=Position X [mm]:mm\\nfx_N=Channel 7:N'"
-        )
+        page.js("document.querySelector('#map').value = 'x_m=Stroke [mm]:mm\\nfx_N=Channel 7:N'")
         page.click("#import")
         page.until("!!document.querySelector('.warning button')", LONG_S)
         take("warning")

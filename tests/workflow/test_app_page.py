@@ -89,7 +89,7 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         page.until("document.querySelectorAll('.panel canvas, .space canvas').length > 6")
         for kind in ("wrench", "pose", "noise"):
             page.click(f"[name=kind-of-residual][value={kind}]")
-            label = page.js("document.querySelector('.panel [role=img]').ariaLabel")
+            label = page.js("document.querySelector('.panel canvas[tabindex]').ariaLabel")
             assert {"wrench": "[N]", "pose": "[mm]", "noise": "[times the noise]"}[kind] in label
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add=fts_drift]')")
@@ -169,7 +169,9 @@ _PICK = """(name, what, unit) => {
   const menu = document.querySelector(`[aria-label="What ${name} is"]`);
   menu.value = what;
   menu.dispatchEvent(new Event("change"));
-  document.querySelector(`[aria-label="Unit of ${name}"]`).value = unit;
+  const other = document.querySelector(`[aria-label="Unit of ${name}"]`);
+  other.value = unit;
+  other.dispatchEvent(new Event("change"));
 }"""
 
 
@@ -183,6 +185,10 @@ def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path:
         page.until("document.querySelectorAll('#main select').length > 4")
         assert page.js("document.querySelector('#to-model').disabled")
         page.js(f"({_PICK})('load_lb', 'fx_N', 'lbf')")
+        page.click("#import")  # a deflection along no axis
+        page.until("!!document.querySelector('#trouble')")
+        assert "Say so in the list below." in page.text()
+        page.until("document.querySelector('[aria-label=\"Unit of load_lb\"]').value === 'lbf'")
         page.js(f"({_PICK})('deflection_in', 'x_m', 'in')")
         page.click("#import")
         page.click("#to-model")

@@ -16,7 +16,7 @@ const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
 // frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
 export function space(name, {onpick = () => {}, onbox = null} = {}) {
-  const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
+  const canvas = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure", "aria-label": `${name}. Arrow keys turn, plus and minus `
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});
