@@ -46,11 +46,12 @@ def served(*arguments: str | Path) -> Iterator[tuple[str, subprocess.Popen[str]]
 
 def of_docs(page: Page, folder: Path) -> Take:
     """Save the two pictures of docs/app.md, one of each theme."""
-    sizes = {"fails": False, "missing": True}
+    sizes = {"fails": (900, False), "missing": (1240, True)}
 
     def take(name: str) -> None:
         if name in sizes:
-            page.size(1280, 900, dark=sizes[name])
+            height, dark = sizes[name]
+            page.size(1280, height, dark=dark)
             save(page, folder / f"app_{name}.png")
 
     return take
@@ -73,7 +74,7 @@ def of_all(page: Page, folder: Path) -> Take:
 
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
-    page.js("new Promise(done => setTimeout(done, 300))")  # another theme draws all again
+    page.js("new Promise(done => setTimeout(done, 1000))")  # another theme draws all again
     page.js("document.querySelector('.effects .named button')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
