@@ -245,6 +245,9 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('2 rows marked')")
         page.keys("Escape")
         page.until(f"({marked}) === ''")
+        assert not _turned_by(page, "right")  # a menu
+        assert not _turned_by(page, "middle")
+        assert _turned_by(page, "left")
         page.tab_to(".panel canvas:last-child")
         page.keys("ArrowRight", " ")
         page.until(f"({marked}).startsWith('1 row marked')")
@@ -268,6 +271,30 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('80 rows marked')")
         page.size(1280, 900)
     assert page.problems() == []
+
+
+_AT_REST = """new Promise(done => {
+  const seen = () => document.querySelector(".space canvas").toDataURL();
+  let last = "";
+  const look = () => {
+    const now = seen();
+    if (now === last) done(now);
+    else { last = now; setTimeout(look, 600); }
+  };
+  look();
+})"""
+
+
+def _turned_by(page: Page, button: str) -> bool:
+    """Drag the picture in space with a button of the mouse; whether it has turned."""
+    left, top, width, height = page.box(".space")
+    before = page.js(_AT_REST)
+    for kind, x in (("mousePressed", 0.3), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+        page.call(
+            "Input.dispatchMouseEvent",
+            type=kind, x=left + x * width, y=top + 0.9 * height, button=button, clickCount=1,
+        )  # fmt: skip
+    return bool(page.js(_AT_REST) != before)
 
 
 def _state(page: Page) -> dict:  # type: ignore[type-arg]

@@ -7,7 +7,7 @@ import {button, el} from "./dom.js";
 import {marked} from "./selection.js";
 
 const AXES = ["#d0460f", "#00996e", "#2a66c8"];
-const WHILE_TURNING = 4000, MANY = 3000;
+const WHILE_TURNING = 4000, MANY = 1500;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
 const FAINT = 0.3, ROOM = 0.006;  // of what lies behind a body; room of a point on its surface, of the whole
