@@ -24,7 +24,7 @@ WIDTHS = (360, 900, 1800)
 IDLE = "document.documentElement.dataset.running === ''"
 COMPARED = IDLE + " && /times the noise/.test(document.querySelector('nav').textContent)"
 DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
-LOG = "Position X [mm],Channel 7,note\n" + "".join(
+LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
 Take = Callable[[str], None]
@@ -46,11 +46,12 @@ def served(*arguments: str | Path) -> Iterator[tuple[str, subprocess.Popen[str]]
 
 def of_docs(page: Page, folder: Path) -> Take:
     """Save the two pictures of docs/app.md, one of each theme."""
-    sizes = {"fails": False, "missing": True}
+    sizes = {"fails": (900, False), "missing": (1240, True)}
 
     def take(name: str) -> None:
         if name in sizes:
-            page.size(1280, 900, dark=sizes[name])
+            height, dark = sizes[name]
+            page.size(1280, height, dark=dark)
             save(page, folder / f"app_{name}.png")
 
     return take
@@ -66,13 +67,14 @@ def of_all(page: Page, folder: Path) -> Take:
                 page.size(width, 900, dark=dark)
                 save(page, folder / f"{name}-{width}-{'dark' if dark else 'light'}.png")
         page.size(1280, 900)
+        page.js("new Promise(done => setTimeout(done, 700))")  # another theme draws all again
 
     return take
 
 
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
-    page.js("new Promise(done => setTimeout(done, 300))")  # another theme draws all again
+    page.js("new Promise(done => setTimeout(done, 1000))")  # another theme draws all again
     page.js("document.querySelector('.effects .named button')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
@@ -104,8 +106,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
     page.keys("ArrowRight", " ", "ArrowRight", "ArrowRight", " ")
     take("marked")
-    page.js("[...document.querySelectorAll('.panel canvas')].at(-1).focus()")
-    page.keys("Escape")  # another theme has drawn the panels again
+    page.js("[...document.querySelectorAll('.marked button')].at(-1).click()")
     page.js("document.documentElement.scrollTop = 0")
     page.click("#to-missing")
     page.until(DRAWN, LONG_S)
@@ -143,9 +144,7 @@ def troubles(page: Page, folder: Path, take: Take) -> None:
         page.click("#import")
         page.until("!!document.querySelector('#trouble')", LONG_S)
         take("error")
-        page.js(
-            "document.querySelector('#map').value = 'x_m=Position X [mm]:mm\\nfx_N=Channel 7:N'"
-        )
+        page.js("document.querySelector('#map').value = 'x_m=Stroke [mm]:mm\\nfx_N=Channel 7:N'")
         page.click("#import")
         page.until("!!document.querySelector('.warning button')", LONG_S)
         take("warning")

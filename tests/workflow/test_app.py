@@ -214,7 +214,7 @@ def test_a_matlab_file_is_listed_and_imported(app: App, tmp_path: Path) -> None:
         assert upload(client, tmp_path / "rig.mat", "rig.mat").status_code == 200
         columns = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
         assert columns["cell"] == {
-            "name": "cell", "range": [-10.0, 10.0], "unit": "", "standard": "", "rotation": False,
+            "name": "cell", "range": [-10.0, 10.0], "unit": "", "standard": "", "quantity": "",
         }  # fmt: skip
         assert (columns["stroke_x_mm"]["standard"], columns["stroke_x_mm"]["unit"]) == ("x_m", "mm")
         state = step(client, app, "import", map=["fx_N=cell:N"], rotation="wxyz")

@@ -89,7 +89,7 @@ def test_the_loop_by_clicks_and_keys_down_to_a_lower_rung(page: Page, tmp_path: 
         page.until("document.querySelectorAll('.panel canvas, .space canvas').length > 6")
         for kind in ("wrench", "pose", "noise"):
             page.click(f"[name=kind-of-residual][value={kind}]")
-            label = page.js("document.querySelector('.panel [role=img]').ariaLabel")
+            label = page.js("document.querySelector('.panel canvas[tabindex]').ariaLabel")
             assert {"wrench": "[N]", "pose": "[mm]", "noise": "[times the noise]"}[kind] in label
         page.click("#to-missing")
         page.until("!!document.querySelector('[data-add=fts_drift]')")
@@ -169,7 +169,9 @@ _PICK = """(name, what, unit) => {
   const menu = document.querySelector(`[aria-label="What ${name} is"]`);
   menu.value = what;
   menu.dispatchEvent(new Event("change"));
-  document.querySelector(`[aria-label="Unit of ${name}"]`).value = unit;
+  const other = document.querySelector(`[aria-label="Unit of ${name}"]`);
+  other.value = unit;
+  other.dispatchEvent(new Event("change"));
 }"""
 
 
@@ -183,6 +185,10 @@ def test_columns_that_no_name_tells_are_chosen_on_the_page(page: Page, tmp_path:
         page.until("document.querySelectorAll('#main select').length > 4")
         assert page.js("document.querySelector('#to-model').disabled")
         page.js(f"({_PICK})('load_lb', 'fx_N', 'lbf')")
+        page.click("#import")  # a deflection along no axis
+        page.until("!!document.querySelector('#trouble')")
+        assert "Say so in the list below." in page.text()
+        page.until("document.querySelector('[aria-label=\"Unit of load_lb\"]').value === 'lbf'")
         page.js(f"({_PICK})('deflection_in', 'x_m', 'in')")
         page.click("#import")
         page.click("#to-model")
@@ -239,6 +245,9 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('2 rows marked')")
         page.keys("Escape")
         page.until(f"({marked}) === ''")
+        assert not _turned_by(page, "right")  # a menu
+        assert not _turned_by(page, "middle")
+        assert _turned_by(page, "left")
         page.tab_to(".panel canvas:last-child")
         page.keys("ArrowRight", " ")
         page.until(f"({marked}).startsWith('1 row marked')")
@@ -262,6 +271,30 @@ def test_a_finger_and_the_keys_alone_mark_rows_and_go_on(page: Page, tmp_path: P
         page.until(f"({marked}).startsWith('80 rows marked')")
         page.size(1280, 900)
     assert page.problems() == []
+
+
+_AT_REST = """new Promise(done => {
+  const seen = () => document.querySelector(".space canvas").toDataURL();
+  let last = "";
+  const look = () => {
+    const now = seen();
+    if (now === last) done(now);
+    else { last = now; setTimeout(look, 600); }
+  };
+  look();
+})"""
+
+
+def _turned_by(page: Page, button: str) -> bool:
+    """Drag the picture in space with a button of the mouse; whether it has turned."""
+    left, top, width, height = page.box(".space")
+    before = page.js(_AT_REST)
+    for kind, x in (("mousePressed", 0.3), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+        page.call(
+            "Input.dispatchMouseEvent",
+            type=kind, x=left + x * width, y=top + 0.9 * height, button=button, clickCount=1,
+        )  # fmt: skip
+    return bool(page.js(_AT_REST) != before)
 
 
 def _state(page: Page) -> dict:  # type: ignore[type-arg]

@@ -11,8 +11,6 @@ from ecm.logs.importing import read_log
 from ecm.logs.mapping import standard_of
 from ecm.logs.names import read_name
 
-_ROTATIONS = ("rotation", "euler", "clinical", "quaternion", "matrix")
-
 
 @dataclass(frozen=True)
 class LogColumn:
@@ -28,8 +26,9 @@ class LogColumn:
         The unit that the file states, by its word; empty where it states none.
     standard
         The standard column that its name tells; empty where it tells none, or several.
-    rotation
-        Whether its name is that of a part of a rotation.
+    quantity
+        What its name tells all the same: position, rotation, euler, clinical, quaternion, matrix,
+        force, torque, time or temperature; empty where nothing.
 
     Examples
     --------
@@ -45,7 +44,7 @@ class LogColumn:
     high: float
     unit: str
     standard: str
-    rotation: bool
+    quantity: str
 
 
 def list_columns(log: Any) -> list[LogColumn]:
@@ -81,7 +80,7 @@ def list_columns(log: Any) -> list[LogColumn]:
                 float(high),
                 unit,
                 str(*standards) if len(standards) == 1 else "",
-                any(reading.quantity in _ROTATIONS for reading in named.readings),
+                named.readings[0].quantity if named.readings else "",
             )
         )
     return found

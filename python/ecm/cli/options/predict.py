@@ -41,7 +41,7 @@ class Options:
         typer.Option(
             "--rotation",
             metavar="WORD",
-            help="Add the pose's rotation as wxyz, rows, ZYX, grood-suntay-right, ... (rad).",
+            help="Add the rotation as wxyz, rows, ZYX, grood-suntay-right or other words (rad).",
         ),
     ] = ""
 

@@ -7,7 +7,7 @@ import {button, el} from "./dom.js";
 import {marked} from "./selection.js";
 
 const AXES = ["#d0460f", "#00996e", "#2a66c8"];
-const WHILE_TURNING = 4000, MANY = 3000;
+const WHILE_TURNING = 4000, MANY = 1500;
 const START = {turn: -0.75, lift: 0.32, zoom: 1};
 const VIEWS = [START, {turn: 0, lift: 0, zoom: 1}, {turn: -Math.PI / 2, lift: 0, zoom: 1}, {turn: 0, lift: 1.5, zoom: 1}];
 const FAINT = 0.3, ROOM = 0.006;  // of what lies behind a body; room of a point on its surface, of the whole
@@ -16,7 +16,7 @@ const REST_MS = 150, SHARP = 2, STILL = 4, TOUCH = 24, MOUSE = 12;
 // scene: {points: {x, y, z, row, colour, text}, bodies: [{points, triangles, colour, alpha}],
 // frames: [{origin, axes, name, size}], lines: [{from, to, colour}]}, all lengths in mm.
 export function space(name, {onpick = () => {}, onbox = null} = {}) {
-  const canvas = el("canvas", {tabindex: "0", role: "img", "aria-label": `${name}. Arrow keys turn, plus and minus `
+  const canvas = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure", "aria-label": `${name}. Arrow keys turn, plus and minus `
     + "zoom, Home looks from the start. N and P go from row to row, space marks, escape clears."});
   const live = el("p", {class: "hidden", "aria-live": "polite"});
   const boxes = button("Mark a box", () => marking(!place.classList.contains("marking")), {"aria-pressed": "false"});

@@ -120,7 +120,7 @@ def log(files: Sequence[Path], _model: Path | None) -> dict[str, Any]:
                 "range": _short(np.array([column.low, column.high])),
                 "unit": column.unit,
                 "standard": column.standard,
-                "rotation": column.rotation,
+                "quantity": column.quantity,
             }
             for column in list_columns(files[0])
         ]

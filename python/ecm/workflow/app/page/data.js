@@ -10,7 +10,7 @@ import {workspace} from "./scene.js";
 
 export async function draw(root, state, app) {
   if (measures(state)) root.append(live());
-  else if (!state.data.length) root.append(empty(state, app));
+  else if (!state.data.length && !state.dropped.length) root.append(empty(state, app));
   if (state.check) root.append(...checkResult(state, app));
   if (!state.check && !measures(state) && state.running && (state.data.length || state.dropped.length))
     root.append(waiting("The table is being read and checked …"));
@@ -19,13 +19,13 @@ export async function draw(root, state, app) {
   if (state.imported) root.append(imported(state.imported));
   if (state.dropped.length && !unread) root.append(otherwise(state, app));
   if (state.data.length && state.check) await picture(root, state);
-  if (state.data.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
+  if (state.data.length || state.dropped.length) root.append(el("details", {}, el("summary", {}, "Bring in another table"), dropZone(state, app)));
 }
 
 function empty(state, app) {
   const example = (name, text, style = "") => button(text, () => app.step("example", {name}),
     {class: style, id: `example-${name}`, disabled: busy(state)});
-  return el("div", {}, dropZone(state, app), state.dropped.length ? null : el("div", {class: "cards"},
+  return el("div", {}, dropZone(state, app), el("div", {class: "cards"},
     el("div", {class: "card"}, el("h3", {}, "No data yet?"),
       el("p", {}, "Begin with the example: a soft neck, a measured campaign of about 90 rows, and one hidden effect to find."),
       el("div", {class: "row"}, example("neck", "Open the neck", "first"))),

@@ -2,7 +2,7 @@
 
 import {busy, get} from "./api.js";
 import {column} from "./columns.js";
-import {button, el, number, table, waiting} from "./dom.js";
+import {button, el, number, waiting} from "./dom.js";
 import {term} from "./help.js";
 import {POSE} from "./scene.js";
 
@@ -12,6 +12,7 @@ const UNITS = {m: ["mm", "m", "cm", "in"], rad: ["deg", "rad"], N: ["N", "kN", "
 const ROTATIONS = [["", "guess"], ["rotvec", "rotation vector"], ["wxyz", "quaternion w x y z"], ["xyzw", "quaternion x y z w"],
   ["xyz", "angles about fixed x, y, z"], ["XYZ", "angles about turning x, y, z"], ["zyx", "angles about fixed z, y, x"],
   ["ZYX", "angles about turning z, y, x"]];
+const ROTATION_WORDS = ["rotation", "euler", "clinical", "quaternion", "matrix"];
 const AXES = [["", "none"], ["x", "x"], ["y", "y"], ["z", "z"]];
 const options = (entries, chosen = "") => entries.map(([value, text]) => el("option", {value, selected: value === chosen}, text));
 const kindOf = name => name.slice(name.lastIndexOf("_") + 1);
@@ -51,25 +52,27 @@ export function mapping(state, app) {
 
 function listed(columns, picks) {
   const names = [...POSE, ...WRENCH, "time_s", "temperature_degC"];
-  return table("The columns of the file, and what they become", ["in the file", "from", "to", "what it is", "unit in the file"],
+  return el("ul", {class: "mapped", "aria-label": "Columns of the file: what each is, and its unit"},
     columns.map(item => {
-      const guess = item.standard ? column(item.standard).words : item.rotation ? "part of the rotation" : "a column of your own";
+      const turned = ROTATION_WORDS.includes(item.quantity);
+      const guess = item.standard ? column(item.standard).words : turned ? "rotation" : item.quantity ? `${item.quantity}, which axis?` : "your own";
       const unit = el("select", {"aria-label": `Unit of ${item.name}`, onchange: () => { kept[`unit ${item.name}`] = unit.value; }});
       const what = el("select", {"aria-label": `What ${item.name} is`, onchange: () => {
         kept[`what ${item.name}`] = what.value;
         units();
       }}, options([["", `guess: ${guess}`], ...names.map(name => [name, column(name).words])], kept[`what ${item.name}`]));
       const units = () => {
-        const standard = what.value || item.standard, own = standard ? UNITS[kindOf(standard)] : item.rotation ? UNITS.rad : [];
-        unit.replaceChildren(...options([["", item.unit ? `as stated: ${item.unit}` : own.length ? "not stated" : "–"],
+        const standard = what.value || item.standard, own = standard ? UNITS[kindOf(standard)] : turned ? UNITS.rad : [];
+        unit.replaceChildren(...options([["", item.unit ? `stated: ${item.unit}` : own.length ? "not stated" : "–"],
           ...own.map(word => [word.replaceAll(" ", ""), word])], kept[`unit ${item.name}`]));
-        unit.disabled = !own.length || (!standard && item.rotation);
+        unit.disabled = !own.length || (!standard && turned);
       };
       units();
       picks.push(() => {
         const standard = what.value || (unit.value ? item.standard : "");
         return standard ? [`${standard}=${item.name}${unit.value ? `:${unit.value}` : ""}`] : [];
       });
-      return [item.name, number(item.range[0]), number(item.range[1]), what, unit];
+      return el("li", {}, el("div", {}, el("strong", {}, item.name), " ",
+        el("span", {class: "soft"}, `${number(item.range[0])} to ${number(item.range[1])}`)), what, unit);
     }));
 }

@@ -104,7 +104,7 @@ function list(effects, found, state, app, look) {
         ? "of the measurement" : "of the mechanism"),
       el("div", {class: "soft"}, item.what),
       rank ? el("small", {class: "soft"}, tested(rank)) : null,
-      like.length ? el("small", {class: "soft"}, `This table cannot tell it from ${like.map(effectName).join(", ")}.`) : null,
+      like.length ? el("div", {class: "soft alike"}, `This table cannot tell it from ${like.map(effectName).join(", ")}.`) : null,
       el("div", {class: "gain", role: "img",
         "aria-label": `explains ${Math.round(100 * share)} percent of the squared residual`},
       el("b", {}, fill), `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`)),

@@ -11,7 +11,7 @@ const FONT = "12px system-ui, DejaVu Sans, sans-serif";
 // data: {x, y, xTitle, yTitle, title, floor, row, onesided}; brush(indices, done) is told the marked.
 export function panel({onbrush, say}) {
   const base = el("canvas", {"aria-hidden": "true"});
-  const over = el("canvas", {tabindex: "0", role: "img"});
+  const over = el("canvas", {tabindex: "0", role: "application", "aria-roledescription": "figure"});
   const node = el("figure", {class: "panel"}, base, over);
   let data = null, low = [0, 0], high = [1, 1], width = 0, height = 0;
   let preview = null, chosen = [], box = null, cursor = -1, order = null, asked = false;
