@@ -25,7 +25,7 @@ from ecm.workflow.head.compiled import CompiledController, compile_controller, e
 from ecm.workflow.head.experiment import Robot
 from ecm.workflow.head.motions import Motions
 from ecm.workflow.head.observer import static_slope
-from ecm.workflow.head.settings import Control, HeadSettings, Tendons
+from ecm.workflow.head.settings import Body, Control, HeadSettings, Tendons
 from ecm.workflow.head.tendons import tendon_lengths, tendon_matrix
 from support.head import closed_neck, neck_pairs, statics
 from support.neck import LENGTH_M
@@ -138,6 +138,14 @@ def test_the_motors_do_not_wait_for_an_error_of_force(library: Path) -> None:
     neck = closed_neck()
     nod = Motions(statics(neck), SETTINGS, LENGTH_M).nod(1.5, 1.0)
     assert Robot(SETTINGS, neck, library).run(nod).figures().tracking_deg < 0.3
+
+
+def test_a_heavy_head_stands_still_in_its_softest_direction(library: Path) -> None:
+    neck, settings = closed_neck(), replace(SETTINGS, body=Body(mass_kg=4.5))
+    motion = Motions(statics(neck), settings, LENGTH_M).set_points(((-0.08, 0.1, 0.1),))
+    record = Robot(settings, neck, library).run(motion)
+    assert np.degrees(record.reached[-1200:, 3:].std(axis=0)).max() < 0.07
+    assert record.figures().settled_deg < 0.05
 
 
 def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:

@@ -73,7 +73,7 @@ class Tendons(Checked):
     current_lag_s: float = setting(1e-3, low=1e-4, high=1.0, doc="Lag of the current loop, s.")
     force_gain: float = setting(0.5, low=0.0, high=100.0, doc="Gain of the force loop.")
     force_rate_per_s: float = setting(
-        30.0, low=0.0, high=1e4, doc="Integral gain of the force loop, 1/s."
+        10.0, low=0.0, high=1e4, doc="Integral gain of the force loop, 1/s."
     )
     force_noise_N: float = setting(
         0.1, low=0.0, high=1e3, doc="White noise of a tendon's force sensor, N."

@@ -235,7 +235,7 @@ def _motion_lines(rows: _ByRow) -> list[str]:
             f"{times[0]:.1f}" if times else "",
         ]
         lines.append(f"| {_with_falls(row, own)} | {' | '.join(cells)} |")
-    return lines
+    return lines if len(lines) > len(_heading()) else []
 
 
 def _heading(*names: str) -> list[str]:
