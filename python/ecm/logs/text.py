@@ -69,8 +69,8 @@ def _decoded(path: Path) -> str:
             return raw.decode("utf-16" if wide else "utf-8-sig")
     if b"\0" in raw[:65536]:
         raise InputError(
-            f"{path}: a binary file of a kind that is not known here. Save the log, or the sheet of "
-            "a workbook, as CSV, Parquet, MAT, HDF5 or NPZ."
+            f"{path}: a binary file of a kind that is not known here. Save the log, or the sheet "
+            "of a workbook, as CSV, Parquet, MAT, HDF5 or NPZ."
         )
     return raw.decode("latin-1")
 
