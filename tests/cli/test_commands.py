@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import json
 import os
 import re
@@ -620,6 +621,13 @@ def test_a_long_work_tells_its_step_and_the_time_left(
     with Console(quiet=True).working("fitting") as tell:
         tell(0, 4, "noise")
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", sorted({*REGISTRY} - {"app", "effects", "new", "reveal"}))
+def test_every_command_that_computes_says_how_far_it_is(name: str) -> None:
+    """All but those that compute nothing, and the page, which shows the progress of its steps."""
+    source = inspect.getsource(import_module(f"ecm.cli.{file_of(name)}"))
+    assert re.search(r"session\.working\(|session\.progress\(|console=session", source)
 
 
 def test_compare_and_refit_tell_their_steps() -> None:
