@@ -133,7 +133,9 @@ def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: 
     document = read(tmp_path / "check.json")
     assert document["rows"] == 60
     assert {column["name"] for column in document["columns"]} == {*POSE, *WRENCH}
-    assert "anisotropy" in document["testable"]
+    assert "fts_gain" in document["testable"]
+    reasons = {one["id"]: one["reason"] for one in document["not_testable"]}
+    assert "length is not known" in reasons["anisotropy"]  # as diagnose says
 
 
 def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
