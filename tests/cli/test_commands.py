@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import json
 import os
 import re
@@ -129,7 +130,9 @@ def test_check_writes_what_it_says(neck_csv: Path, tmp_path: Path, ecm_command: 
     document = read(tmp_path / "check.json")
     assert document["rows"] == 60
     assert {column["name"] for column in document["columns"]} == {*POSE, *WRENCH}
-    assert "anisotropy" in document["testable"]
+    assert "fts_gain" in document["testable"]
+    reasons = {one["id"]: one["reason"] for one in document["not_testable"]}
+    assert "length is not known" in reasons["anisotropy"]  # as diagnose says
 
 
 def test_quiet_says_nothing(neck_csv: Path, tmp_path: Path, ecm_command: Command) -> None:
@@ -617,6 +620,13 @@ def test_a_long_work_tells_its_step_and_the_time_left(
     with Console(quiet=True).working("fitting") as tell:
         tell(0, 4, "noise")
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", sorted({*REGISTRY} - {"app", "effects", "new", "reveal"}))
+def test_every_command_that_computes_says_how_far_it_is(name: str) -> None:
+    """All but those that compute nothing, and the page, which shows the progress of its steps."""
+    source = inspect.getsource(import_module(f"ecm.cli.{file_of(name)}"))
+    assert re.search(r"session\.working\(|session\.progress\(|console=session", source)
 
 
 def test_compare_and_refit_tell_their_steps() -> None:

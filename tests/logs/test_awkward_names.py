@@ -77,6 +77,22 @@ def test_rows_without_any_cell_and_the_number_of_the_row(tmp_path: Path) -> None
     assert np.allclose(imported.table["x_m"], 1e-4 * np.arange(9))
 
 
+def test_a_row_of_units_in_quotes_and_a_side_of_the_body(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f'"{i}","{i}","{i}"\n' for i in range(9))
+    head = '"Time","ankle_angle_r","Ankle Moment Right"\n"(s)","(deg)","(N mm)"\n'
+    path.write_text(f'"Specimen","7"\n\n{head}{rows}')
+    table = import_log(path, axis="z").table
+    assert np.allclose(table["theta_z_rad"], np.radians(np.arange(9)))
+    assert np.allclose(table["tau_z_Nm"], 1e-3 * np.arange(9))
+
+
+def test_a_workbook_is_refused_with_what_to_save(tmp_path: Path) -> None:
+    (tmp_path / "log.xlsx").write_bytes(b"PK\x03\x04" + bytes(300))
+    with pytest.raises(ecm.InputError, match=r"log.xlsx: a binary file .* sheet of a workbook"):
+        import_log(tmp_path / "log.xlsx")
+
+
 def test_several_columns_without_an_axis_are_to_be_named_each() -> None:
     columns = {"AP Force": LOAD[:, 0], "ML Force": LOAD[:, 1], "x [mm]": PLACE[:, 0]}
     with pytest.raises(ecm.InputError, match='--map "fx_N=AP Force"'):

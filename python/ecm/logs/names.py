@@ -81,6 +81,8 @@ _IGNORED = frozenset(
     | {"joint", "the", "of", "in", "about", "component", "wxyz", "xyzw"}
 )
 """Words that say where or how something was measured, not what."""
+_SIDES = frozenset({"r", "l", "right", "left"})
+"""Last words that say which of two limbs: ankle_angle_r."""
 _NOT_MEASURED = frozenset(
     {"error", "err", "limit", "commanded", "command", "cmd", "target", "desired", "setpoint"}
     | {"reference", "ref", "std", "sd", "sigma", "variance", "max", "min", "bias", "tare", "arm"}
@@ -188,6 +190,8 @@ def _readings(tokens: list[str]) -> tuple[Reading, ...]:
             return (Reading("euler", token),)
         if token in ("adduction", "varus", "flexion"):
             return (Reading("clinical", _CLINICAL[token]),)
+    if len(tokens) > 1 and tokens[-1] in _SIDES:
+        tokens = tokens[:-1]
     stem, part = _split_axis(tokens)
     if stem in ("", "own") and part in ("x", "y", "z"):
         position = (Reading("position", part),)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 from collections.abc import Callable, Sequence
@@ -62,15 +63,14 @@ def _counts_rows(header: Sequence[str], names: Sequence[str], columns: dict[str,
 
 def _decoded(path: Path) -> str:
     raw = path.read_bytes()
-    for encoding in ("utf-16",) if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig",):
-        try:
-            return raw.decode(encoding)
-        except UnicodeDecodeError:
-            break
+    wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    with contextlib.suppress(UnicodeDecodeError):
+        if wide or b"\0" not in raw[:65536]:
+            return raw.decode("utf-16" if wide else "utf-8-sig")
     if b"\0" in raw[:65536]:
         raise InputError(
-            f"{path}: a binary file of a kind that is not known here. Save the log as CSV, "
-            "Parquet, MAT, HDF5 or NPZ."
+            f"{path}: a binary file of a kind that is not known here. Save the log, or the sheet "
+            "of a workbook, as CSV, Parquet, MAT, HDF5 or NPZ."
         )
     return raw.decode("latin-1")
 
@@ -127,7 +127,7 @@ def _header(
     rows = without_numbers or rows
     unit_row: list[str] = []
     if len(rows) > 1 and _is_unit_row(rows[-1]):
-        unit_row = rows.pop()
+        unit_row = [cell.strip().strip('"') for cell in rows.pop()]
     if rows:
         names = rows[-1]
         if len(rows) > 1 and len(set(names)) < len(names):  # Force, , over X, Y, Z
