@@ -112,22 +112,39 @@ def test_a_wheel_is_refused_that_does_not_keep_its_tag(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("tag", "own_libraries"), [("manylinux_2_28_x86_64", True), ("musllinux_1_2_x86_64", False)]
-)
-def test_a_wheel_for_musl_is_not_held_against_the_c_library_of_this_machine(
-    tag: str, own_libraries: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    commands: list[list[str]] = []
+NEEDS = 'The following external shared libraries are required by the wheel: { "libc.so": null%s }'
 
+
+@pytest.mark.parametrize(
+    ("tag", "words", "kept"),
+    [
+        ("manylinux_2_28_x86_64", 'is consistent with the following platform tag: "%s"', True),
+        (
+            "manylinux_2_28_x86_64",
+            'is consistent with the following platform tag: "linux%s"',
+            False,
+        ),
+        ("musllinux_1_2_x86_64", NEEDS, True),
+        ("musllinux_1_2_x86_64", NEEDS.replace("null", 'null, "libz.so": null'), False),
+    ],
+)
+def test_a_wheel_that_needs_more_than_its_tag_allows_is_a_failure(
+    tag: str, words: str, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def show(command: list[str], **settings: Any) -> SimpleNamespace:
-        commands.append(command)
-        words = f'is consistent with the following platform tag: "{tag}"'
-        return SimpleNamespace(stdout=words, stderr="")
+        # The C library of this machine is no text that auditwheel could read as musl's.
+        assert ("--ldpaths" in command) == tag.startswith("musl")
+        return SimpleNamespace(
+            stdout=words.replace("%s", "" if "null" in words else tag), stderr=""
+        )
 
     monkeypatch.setattr(wheels.subprocess, "run", show)
-    wheels.audit(tmp_path / f"ecm_stiffness-0.1.0-cp310-abi3-{tag}.whl")
-    assert ("--ldpaths" not in commands[0]) == own_libraries
+    wheel = tmp_path / f"ecm_stiffness-0.1.0-cp310-abi3-{tag}.whl"
+    if kept:
+        wheels.audit(wheel)
+    else:
+        with pytest.raises(RuntimeError, match="ecm_stiffness"):
+            wheels.audit(wheel)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ of a left one.
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -156,7 +157,8 @@ def rotation_columns(word: str, vectors: F) -> dict[str, F]:
         values = turn.as_euler("XYZ") * _signs(word)
     else:
         names = [f"euler{i + 1}_{axis}_rad" for i, axis in enumerate(word)]
-        values = turn.as_euler(word)  # type: ignore[call-overload]  # checked where it is read
+        sequence: Any = word  # checked above
+        values = turn.as_euler(sequence)
     return dict(zip(names, np.asarray(values).T, strict=True))
 
 
