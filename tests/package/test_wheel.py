@@ -53,7 +53,7 @@ def test_the_wheel_installs_and_identifies_without_rust(
         timeout=600,
         env={**os.environ, "PYTHONPATH": ""},
     )
-    write_smaller(tmp_path / "quick.toml", n=95, n_test=5, design=88)
+    write_smaller(tmp_path / "quick.toml", n=110, n_test=10, design=88)
     copy_cases(quick_job, tmp_path / "out" / "stages")  # the campaigns solve their own poses
     done = subprocess.run(
         [clean / "bin" / "ecm", "identify", "quick.toml", "--out", "out"],
