@@ -74,8 +74,8 @@ def verdict(
         Function that looks for a pattern before `none` or a name is said.
     """
     # A polynomial takes in most wrong readings: its gate does not see them.
-    seen = gate.rejected or problem.base.kind == "polynomial"
-    wrong = _wrong_statement(problem, accepted) if seen else None
+    asked = gate.rejected or problem.base.kind == "polynomial"
+    wrong = _wrong_statement(problem, accepted) if asked else None
     if wrong is not None:
         unknown = describe(problem, problem.response, (), gate.structure)
         said = replace(

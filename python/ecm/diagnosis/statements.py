@@ -10,7 +10,7 @@ nothing else serves as base, an energy without symmetry is asked: any elastic bo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -76,7 +76,9 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
     if not isinstance(base, EnergyMap) or base.model.symmetry != "alike":
         return [base]
     own = base.model
-    terms = {"length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"}
+    terms: dict[str, Any] = {
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+    }  # fmt: skip
     count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
     zeros = np.zeros(count.shape[2])
     unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
@@ -94,8 +96,9 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
         return None
 
     def energy(poses: F, wrench: F) -> StiffnessMap:
-        terms = {"length_m": length, "degree": degrees[0], "symmetry": "general"}
-        return EnergyMap(EnergyModel.fit(poses, wrench, **terms))
+        return EnergyMap(
+            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
+        )
 
     as_stated = _error(problem, energy(poses, wrench), None)
     most = max(settings.most_left_error, _BETTER * before)
