@@ -77,10 +77,8 @@ def _bodies(base: StiffnessMap) -> list[StiffnessMap]:
         return [base]
     own = base.model
     terms: dict[str, Any] = {
-        "length_m": own.length_m,
-        "degree": own.degree,
-        "symmetry": "revolution",
-    }
+        "length_m": own.length_m, "degree": own.degree, "symmetry": "revolution"
+    }  # fmt: skip
     count = EnergyModel.regressor(np.array([[own.length_m, *[0.0] * 5]]), scale=own.scale, **terms)
     zeros = np.zeros(count.shape[2])
     unlike = EnergyModel.from_coefficients(scale=own.scale, coefficients=zeros, **terms)
@@ -98,8 +96,9 @@ def _of_any_elastic_body(problem: Problem, before: float) -> WrongStatement | No
         return None
 
     def energy(poses: F, wrench: F) -> StiffnessMap:
-        terms: dict[str, Any] = {"length_m": length, "degree": degrees[0], "symmetry": "general"}
-        return EnergyMap(EnergyModel.fit(poses, wrench, **terms))
+        return EnergyMap(
+            EnergyModel.fit(poses, wrench, length_m=length, degree=degrees[0], symmetry="general")
+        )
 
     as_stated = _error(problem, energy(poses, wrench), None)
     most = max(settings.most_left_error, _BETTER * before)
