@@ -223,7 +223,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             state,
             seen,
             &factor,
-            two,
+            told_apart,
             [&mut carried, &mut carried_apart],
         );
         let gain = carried.map(|row| factor.solve(&row));
