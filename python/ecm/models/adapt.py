@@ -202,9 +202,9 @@ class Adapter:
     >>> h = (x - [0.1, 0, 0, 0, 0, 0]) * [2e4, 3e3, 3e3, 4.0, 16.0, 16.0]
     >>> model = fit_model(as_table(dict(zip((*POSE, *WRENCH), np.hstack([x, h]).T))), "linear")
     >>> adapter = model.controller().adapt(AdaptSettings(("modulus",)))
-    >>> for pose, wrench in zip(x, h):  # the mechanism has become softer by a tenth
-    ...     outcome = adapter.observe(pose, 0.9 * wrench, 0.05)
-    >>> outcome, round(adapter.values["modulus"], 3)
+    >>> for pose, wrench in zip(x.repeat(10, 0), h.repeat(10, 0)):  # softer by a tenth
+    ...     outcome = adapter.observe(pose, 0.9 * wrench, 0.02)
+    >>> outcome, round(adapter.values["modulus"], 2)
     ('adapted', 0.9)
     """
 

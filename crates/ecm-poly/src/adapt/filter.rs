@@ -289,7 +289,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             let told = if told < most { told } else { most };
             *information += (told - *information) / over;
             *of_noise += (noise - *of_noise) / over;
-            held[i] = state.is_held(i);
+            held[i] = self.is_held(state, i);
         }
         let mut rest = state.covariance;
         for h in (0..N).filter(|h| held[*h]) {

@@ -145,12 +145,6 @@ pub fn branch_wrenches<R: Real>(
 }
 
 impl<R: Real, const N: usize> State<R, N> {
-    /// Whether a parameter is held, because the readings of the last time tell less of it than their noise
-    /// seems to.
-    pub fn is_held(&self, i: usize) -> bool {
-        self.excitation[i][0] < self.excitation[i][1]
-    }
-
     /// Goes on after [`Outcome::Diagnose`], with the values as they are and the covariance of the start.
     pub fn resume(&mut self, adapter: &Adapter<R, N>) {
         let values = self.values;
@@ -173,11 +167,18 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             time_s: R::ZERO,
             last: [R::ZERO; 6],
             model: ModelError::EMPTY,
-            excitation: [[R::ZERO; 2]; N],
+            excitation: [[R::ZERO, R::ONE]; N],
             window: [R::ZERO; 2],
             counts: [0; 4],
             held: 0,
         }
+    }
+
+    /// Whether a parameter is held, because the readings of the last time tell less of it than their noise
+    /// seems to; at the start until they tell something.
+    pub fn is_held(&self, state: &State<R, N>, i: usize) -> bool {
+        let [information, of_noise] = state.excitation[i];
+        self.parameters[i].follows_model() && information < of_noise
     }
 
     /// Takes one reading, dt (s) after the one before.

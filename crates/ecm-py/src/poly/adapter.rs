@@ -206,7 +206,7 @@ impl Adapter {
     /// (13,) whether a parameter is held for want of excitation.
     #[getter]
     fn held<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        let held: [bool; N] = core::array::from_fn(|i| self.state.is_held(i));
+        let held: [bool; N] = core::array::from_fn(|i| self.settings.is_held(&self.state, i));
         PyArray1::from_slice(py, &held)
     }
 

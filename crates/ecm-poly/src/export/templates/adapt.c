@@ -198,7 +198,7 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     for (int32_t i = 0; i < N; i++) {
         state->values[i] = s->priors[i].start;
         state->excitation[i][0] = R(0);
-        state->excitation[i][1] = R(0);
+        state->excitation[i][1] = R(1);
         for (int32_t j = 0; j < N; j++) {
             state->covariance[i][j] = R(0);
         }
