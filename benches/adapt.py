@@ -62,13 +62,13 @@ def training(truth: StiffnessMap, seed: int) -> Table:
 
 
 def motion(kind: str, times: F, random: np.random.Generator) -> F:
-    """(N, 6) poses of one way to move: `stand`, `circle`, `steps` or `free`."""
-    size = random.uniform(0.15, 0.3)
+    """(N, 6) poses of one way to move: `stand`, `circle`, `small`, `steps` or `free`."""
+    size = 0.01 if kind == "small" else random.uniform(0.15, 0.3)
     if kind == "stand":
         bend = np.broadcast_to(random.uniform(-0.3, 0.3, 2), (len(times), 2))
         return pose_at(bend, np.zeros(len(times)), np.zeros(len(times)))
     phase = 2.0 * np.pi * times / random.uniform(3.0, 6.0) + random.uniform(0.0, 6.28)
-    if kind == "circle":
+    if kind in ("circle", "small"):
         bend = size * np.column_stack([np.cos(phase), np.sin(phase)])
         return pose_at(bend, np.zeros(len(times)), np.zeros(len(times)))
     if kind == "steps":
@@ -209,12 +209,12 @@ def report_hour(found: Hour, names: list[str]) -> None:
         )
 
 
-def only_circle(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float) -> None:
-    """Ten minutes of a circle about the rest pose and nothing else, with 0.93 of the modulus."""
+def nothing_but(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float, kind: str) -> None:
+    """Ten minutes of one motion about the rest pose and nothing else, with 0.93 of the modulus."""
     values, spreads, alarms = [], [], 0
     for run in range(runs):
         random = np.random.default_rng([13, run])
-        poses = motion("circle", np.arange(int(600 * rate)) / rate, random)
+        poses = motion(kind, np.arange(int(600 * rate)) / rate, random)
         seen, measured = readings(0.93 * truth.predict(poses), poses, random)
         adapter.reset()
         outcomes = adapter.follow(seen, measured, np.full(len(poses), 1.0 / rate))[3]
@@ -223,10 +223,32 @@ def only_circle(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float) -
         alarms += int(DIAGNOSE in outcomes)
     away = np.abs(np.asarray(values) - 0.93) > OUTSIDE * np.asarray(spreads)
     print(
-        f"nothing but a circle for 10 min: modulus 0.93 found as {min(values):.3f} to "
-        f"{max(values):.3f}, median sd {np.median(spreads):.3f}, outside the 99 % region in "
+        f"nothing but `{kind}` for 10 min: modulus 0.93 found as {min(values):.3f} to "
+        f"{max(values):.3f}, median sd {np.median(spreads):.4f}, outside the 99 % region in "
         f"{away.sum()} of {runs}, `diagnose` in {alarms}"
     )
+
+
+def friction(adapter: Adapter, truth: StiffnessMap, runs: int, rate: float) -> None:
+    """Dry friction that no parameter has: its share of the runs that end with `diagnose`."""
+    for size in (0.3, 1.0, 3.0):
+        alarms, delays = 0, []
+        for run in range(runs):
+            random = np.random.default_rng([17, run])
+            poses = motion("free", np.arange(int(300 * rate)) / rate, random)
+            wrench = truth.predict(poses)
+            wrench[:, 1:3] += size * np.sign(np.gradient(poses[:, 1:3], axis=0))
+            seen, measured = readings(wrench, poses, random)
+            adapter.reset()
+            outcomes = adapter.follow(seen, measured, np.full(len(poses), 1.0 / rate))[3]
+            mark = np.flatnonzero(outcomes == DIAGNOSE)
+            if len(mark):
+                alarms += 1
+                delays.append(mark[0] / rate)
+        print(
+            f"friction of {size} N in 5 min of free motion: `diagnose` in {alarms} of {runs}, "
+            f"after {np.median(delays or [np.nan]):.0f} s (median)"
+        )
 
 
 def put_on(adapter: Adapter, truth: StiffnessMap, runs: int, kind: str, what: str) -> None:
@@ -284,7 +306,9 @@ def main() -> None:
     truth = physics_map(Mechanism())
     model = fit_model(training(truth, 3), "energy6")
     adapter = model.controller().adapt(settings(model, truth))
-    only_circle(adapter, truth, given.runs, given.rate)
+    for kind in ("circle", "small", "stand"):
+        nothing_but(adapter, truth, given.runs, given.rate, kind)
+    friction(adapter, truth, given.runs, given.rate)
     for what in ("payload", "zero"):
         for kind in ("stand", "circle", "steps", "free"):
             put_on(adapter, truth, given.runs, kind, what)

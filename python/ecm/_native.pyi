@@ -521,6 +521,10 @@ class Adapter:
     def covariance(self) -> _F:
         """(13, 13)."""
 
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(13,) whether a parameter is held for want of excitation."""
+
 # --- material ----------------------------------------------------------
 _Parameters = Mapping[str, float | Sequence[float]]
 

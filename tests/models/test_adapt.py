@@ -91,6 +91,18 @@ def test_error_stays_at_the_floor_while_the_modulus_falls(adapter: Adapter) -> N
     assert OUTCOMES.index("diagnose") not in outcomes
 
 
+def test_ten_minutes_of_a_circle_leave_the_modulus_and_say_so(adapter: Adapter) -> None:
+    phase = 2.0 * np.pi * np.arange(int(600 * RATE)) / (4.0 * RATE)
+    poses = np.zeros((len(phase), 6))
+    poses[:, 0] = L
+    poses[:, 4], poses[:, 5] = 0.01 * np.cos(phase), 0.01 * np.sin(phase)
+    adapter.follow(*read(poses, 0.93 * wrench(poses), 5))
+    modulus, sd = adapter.values["modulus"], adapter.sd["modulus"]
+    assert abs(modulus - 0.93) < 2.5758 * sd
+    assert sd > 0.05
+    assert adapter.held == ("modulus",)
+
+
 @pytest.mark.parametrize("what", ["payload", "zero"])
 def test_half_a_kilogram_is_found_and_told_from_the_zero(adapter: Adapter, what: str) -> None:
     poses = moving(42.0, 3, 0.5)

@@ -84,7 +84,7 @@ class AdaptSettings:
     gravity_m_s2: tuple[float, float, float] = (-9.81, 0.0, 0.0)
     """Gravity in base axes."""
     interval_s: float = 0.1
-    """Time over which readings are averaged before they change a parameter."""
+    """Time over which readings are averaged before they change a parameter: two readings or more."""
     modulus_sd: float = 0.2
     """Standard deviation of the modulus' scale at the start, and the largest ever."""
     modulus_walk: float = 0.1
@@ -190,8 +190,8 @@ class WeakDirection:
 class Adapter:
     """A fitted model whose parameters follow measured wrenches; `Controller.adapt` makes one.
 
-    A Kalman filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's
-    zero, shares of relaxing branches. Every call takes one reading.
+    A filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's zero, shares
+    of relaxing branches. Every call takes one reading; an interval must hold two or more.
 
     Examples
     --------
@@ -202,9 +202,9 @@ class Adapter:
     >>> h = (x - [0.1, 0, 0, 0, 0, 0]) * [2e4, 3e3, 3e3, 4.0, 16.0, 16.0]
     >>> model = fit_model(as_table(dict(zip((*POSE, *WRENCH), np.hstack([x, h]).T))), "linear")
     >>> adapter = model.controller().adapt(AdaptSettings(("modulus",)))
-    >>> for pose, wrench in zip(x, h):  # the mechanism has become softer by a tenth
-    ...     outcome = adapter.observe(pose, 0.9 * wrench, 0.1)
-    >>> outcome, round(adapter.values["modulus"], 3)
+    >>> for pose, wrench in zip(x.repeat(10, 0), h.repeat(10, 0)):  # softer by a tenth
+    ...     outcome = adapter.observe(pose, 0.9 * wrench, 0.02)
+    >>> outcome, round(adapter.values["modulus"], 2)
     ('adapted', 0.9)
     """
 
@@ -289,6 +289,12 @@ class Adapter:
         """Standard deviation of each parameter."""
         spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         return dict(zip(self.values, spread.tolist(), strict=True))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Modulus and shares that the motion of the last time does not tell: they keep their value."""
+        held = self._native.held
+        return tuple(NAMES[i] for i in self._chosen if held[i])
 
     @property
     def payload_centre(self) -> tuple[F, F] | None:

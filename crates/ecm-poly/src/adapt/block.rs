@@ -32,7 +32,7 @@ impl<R: Real> Reading<R> {
     }
 }
 
-/// Sums over the readings of an interval.
+/// Sums over the readings of half an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Block<R> {
@@ -44,11 +44,9 @@ pub struct Block<R> {
     pub predicted: Vec6<R>,
     /// Sums of the branches' wrenches.
     pub branches: [Vec6<R>; BRANCHES],
-    /// Time since the block before (s), pauses included.
-    pub time_s: R,
-    /// Time of the readings in the sums (s).
+    /// Time of the readings (s).
     pub read_s: R,
-    /// Number of readings in the sums.
+    /// Number of readings.
     pub readings: R,
 }
 
@@ -58,20 +56,12 @@ impl<R: Real> Block<R> {
         wrench: [R::ZERO; 6],
         predicted: [R::ZERO; 6],
         branches: [[R::ZERO; 6]; BRANCHES],
-        time_s: R::ZERO,
         read_s: R::ZERO,
         readings: R::ZERO,
     };
 
-    /// Adds a reading; what was read before a pause longer than a block is dropped.
-    pub(super) fn add(&mut self, reading: &Reading<R>, dt: R, interval_s: R) {
-        if dt > interval_s {
-            let time_s = self.time_s;
-            *self = Self {
-                time_s,
-                ..Self::EMPTY
-            };
-        }
+    /// Adds a reading.
+    pub(super) fn add(&mut self, reading: &Reading<R>, dt: R) {
         let pose = reading.pose.to_array();
         for i in 0..6 {
             self.pose[i] += pose[i];
@@ -81,7 +71,6 @@ impl<R: Real> Block<R> {
                 sum[i] += branch[i];
             }
         }
-        self.time_s += dt;
         self.read_s += dt;
         self.readings += R::ONE;
     }
@@ -90,7 +79,7 @@ impl<R: Real> Block<R> {
         let all = |values: &[R]| values.iter().all(|x| x.is_finite());
         let sums = [&self.pose, &self.wrench, &self.predicted];
         sums.into_iter().chain(&self.branches).all(|sum| all(sum))
-            && all(&[self.time_s, self.read_s, self.readings])
+            && all(&[self.read_s, self.readings])
     }
 
     /// Means over the readings.
@@ -105,50 +94,65 @@ impl<R: Real> Block<R> {
             ..*self
         }
     }
+}
 
-    /// How many readings of independent noise the mean is worth.
-    fn independent(&self, noise: &Noise<R>) -> R {
-        if noise.time_s * self.readings <= self.read_s {
-            return self.readings;
-        }
-        if noise.time_s < self.read_s {
-            self.read_s / noise.time_s
+/// The two halves of an interval.
+pub(super) struct Pair<R> {
+    /// Means of each; the same twice where only one has readings.
+    pub halves: [Block<R>; 2],
+    /// Means of both.
+    pub pose: Vec6<R>,
+    /// Whether each half has readings of its own.
+    pub two: bool,
+    /// How many readings of independent noise the mean of both halves is worth.
+    pub independent: R,
+}
+
+impl<R: Real> Pair<R> {
+    pub fn new(halves: &[Block<R>; 2], noise: &Noise<R>) -> Self {
+        let [first, second] = halves;
+        let readings = first.readings + second.readings;
+        let two = first.readings > R::ZERO && second.readings > R::ZERO;
+        let halves = match (two, first.readings > R::ZERO) {
+            (true, _) => [first.mean(), second.mean()],
+            (false, true) => [first.mean(); 2],
+            (false, false) => [second.mean(); 2],
+        };
+        // Variance of the mean of two means: (1/n1 + 1/n2) / 4.
+        let white = if two {
+            R::from_u16(4) * first.readings * second.readings / readings
+        } else {
+            readings
+        };
+        let read_s = first.read_s + second.read_s;
+        let independent = if noise.time_s * white <= read_s {
+            white
+        } else if noise.time_s < read_s {
+            read_s / noise.time_s
         } else {
             R::ONE
+        };
+        let pose = core::array::from_fn(|i| R::HALF * (halves[0].pose[i] + halves[1].pose[i]));
+        Self {
+            halves,
+            pose,
+            two,
+            independent,
         }
     }
 
     /// Whether a coordinate of the mean pose is 10 standard deviations from another.
-    pub(super) fn moved(&self, from: &Vec6<R>, noise: &Noise<R>) -> bool {
-        let many = R::from_u16(100) / self.independent(noise);
+    pub fn moved(&self, from: &Vec6<R>, noise: &Noise<R>) -> bool {
+        let many = R::from_u16(100) / self.independent;
         (0..6).any(|i| {
             let (d, sd) = (self.pose[i] - from[i], noise.pose[i / 3]);
             d * d > many * sd * sd
         })
     }
 
-    /// Σ_p Kᵀ x: what a wrench over its covariance says of the error of the mean pose.
-    pub(super) fn pose_shift(&self, noise: &Noise<R>, stiffness: &Mat6<R>, x: &Vec6<R>) -> Vec6<R> {
-        let share = R::ONE / self.independent(noise);
-        core::array::from_fn(|j| {
-            let sum = (0..6).fold(R::ZERO, |sum, a| sum + stiffness[a][j] * x[a]);
-            share * noise.pose[j / 3] * noise.pose[j / 3] * sum
-        })
-    }
-
-    /// Moves the pose, and the model's wrench with it.
-    pub(super) fn shift(&mut self, by: &Vec6<R>, stiffness: &Mat6<R>) {
-        for a in 0..6 {
-            self.pose[a] += by[a];
-            for j in 0..6 {
-                self.predicted[a] += stiffness[a][j] * by[j];
-            }
-        }
-    }
-
-    /// Covariance of the mean: instruments with K Σ_p Kᵀ of the pose, and that last part's diagonal.
-    pub(super) fn noise(&self, noise: &Noise<R>, stiffness: &Mat6<R>) -> (Mat6<R>, Vec6<R>) {
-        let share = R::ONE / self.independent(noise);
+    /// Covariance of the mean, and of half the difference of the halves: instruments with K Σ_p Kᵀ.
+    pub fn noise(&self, noise: &Noise<R>, stiffness: &Mat6<R>) -> Mat6<R> {
+        let share = R::ONE / self.independent;
         let variance: Vec6<R> =
             core::array::from_fn(|j| share * noise.pose[j / 3] * noise.pose[j / 3]);
         let mut matrix: Mat6<R> = core::array::from_fn(|a| {
@@ -158,10 +162,9 @@ impl<R: Real> Block<R> {
                 })
             })
         });
-        let of_pose = core::array::from_fn(|a| matrix[a][a]);
         for (a, row) in matrix.iter_mut().enumerate() {
             row[a] += share * noise.wrench[a / 3] * noise.wrench[a / 3];
         }
-        (matrix, of_pose)
+        matrix
     }
 }

@@ -1,16 +1,19 @@
-//! What the mean of an interval does to the parameters.
+//! What the two halves of an interval do to the parameters.
 
 use ecm_se3::{Mat6, Pose, Real, Vec6};
 
-use super::update::{Factor, bound_of_mean, carried, dot, root, shrunk, spread};
+use super::block::Pair;
+use super::model_error::{Parts, way};
+use super::update::{
+    Factor, add, add_diagonal, bound_of_mean, carried, combined, dot, joseph, spread,
+};
 use super::{Adapter, Block, Outcome, State};
 use crate::stepper::Decay;
 
 /// A block counts at least as this share of one, so that a pause at one pose ends some day.
 const STILL: u16 = 1000;
-/// Variance of what a parameter changes over what the noise of the pose makes of it.
-const EXCITED: u16 = 100;
-const MOST_EXCITED: u16 = 10_000;
+/// Blocks over which information and noise of a column are averaged.
+const EXCITED_OVER: u16 = 200;
 /// Blocks in a row beyond the bound that make a jump, and jumps that are no drift.
 const SUSPECTS: u32 = 3;
 const JUMPS: u32 = 3;
@@ -19,39 +22,63 @@ const WINDOW: u32 = 100;
 /// Bounds as those of a normal number: of one block, and of a window (1 in 10⁶).
 const BLOCK_BOUND: u16 = 5;
 const WINDOW_BOUND: [u16; 2] = [19, 4];
+/// The tests allow three times the stated error of the model: this much variance beside the one in it.
+const ALLOWED: u16 = 8;
+/// A variance beyond this many times that of the start is no result.
+const MOST: u16 = 16;
+
+/// Columns and innovations of a block.
+struct Seen<R, const N: usize> {
+    /// Means of both halves, and half their difference.
+    columns: [[Vec6<R>; N]; 2],
+    innovations: [Vec6<R>; 2],
+    /// Noise of either.
+    noise: Mat6<R>,
+    parts: Parts<R, N>,
+}
+
+/// P Hᵀ and S of a block.
+struct Told<R, const N: usize> {
+    carried: [Vec6<R>; N],
+    total: Mat6<R>,
+}
 
 impl<R: Real, const N: usize> Adapter<R, N> {
-    /// Tests a block, and updates or leaves it out.
+    /// Tests a block of `time_s`, and updates or leaves it out.
     pub(super) fn close(
         &self,
         state: &mut State<R, N>,
-        block: &Block<R>,
+        halves: &[Block<R>; 2],
+        time_s: R,
         stiffness: &Mat6<R>,
     ) -> Outcome {
-        let Some(pose) = Pose::checked(&block.pose) else {
+        let pair = Pair::new(halves, &self.noise);
+        let Some(columns) = self.columns_of(&pair) else {
             return Outcome::LeftOut;
         };
-        let first = state.counts[3] == 0;
-        let mut apart = if first { R::ONE } else { R::ZERO };
-        let moved = first || block.moved(&state.anchor.pose, &self.noise);
-        if moved {
-            apart += (R::ONE - apart) * self.apart(&state.anchor.pose, &block.pose);
-            state.anchor = *block;
+        let mut apart = R::ZERO;
+        if state.counts[3] == 0 {
+            apart = R::ONE;
+            state.last = pair.pose;
+        } else if pair.moved(&state.last, &self.noise) {
+            apart = Decay::new(way(&state.last, &pair.pose, &self.noise)).lost;
+            state.last = pair.pose;
         }
         state.counts[3] = state.counts[3].saturating_add(1);
-        self.grow(&mut state.covariance, block.time_s);
-        let mut columns = self.columns_at(&state.anchor);
-        let expected = self.expected(state, &pose, &block.predicted, &block.branches, true);
-        let innovation: Vec6<R> = core::array::from_fn(|a| block.wrench[a] - expected[a]);
+        self.grow(state, time_s);
+        let cell = state.model.visit(&pair.pose, &self.noise, state.counts[3]);
         let scale = self.modulus(state);
         let scaled = stiffness.map(|row| row.map(|k| scale * k));
-        let (noise, of_pose) = block.noise(&self.noise, &scaled);
-        let model: Vec6<R> =
-            core::array::from_fn(|a| self.noise.model[a / 3] * self.noise.model[a / 3]);
+        let seen = Seen {
+            innovations: self.innovations(state, &pair, &columns),
+            columns,
+            noise: pair.noise(&self.noise, &scaled),
+            parts: state.model.parts(cell, &pair.pose, &self.noise),
+        };
         let limit = R::from_u16(BLOCK_BOUND);
         let bound = R::from_u16(6) * bound_of_mean(R::from_u16(6), limit);
-        let mut told = Told::new(&state.covariance, &columns, &noise, &model);
-        let mut surprise = told.surprise(&innovation);
+        let mut told = seen.told(&state.covariance);
+        let (mut surprise, mut alike) = self.surprise(&seen, &told);
         let mut outcome = Outcome::Adapted;
         // A NaN does not fit.
         let fits = surprise <= bound;
@@ -67,9 +94,9 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             }
             state.counts = [0, 0, state.counts[2] + 1, state.counts[3]];
             state.window = [R::ZERO; 2];
-            self.open(&mut state.covariance);
-            told = Told::new(&state.covariance, &columns, &noise, &model);
-            surprise = told.surprise(&innovation);
+            self.open(state);
+            told = seen.told(&state.covariance);
+            (surprise, alike) = self.surprise(&seen, &told);
             outcome = Outcome::Jumped;
             let fits = surprise <= bound;
             if !fits {
@@ -78,126 +105,231 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         }
         state.counts[1] = 0;
         let mut next = *state;
-        if moved {
-            let shift = block.pose_shift(&self.noise, &scaled, &told.solved(&innovation));
-            next.anchor.shift(&shift, stiffness);
-            columns = self.columns_at(&next.anchor);
-            told = Told::new(&next.covariance, &columns, &noise, &model);
-        }
-        let all_told = self.update(&mut next, &told, &innovation, apart, &of_pose);
-        let mut values = next.values.iter().chain(next.covariance.as_flattened());
-        if !(values.all(|x| x.is_finite()) && next.anchor.is_finite()) {
+        self.update(&mut next, &seen, told, (apart, pair.two && apart > R::ZERO));
+        if !self.is_sound(&next) {
             return Outcome::LeftOut;
         }
         *state = next;
-        // The error of a parameter that is held is alike in all blocks: no chi-square.
-        if !all_told {
-            return outcome;
-        }
-        self.test(state, surprise, told.alike(&noise))
-            .unwrap_or(outcome)
+        self.test(state, surprise, alike).unwrap_or(outcome)
     }
 
-    /// 1 − e^(−way/reach) between two poses.
-    fn apart(&self, from: &Vec6<R>, to: &Vec6<R>) -> R {
-        let mut way = R::ZERO;
-        for i in 0..6 {
-            let d = to[i] - from[i];
-            way += if d < R::ZERO { -d } else { d } / self.noise.reach[i / 3];
-        }
-        Decay::new(way).lost
+    /// Mean of both halves and half their difference; None where a mean pose is none.
+    fn columns_of(&self, pair: &Pair<R>) -> Option<[[Vec6<R>; N]; 2]> {
+        let at = |half: &Block<R>| {
+            let pose = Pose::checked(&half.pose)?;
+            Some(self.columns(&pose, &half.predicted, &half.branches))
+        };
+        let (first, second) = (at(&pair.halves[0])?, at(&pair.halves[1])?);
+        let of = |sign: R| {
+            core::array::from_fn(|i| {
+                core::array::from_fn(|a| R::HALF * (first[i][a] + sign * second[i][a]))
+            })
+        };
+        Some([of(R::ONE), of(-R::ONE)])
     }
 
-    /// A random walk of dt seconds, no further than the covariance of the start.
-    fn grow(&self, covariance: &mut [[R; N]; N], dt: R) {
+    fn innovations(
+        &self,
+        state: &State<R, N>,
+        pair: &Pair<R>,
+        columns: &[[Vec6<R>; N]; 2],
+    ) -> [Vec6<R>; 2] {
+        let away = core::array::from_fn(|i| state.values[i] - self.nominal(i));
+        let [first, second] = &pair.halves;
+        let of = |sign: R, columns| {
+            let explained = combined(columns, &away);
+            core::array::from_fn(|a| {
+                let rest = |half: &Block<R>| half.wrench[a] - half.predicted[a];
+                R::HALF * (rest(first) + sign * rest(second)) - explained[a]
+            })
+        };
+        [of(R::ONE, &columns[0]), of(-R::ONE, &columns[1])]
+    }
+
+    /// A walk of dt seconds that forgets: θ̃ ← f θ̃, variance (1 − f²) of the start.
+    fn grow(&self, state: &mut State<R, N>, dt: R) {
         let hours = dt / R::from_u16(3600);
+        let kept: [R; N] = core::array::from_fn(|i| {
+            let prior = &self.priors[i];
+            let rate = prior.walk * prior.walk * hours / (R::TWO * prior.sd * prior.sd);
+            match prior.sd > R::ZERO {
+                true => R::ONE - Decay::new(rate).lost,
+                false => R::ONE,
+            }
+        });
         for i in 0..N {
             let prior = &self.priors[i];
-            covariance[i][i] += prior.walk * prior.walk * hours;
-            self.cap(covariance, i);
-        }
-    }
-
-    /// Opens what may jump.
-    fn open(&self, covariance: &mut [[R; N]; N]) {
-        for i in 0..N {
-            let prior = &self.priors[i];
-            if prior.jumps > R::ZERO {
-                covariance[i][i] += prior.sd * prior.sd;
-                self.cap(covariance, i);
+            for j in 0..N {
+                state.covariance[i][j] = kept[i] * kept[j] * state.covariance[i][j];
+            }
+            let lost = (R::ONE - kept[i]) * (R::ONE + kept[i]);
+            state.covariance[i][i] += lost * prior.sd * prior.sd;
+            for part in &mut state.model.cross[i] {
+                *part = part.map(|x| kept[i] * x);
             }
         }
     }
 
-    /// Scales row and column, which keeps the matrix positive and its correlations as they are.
-    fn cap(&self, covariance: &mut [[R; N]; N], i: usize) {
-        let largest = self.priors[i].sd * self.priors[i].sd;
-        if covariance[i][i] <= largest {
-            return;
+    /// Opens what may jump.
+    fn open(&self, state: &mut State<R, N>) {
+        for i in 0..N {
+            let prior = &self.priors[i];
+            if prior.jumps > R::ZERO {
+                state.covariance[i][i] += prior.sd * prior.sd;
+            }
         }
-        let ratio = largest / covariance[i][i];
-        let factor = if ratio > R::EPSILON {
-            root(ratio)
-        } else {
-            R::ZERO
-        };
-        for j in 0..N {
-            let entry = factor * covariance[i][j];
-            covariance[i][j] = entry;
-            covariance[j][i] = entry;
-        }
-        covariance[i][i] = largest;
     }
 
-    /// Whether no parameter was held for want of excitation.
+    /// νᵀ S⁻¹ ν with three times the error of the model, chi-square with six degrees of freedom where
+    /// that is right; and the mean share of the variance that is no noise.
+    fn surprise(&self, seen: &Seen<R, N>, told: &Told<R, N>) -> (R, R) {
+        let mut total = told.total;
+        add_diagonal(&mut total, |a| {
+            let sd = self.noise.model[a / 3];
+            R::from_u16(ALLOWED) * sd * sd
+        });
+        let innovation = &seen.innovations[0];
+        let surprise = dot(innovation, &Factor::new(&total).solve(innovation));
+        let sum = (0..6).fold(R::ZERO, |sum, a| {
+            sum + R::ONE - seen.noise[a][a] / total[a][a]
+        });
+        (surprise, sum / R::from_u16(6))
+    }
+
+    /// Instrumental variables: x ← x + P (H₊ᵀ S⁻¹ ν₊ − H₋ᵀ S⁻¹ ν₋), + the mean of the halves and − half
+    /// their difference, which is (H₁ᵀ S⁻¹ ν₂ + H₂ᵀ S⁻¹ ν₁)/2.
     fn update(
         &self,
         state: &mut State<R, N>,
-        told: &Told<'_, R, N>,
-        innovation: &Vec6<R>,
-        apart: R,
-        of_pose: &Vec6<R>,
-    ) -> bool {
+        seen: &Seen<R, N>,
+        told: Told<R, N>,
+        (apart, told_apart): (R, bool),
+    ) {
+        let [mean, difference] = &seen.columns;
+        let parts = &seen.parts;
         let still = R::from_u16(STILL);
         let times = if apart * still > R::TWO - apart {
             (R::TWO - apart) / apart
         } else {
             still
         };
+        let mut carried_apart = carried(&state.covariance, difference);
         let mut total = told.total;
-        let mut noisy = R::ZERO;
-        for a in 0..6 {
-            total[a][a] += (times - R::ONE) * told.model[a];
-            noisy += of_pose[a] / total[a][a];
+        add_diagonal(&mut total, |a| (times - R::ONE) * parts.rest[a]);
+        add(&mut total, &spread(difference, &carried_apart));
+        let factor = Factor::new(&total);
+        let mut carried = told.carried;
+        self.hold(
+            state,
+            seen,
+            &factor,
+            told_apart,
+            [&mut carried, &mut carried_apart],
+        );
+        let gain = carried.map(|row| factor.solve(&row));
+        let gain_apart = carried_apart.map(|row| factor.solve(&row));
+        let [innovation, innovation_apart] = &seen.innovations;
+        for i in 0..N {
+            state.values[i] += dot(&gain[i], innovation) - dot(&gain_apart[i], innovation_apart);
         }
-        // What a parameter changes while the others follow it: P Hᵀ over its own variance. Its mean, or
-        // blocks in which noise looks like excitation would be chosen.
+        let through: [[R; N]; N] = core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                let one = if i == j { R::ONE } else { R::ZERO };
+                one - dot(&gain[i], &mean[j]) + dot(&gain_apart[i], &difference[j])
+            })
+        });
+        let shared = core::array::from_fn(|i| {
+            core::array::from_fn(|a| {
+                (0..N).fold(R::ZERO, |sum, j| sum + through[i][j] * parts.shared[j][a])
+            })
+        });
+        let mut noise = seen.noise;
+        add_diagonal(&mut noise, |a| parts.variance[a] + times * parts.rest[a]);
+        let covariance = &mut state.covariance;
+        joseph(
+            covariance,
+            &through,
+            (&gain, &shared, &noise),
+            (&gain_apart, &seen.noise),
+        );
+        state.model.follow(&through, &gain, parts);
+        self.project(state);
+    }
+
+    /// Takes parameters that follow the model out of the gains while the readings tell less of them,
+    /// the others following, than noise seems to; and in a block that has not moved, or has no two halves.
+    fn hold(
+        &self,
+        state: &mut State<R, N>,
+        seen: &Seen<R, N>,
+        factor: &Factor<R>,
+        told_apart: bool,
+        mut carried: [&mut [Vec6<R>; N]; 2],
+    ) {
         let mut held = [false; N];
         for i in 0..N {
-            let own = state.covariance[i][i] * state.covariance[i][i];
-            let signal = (0..6).fold(R::ZERO, |sum, a| {
-                sum + told.carried[i][a] * told.carried[i][a] / total[a][a]
-            });
+            let own = state.covariance[i][i];
             if !(self.parameters[i].follows_model() && own > R::ZERO) {
                 continue;
             }
-            let most = R::from_u16(MOST_EXCITED);
-            let ratio = signal / (own * noisy);
-            let ratio = if ratio < most { ratio } else { most };
-            state.excitation[i] += (ratio - state.excitation[i]) / R::from_u16(20);
-            held[i] = state.excitation[i] <= R::from_u16(EXCITED);
+            held[i] = !told_apart;
+            if !told_apart {
+                continue;
+            }
+            let along: [R; N] = core::array::from_fn(|j| state.covariance[j][i] / own);
+            let [mean, noise] = [0, 1].map(|k| {
+                let column = combined(&seen.columns[k], &along);
+                dot(&column, &factor.solve(&column))
+            });
+            let over = R::from_u16(EXCITED_OVER);
+            let [information, of_noise] = &mut state.excitation[i];
+            // No more than ten times the noise, so that a rest after much motion is seen within a minute.
+            let most = R::from_u16(10) * (noise + *of_noise);
+            let told = mean - noise;
+            let told = if told < most { told } else { most };
+            *information += (told - *information) / over;
+            *of_noise += (noise - *of_noise) / over;
+            held[i] = self.is_held(state, i);
         }
-        let factor = Factor::new(&total);
-        let gain: [Vec6<R>; N] = core::array::from_fn(|i| match held[i] {
-            true => [R::ZERO; 6],
-            false => factor.solve(&told.carried[i]),
-        });
-        for (value, gain) in state.values.iter_mut().zip(&gain) {
-            *value += dot(gain, innovation);
+        let mut rest = state.covariance;
+        for h in (0..N).filter(|h| held[*h]) {
+            let own = rest[h][h];
+            let share: [R; N] = core::array::from_fn(|i| match own > R::ZERO && i != h {
+                true => rest[i][h] / own,
+                false => R::ZERO,
+            });
+            for i in 0..N {
+                for j in 0..N {
+                    let less = share[i] * rest[h][j];
+                    rest[i][j] -= less;
+                }
+            }
+            for part in &mut carried {
+                let row = part[h];
+                for i in 0..N {
+                    for a in 0..6 {
+                        part[i][a] -= share[i] * row[a];
+                    }
+                }
+                part[h] = [R::ZERO; 6];
+            }
         }
-        shrunk(&mut state.covariance, &gain, &told.carried, &total);
-        self.project(state);
-        !held.contains(&true)
+    }
+
+    /// Whether all numbers are finite, and no variance is below zero or far beyond that of the start.
+    fn is_sound(&self, state: &State<R, N>) -> bool {
+        let cross = state.model.cross.as_flattened().as_flattened();
+        let mut numbers = state
+            .values
+            .iter()
+            .chain(state.covariance.as_flattened())
+            .chain(state.excitation.as_flattened())
+            .chain(cross);
+        numbers.all(|x| x.is_finite())
+            && (0..N).all(|i| {
+                let (sd, variance) = (self.priors[i].sd, state.covariance[i][i]);
+                variance >= R::ZERO && variance <= R::from_u16(MOST) * sd * sd
+            })
     }
 
     /// Back to the bounds, along the least change in the metric of the covariance.
@@ -255,50 +387,24 @@ impl<R: Real, const N: usize> Adapter<R, N> {
     }
 }
 
-/// What a block tells of the parameters.
-struct Told<'a, R, const N: usize> {
-    carried: [Vec6<R>; N],
-    total: Mat6<R>,
-    model: &'a Vec6<R>,
-}
-
-impl<'a, R: Real, const N: usize> Told<'a, R, N> {
-    fn new(
-        covariance: &[[R; N]; N],
-        columns: &[Vec6<R>; N],
-        noise: &Mat6<R>,
-        model: &'a Vec6<R>,
-    ) -> Self {
-        let carried = carried(covariance, columns);
+impl<R: Real, const N: usize> Seen<R, N> {
+    /// P H₊ᵀ + Cov(θ, δ), and its S.
+    fn told(&self, covariance: &[[R; N]; N]) -> Told<R, N> {
+        let columns = &self.columns[0];
+        let mut carried = carried(covariance, columns);
         let mut total = spread(columns, &carried);
+        for (row, shared) in carried.iter_mut().zip(&self.parts.shared) {
+            for a in 0..6 {
+                row[a] += shared[a];
+            }
+        }
+        let once = spread(columns, &self.parts.shared);
         for a in 0..6 {
             for b in 0..6 {
-                total[a][b] += noise[a][b];
+                total[a][b] += once[a][b] + once[b][a] + self.noise[a][b];
             }
-            total[a][a] += model[a];
         }
-        Self {
-            carried,
-            total,
-            model,
-        }
-    }
-
-    /// νᵀ S⁻¹ ν: chi-square with six degrees of freedom.
-    fn surprise(&self, innovation: &Vec6<R>) -> R {
-        dot(innovation, &self.solved(innovation))
-    }
-
-    /// S⁻¹ ν.
-    fn solved(&self, innovation: &Vec6<R>) -> Vec6<R> {
-        Factor::new(&self.total).solve(innovation)
-    }
-
-    /// Mean share of the variance that is no noise: it may be alike in all blocks of a window.
-    fn alike(&self, noise: &Mat6<R>) -> R {
-        let sum = (0..6).fold(R::ZERO, |sum, a| {
-            sum + R::ONE - noise[a][a] / self.total[a][a]
-        });
-        sum / R::from_u16(6)
+        add_diagonal(&mut total, |a| self.parts.variance[a] + self.parts.rest[a]);
+        Told { carried, total }
     }
 }

@@ -5,22 +5,22 @@
 //! Stochastic Processes and Filtering Theory, 1970). What differs from the textbook:
 //!
 //! - **Blocks.** Readings are averaged over `interval_s`, with as many independent ones as their noise
-//!   time allows, and then enter as one. Their noise is Σ_h + K Σ_p Kᵀ: the pose is measured too.
-//! - **Error of the model** stays alike while the pose does. With φ = e^(−way/reach) a block counts as
-//!   (1 − φ)/(1 + φ) of one (mean of an autoregressive series), so that standing still is no proof.
-//! - **Noise of the pose** is in the innovation and in the columns, which draws parameters to wrong
-//!   values wherever the excitation is weak (errors in variables). So the columns are taken at the pose
-//!   that reading and wrench together make likely, p + s Σ_p Kᵀ S⁻¹ ν, whose error has no correlation
-//!   with ν.
-//! - **Excitation.** So that noise is not taken for excitation, the columns are those of the last block
-//!   whose pose had moved by 10 standard deviations, and a parameter that multiplies the model's wrench
-//!   is held while what it changes, the others following it, is in the mean of 20 blocks less than 100 times (in variance) what
-//!   the noise of the pose makes of it. What no reading excites keeps its value; its covariance grows,
-//!   and no further than at the start.
-//! - **Innovations.** A block beyond 5 standard deviations is left out. Three in a row are a jump: the
-//!   covariance of those parameters that may jump is opened. Where that does not explain the readings,
-//!   or the mean of 100 blocks leaves chi-square, it is no drift: [`Outcome::Diagnose`], and everything
-//!   is held until [`State::resume`].
+//!   time allows, and then enter as one. Their noise is R = Σ_h + s² K Σ_p Kᵀ: the pose is measured too.
+//! - **Noise of the pose** is in the innovation and in the columns H, which draws parameters to wrong
+//!   values wherever the excitation is weak (errors in variables). So each half of a block is the
+//!   instrument of the other (Söderström and Stoica, Instrumental Variable Methods, 1983): with H± and ν±
+//!   the sum and the difference of the halves over 2, x ← x + P (H₊ᵀ S⁻¹ ν₊ − H₋ᵀ S⁻¹ ν₋), whose mean
+//!   has no noise in it, whatever the noise that is stated. P follows this gain in Joseph's form.
+//! - **Error of the model** is [`ModelError`]: random numbers that are alike at like poses, whose
+//!   covariance with the parameters is kept. The part that changes on the way counts, with
+//!   φ = e^(−way/reach), as (1 − φ)/(1 + φ) of one: standing still is no proof.
+//! - **Excitation.** A parameter that multiplies the model's wrench is held while the information of a
+//!   block about it, the others following, is in the mean of 200 blocks less than what noise alone would
+//!   seem to tell. What no reading excites keeps its value; its variance returns to that of the start.
+//! - **Innovations.** A block beyond 5 standard deviations, with three times the stated error of the
+//!   model, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
+//!   opened. Where that does not explain the readings, or the mean of 100 blocks leaves chi-square, it is
+//!   no drift: [`Outcome::Diagnose`], and everything is held until [`State::resume`].
 //! - **Bounds** are projections in the metric of the covariance.
 //!
 //! ```
@@ -62,10 +62,12 @@ mod block;
 #[cfg(feature = "std")]
 mod document;
 mod filter;
+mod model_error;
 mod parameters;
 mod update;
 
 pub use block::{Block, Reading};
+pub use model_error::{CELLS, ModelError, PARTS};
 pub use parameters::{Noise, Parameter, Prior};
 
 use ecm_se3::mid_frame::MidFrame;
@@ -96,12 +98,16 @@ pub struct State<R, const N: usize> {
     pub values: [R; N],
     /// Their covariance.
     pub covariance: [[R; N]; N],
-    /// Readings since the last block.
-    pub block: Block<R>,
-    /// Means of the last block whose pose had moved.
-    pub anchor: Block<R>,
-    /// Mean excitation of each parameter over the noise of the pose.
-    pub excitation: [R; N],
+    /// Readings since the last block, by halves of the interval.
+    pub block: [Block<R>; 2],
+    /// Time since the last block (s), pauses included.
+    pub time_s: R,
+    /// Pose of the last block that had moved.
+    pub last: Vec6<R>,
+    /// Error of the model.
+    pub model: ModelError<R, N>,
+    /// Mean information of each parameter's column, and what noise seems to add.
+    pub excitation: [[R; 2]; N],
     /// Sum of νᵀ S⁻¹ ν in the window, and how many independent blocks it is worth.
     pub window: [R; 2],
     /// Blocks in the window; in a row beyond the bound; jumps since a window passed; blocks in all.
@@ -157,13 +163,22 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         State {
             values: self.priors.map(|prior| prior.start),
             covariance,
-            block: Block::EMPTY,
-            anchor: Block::EMPTY,
-            excitation: [R::ZERO; N],
+            block: [Block::EMPTY; 2],
+            time_s: R::ZERO,
+            last: [R::ZERO; 6],
+            model: ModelError::EMPTY,
+            excitation: [[R::ZERO, R::ONE]; N],
             window: [R::ZERO; 2],
             counts: [0; 4],
             held: 0,
         }
+    }
+
+    /// Whether a parameter is held, because the readings of the last time tell less of it than their noise
+    /// seems to; at the start until they tell something.
+    pub fn is_held(&self, state: &State<R, N>, i: usize) -> bool {
+        let [information, of_noise] = state.excitation[i];
+        self.parameters[i].follows_model() && information < of_noise
     }
 
     /// Takes one reading, dt (s) after the one before.
@@ -175,17 +190,28 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             return Outcome::Diagnose;
         }
         let mut block = state.block;
-        block.add(reading, dt, self.interval_s);
-        if !block.is_finite() {
+        // What was read before a pause longer than an interval is dropped.
+        if dt > self.interval_s {
+            block = [Block::EMPTY; 2];
+        }
+        let read_s = block[0].read_s + block[1].read_s + R::HALF * dt;
+        // No rate of readings has its middle at nine twentieths, so that rounding decides nothing.
+        let middle = R::from_u16(9) / R::from_u16(20) * self.interval_s;
+        let half = &mut block[usize::from(read_s >= middle)];
+        half.add(reading, dt);
+        let time_s = state.time_s + dt;
+        if !(half.is_finite() && time_s.is_finite()) {
             return Outcome::Refused;
         }
         state.block = block;
+        state.time_s = time_s;
         // The sum may round down; half a step more than the interval is as near as half a step less.
-        if state.block.read_s + R::HALF * dt < self.interval_s {
+        if read_s + dt < self.interval_s {
             return Outcome::Waiting;
         }
-        state.block = Block::EMPTY;
-        self.close(state, &block.mean(), &reading.stiffness)
+        state.block = [Block::EMPTY; 2];
+        state.time_s = R::ZERO;
+        self.close(state, &block, time_s, &reading.stiffness)
     }
 
     /// Measured wrench that the model and the parameters expect; `of_sensor`: with the sensor's zero,
@@ -226,14 +252,6 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             .iter()
             .position(|p| *p == Parameter::Modulus);
         place.map_or(R::ONE, |i| state.values[i])
-    }
-
-    /// Columns at a mean of readings; zeros where its pose is none.
-    fn columns_at(&self, block: &Block<R>) -> [Vec6<R>; N] {
-        match Pose::checked(&block.pose) {
-            Some(pose) => self.columns(&pose, &block.predicted, &block.branches),
-            None => [[R::ZERO; 6]; N],
-        }
     }
 
     fn columns(

@@ -93,20 +93,65 @@ pub(super) fn spread<R: Real, const N: usize>(
     matrix
 }
 
-/// P − K Gᵀ − G Kᵀ + K S Kᵀ with G = P Hᵀ: holds for every gain K, also where rows of it are zero.
-pub(super) fn shrunk<R: Real, const N: usize>(
+/// Σ columns times weights.
+pub(super) fn combined<R: Real, const N: usize>(
+    columns: &[Vec6<R>; N],
+    weights: &[R; N],
+) -> Vec6<R> {
+    core::array::from_fn(|a| {
+        columns
+            .iter()
+            .zip(weights)
+            .fold(R::ZERO, |sum, (column, weight)| sum + column[a] * *weight)
+    })
+}
+
+/// M G of six numbers by rows of G.
+pub(super) fn weighed<R: Real, const N: usize>(
+    matrix: &Mat6<R>,
+    rows: &[Vec6<R>; N],
+) -> [Vec6<R>; N] {
+    rows.map(|row| core::array::from_fn(|a| dot(&matrix[a], &row)))
+}
+
+/// Adds a symmetric matrix.
+pub(super) fn add<R: Real>(matrix: &mut Mat6<R>, other: &Mat6<R>) {
+    for (row, more) in matrix.iter_mut().zip(other) {
+        for (x, y) in row.iter_mut().zip(more) {
+            *x += *y;
+        }
+    }
+}
+
+/// Adds to the diagonal.
+pub(super) fn add_diagonal<R: Real>(matrix: &mut Mat6<R>, more: impl Fn(usize) -> R) {
+    for (a, row) in matrix.iter_mut().enumerate() {
+        row[a] += more(a);
+    }
+}
+
+/// (A P) Aᵀ − T Gᵀ − G Tᵀ + G Q Gᵀ + D R Dᵀ of the lower triangle, and symmetric.
+pub(super) fn joseph<R: Real, const N: usize>(
     covariance: &mut [[R; N]; N],
-    gain: &[Vec6<R>; N],
-    carried: &[Vec6<R>; N],
-    total: &Mat6<R>,
+    through: &[[R; N]; N],
+    mean: (&[Vec6<R>; N], &[Vec6<R>; N], &Mat6<R>),
+    difference: (&[Vec6<R>; N], &Mat6<R>),
 ) {
+    let (gain, shared, noise) = mean;
+    let (apart, white) = difference;
+    let (noisy, noisy_apart) = (weighed(noise, gain), weighed(white, apart));
+    let half: [[R; N]; N] = core::array::from_fn(|i| {
+        core::array::from_fn(|j| {
+            (0..N).fold(R::ZERO, |sum, k| sum + through[i][k] * covariance[k][j])
+        })
+    });
     for i in 0..N {
-        // S K_i − G_i
-        let rest: Vec6<R> = core::array::from_fn(|a| dot(&total[a], &gain[i]) - carried[i][a]);
         for j in 0..=i {
-            let entry = covariance[i][j] + dot(&rest, &gain[j]) - dot(&gain[i], &carried[j]);
-            covariance[i][j] = entry;
-            covariance[j][i] = entry;
+            let mut sum = (0..N).fold(R::ZERO, |sum, k| sum + half[i][k] * through[j][k]);
+            sum += dot(&gain[i], &noisy[j]) + dot(&apart[i], &noisy_apart[j]);
+            sum -= dot(&shared[i], &gain[j]) + dot(&gain[i], &shared[j]);
+            covariance[i][j] = sum;
+            covariance[j][i] = sum;
         }
     }
 }

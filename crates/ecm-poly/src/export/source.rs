@@ -44,6 +44,10 @@ const ADAPT: &[(&str, &str)] = &[
     ("adapt/block.rs", include_str!("../adapt/block.rs")),
     ("adapt/filter.rs", include_str!("../adapt/filter.rs")),
     (
+        "adapt/model_error.rs",
+        include_str!("../adapt/model_error.rs"),
+    ),
+    (
         "adapt/parameters.rs",
         include_str!("../adapt/parameters.rs"),
     ),

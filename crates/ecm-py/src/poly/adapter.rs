@@ -1,7 +1,9 @@
 //! A stepper whose parameters follow measured wrenches.
 
 use ecm_poly::Pose;
-use ecm_poly::adapt::{Adapter as Settings, Outcome, Parameter, Reading, State, branch_wrenches};
+use ecm_poly::adapt::{
+    Adapter as Settings, CELLS, Outcome, PARTS, Parameter, Reading, State, branch_wrenches,
+};
 use ecm_poly::export::model::Model;
 use ecm_poly::stepper::{Effects, Inputs, STATE_NUMBERS, State as StepperState, Stepper};
 use ecm_se3::{Mat6, Vec6};
@@ -15,7 +17,7 @@ use crate::errors::ModelError;
 /// All parameters; those that are not wanted have a standard deviation of 0.
 const N: usize = Parameter::ALL.len();
 /// Numbers of the adapter's own state.
-const NUMBERS: usize = 2 * N + N * N + 2 * 33 + 2 + 5;
+const NUMBERS: usize = 3 * N + N * N + N * PARTS * 6 + 2 * 32 + 1 + 6 + CELLS * 7 + 2 + 5;
 
 type Followed<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -201,18 +203,30 @@ impl Adapter {
         shaped(py, self.state.covariance.as_flattened().to_vec(), N, N)
     }
 
+    /// (13,) whether a parameter is held for want of excitation.
+    #[getter]
+    fn held<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        let held: [bool; N] = core::array::from_fn(|i| self.settings.is_held(&self.state, i));
+        PyArray1::from_slice(py, &held)
+    }
+
     /// Numbers of the estimate and of the mechanism (none before the first reading).
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let s = &self.state;
         let mut numbers: Vec<f64> = s.values.to_vec();
         numbers.extend(s.covariance.as_flattened());
-        for b in [&s.block, &s.anchor] {
+        for b in &s.block {
             let rows = [&b.pose, &b.wrench, &b.predicted].into_iter();
             numbers.extend(rows.chain(&b.branches).flatten());
-            numbers.extend([b.time_s, b.read_s, b.readings]);
+            numbers.extend([b.read_s, b.readings]);
         }
-        numbers.extend(s.excitation);
+        numbers.push(s.time_s);
+        numbers.extend(s.last);
+        numbers.extend(s.model.cross.as_flattened().as_flattened());
+        numbers.extend(s.model.centres.as_flattened());
+        numbers.extend(s.model.visits.map(f64::from));
+        numbers.extend(s.excitation.as_flattened());
         numbers.extend(s.window);
         numbers.extend(s.counts.map(f64::from));
         numbers.push(f64::from(s.held));
@@ -245,16 +259,26 @@ impl Adapter {
         let mut take = || next.next().unwrap_or(f64::NAN);
         own.values = core::array::from_fn(|_| take());
         own.covariance = core::array::from_fn(|_| core::array::from_fn(|_| take()));
-        for b in [&mut own.block, &mut own.anchor] {
+        for b in &mut own.block {
             let rows = [&mut b.pose, &mut b.wrench, &mut b.predicted].into_iter();
             for row in rows.chain(&mut b.branches) {
                 *row = core::array::from_fn(|_| take());
             }
-            for place in [&mut b.time_s, &mut b.read_s, &mut b.readings] {
+            for place in [&mut b.read_s, &mut b.readings] {
                 *place = take();
             }
         }
-        own.excitation = core::array::from_fn(|_| take());
+        own.time_s = take();
+        own.last = core::array::from_fn(|_| take());
+        let model = &mut own.model;
+        let cross = model.cross.as_flattened_mut().as_flattened_mut();
+        for place in cross.iter_mut().chain(model.centres.as_flattened_mut()) {
+            *place = take();
+        }
+        model.visits = core::array::from_fn(|_| take() as u32);
+        for place in own.excitation.as_flattened_mut() {
+            *place = take();
+        }
         own.window = core::array::from_fn(|_| take());
         own.counts = core::array::from_fn(|_| take() as u32);
         own.held = take() as u32;

@@ -8,6 +8,7 @@ use serde_json::{Map, Value};
 
 use super::history::History;
 use super::{Settings, chosen, list, table};
+use crate::adapt::{CELLS, PARTS};
 use crate::error::ModelError;
 use crate::export::model::{Model, identifier};
 use crate::export::terms::half_turn_squared;
@@ -43,8 +44,8 @@ pub fn export(
     });
     let noise = &settings.noise;
     let pair = |values: &[f64]| list(values, real);
-    let numbers = 2 * count + count * count + 68;
-    let stack = (2 * numbers + 30 * count + 400) * precision.size() + 1200;
+    let numbers = 3 * count + count * count + 6 * PARTS * count + 6 * CELLS + 73;
+    let stack = (numbers + 3 * count * count + 80 * count + 600) * precision.size() + 1600;
     let factorials = (0..10u32).map(|k| 1.0 / (1..=k).map(f64::from).product::<f64>());
     let factorials: Vec<f64> = factorials.collect();
     let golden = |x: &f64| format!("(({name}_adapt_real){x:e})");
@@ -57,6 +58,8 @@ pub fn export(
         ("REAL", kind.to_string()),
         ("NAME", name.clone()),
         ("COUNT", count.to_string()),
+        ("PARTS", PARTS.to_string()),
+        ("CELLS", CELLS.to_string()),
         (
             "PARAMETERNAMES",
             list(&kept, |item| item.1.name().to_string()),
@@ -74,7 +77,10 @@ pub fn export(
         ("EPSILON", format!("{epsilon:e}")),
         ("HALFTURN", half_turn_squared(precision)),
         ("FACTORIALS", list(&factorials, real)),
-        ("STATE", (numbers * precision.size() + 20).to_string()),
+        (
+            "STATE",
+            (numbers * precision.size() + 4 * (CELLS + 5)).to_string(),
+        ),
         ("STACK", stack.next_multiple_of(16).to_string()),
         ("READINGS", history.readings.len().to_string()),
         ("READINGLIST", table(&history.readings, "{", "}", golden)),

@@ -27,8 +27,8 @@ pub struct History {
     pub tolerance: f64,
 }
 
-const COUNT: usize = 130;
-/// Readings of half an interval.
+const COUNT: usize = 160;
+/// Readings of a quarter of an interval; the others take a half.
 const SHORT: core::ops::Range<usize> = 40..44;
 
 impl History {
@@ -59,9 +59,7 @@ impl History {
             },
         };
         for i in 0..COUNT {
-            // Short readings of one block have one pose: the mean of two far ones would be left out.
-            let at = if SHORT.contains(&i) { i - i % 2 } else { i };
-            let point = &points[at % points.len()];
+            let point = &points[i % points.len()];
             let pose = Vec6::try_from(point.as_slice())
                 .ok()
                 .and_then(|p| Pose::checked(&p));
@@ -85,8 +83,8 @@ impl History {
                 settings.interval_s
                     * match i {
                         30 => 5e4,
-                        _ if SHORT.contains(&i) => 0.5,
-                        _ => 1.0,
+                        _ if SHORT.contains(&i) => 0.25,
+                        _ => 0.5,
                     },
             );
             let reading = Reading {

@@ -7,7 +7,19 @@ typedef @NAME@_adapt_settings settings_t;
 typedef @NAME@_adapt_block block_t;
 #define R(x) ((real)(x))
 
-enum { N = @COUNT@, STILL = 1000, EXCITED = 100, MOST_EXCITED = 10000, SUSPECTS = 3, JUMPS = 3, WINDOW = 100 };
+enum {
+    N = @COUNT@,
+    CELLS = @CELLS@,
+    PARTS = @PARTS@,
+    AT_ONCE = 5,
+    STILL = 1000,
+    EXCITED_OVER = 200,
+    SUSPECTS = 3,
+    JUMPS = 3,
+    WINDOW = 100,
+    ALLOWED = 8,
+    MOST = 16
+};
 
 /* 0 modulus, 1 mass, 2 to 4 mass times centre, 5 to 10 zero, 11 and 12 shares */
 static const uint8_t kind_of[N] = {@KINDS@};
@@ -42,7 +54,6 @@ static void clear(block_t *b)
         b->branches[i] = R(0);
         b->branches[6 + i] = R(0);
     }
-    b->time_s = R(0);
     b->read_s = R(0);
     b->readings = R(0);
 }
@@ -186,14 +197,30 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     const settings_t *s = settings ? settings : &@NAME@_adapt_defaults;
     for (int32_t i = 0; i < N; i++) {
         state->values[i] = s->priors[i].start;
-        state->excitation[i] = R(0);
+        state->excitation[i][0] = R(0);
+        state->excitation[i][1] = R(1);
         for (int32_t j = 0; j < N; j++) {
             state->covariance[i][j] = R(0);
         }
         state->covariance[i][i] = s->priors[i].sd * s->priors[i].sd;
+        for (int32_t k = 0; k < PARTS; k++) {
+            for (int32_t a = 0; a < 6; a++) {
+                state->cross[i][k][a] = R(0);
+            }
+        }
     }
-    clear(&state->block);
-    clear(&state->anchor);
+    for (int32_t k = 0; k < CELLS; k++) {
+        state->visits[k] = 0;
+        for (int32_t a = 0; a < 6; a++) {
+            state->centres[k][a] = R(0);
+        }
+    }
+    for (int32_t a = 0; a < 6; a++) {
+        state->last[a] = R(0);
+    }
+    clear(&state->block[0]);
+    clear(&state->block[1]);
+    state->time_s = R(0);
     state->window[0] = R(0);
     state->window[1] = R(0);
     for (int32_t i = 0; i < 4; i++) {
@@ -233,34 +260,6 @@ void @NAME@_adapt_expected(const state_t *state, const settings_t *settings, con
     }
 }
 
-/* How many readings of independent noise a block is worth. */
-static real independent(const block_t *b, const settings_t *s)
-{
-    if (s->noise_time_s * b->readings <= b->read_s) {
-        return b->readings;
-    }
-    return s->noise_time_s < b->read_s ? b->read_s / s->noise_time_s : R(1);
-}
-
-/* Scales row and column, which keeps the matrix positive and its correlations as they are. */
-static void cap(const settings_t *s, state_t *x, int32_t i)
-{
-    const real largest = s->priors[i].sd * s->priors[i].sd;
-    real ratio, factor = R(0);
-    if (x->covariance[i][i] <= largest) {
-        return;
-    }
-    ratio = largest / x->covariance[i][i];
-    if (ratio > R(@EPSILON@)) {
-        factor = root(ratio);
-    }
-    for (int32_t j = 0; j < N; j++) {
-        x->covariance[i][j] *= factor;
-        x->covariance[j][i] = x->covariance[i][j];
-    }
-    x->covariance[i][i] = largest;
-}
-
 static real clamped(const settings_t *s, int32_t i, real value)
 {
     if (value < s->priors[i].low) {
@@ -269,98 +268,316 @@ static real clamped(const settings_t *s, int32_t i, real value)
     return value > s->priors[i].high ? s->priors[i].high : value;
 }
 
-/* What a block tells: G = P H' by rows of P, S = H P H' + noise + model */
-typedef struct {
-    real c[N][6], g[N][6], total[6][6];
-} told_t;
-
-static void tell(const state_t *x, const block_t *at, const settings_t *s, real noise[6][6],
-                 told_t *told)
+/* A walk of dt seconds that forgets: variance (1 - f^2) of the start. */
+static void grow(const settings_t *s, state_t *x, real dt)
 {
-    columns_at(s, at->pose, at->predicted, at->branches, told->c);
+    const real hours = dt / R(3600);
+    real kept[N];
     for (int32_t i = 0; i < N; i++) {
-        for (int32_t a = 0; a < 6; a++) {
-            told->g[i][a] = R(0);
+        const @NAME@_prior *prior = &s->priors[i];
+        kept[i] = R(1);
+        if (prior->sd > R(0)) {
+            real lost, left;
+            decay(prior->walk * prior->walk * hours / (R(2) * prior->sd * prior->sd), &lost, &left);
+            kept[i] = R(1) - lost;
         }
+    }
+    for (int32_t i = 0; i < N; i++) {
+        const real sd = s->priors[i].sd;
         for (int32_t j = 0; j < N; j++) {
+            x->covariance[i][j] = kept[i] * kept[j] * x->covariance[i][j];
+        }
+        x->covariance[i][i] += (R(1) - kept[i]) * (R(1) + kept[i]) * sd * sd;
+        for (int32_t k = 0; k < PARTS; k++) {
             for (int32_t a = 0; a < 6; a++) {
-                told->g[i][a] += x->covariance[i][j] * told->c[j][a];
+                x->cross[i][k][a] = kept[i] * x->cross[i][k][a];
             }
         }
     }
+}
+
+/* Way between two poses in units of the reach. */
+static real way_of(const settings_t *s, const real *from, const real *to)
+{
+    real way = R(0);
+    for (int32_t i = 0; i < 6; i++) {
+        const real d = to[i] - from[i];
+        way += (d < R(0) ? -d : d) / s->reach[i / 3];
+    }
+    return way;
+}
+
+/* The neighbourhood of a pose; the one that was left longest ago makes room. */
+static int32_t visit(const settings_t *s, state_t *x, const real *pose)
+{
+    int32_t cell = -1, oldest = 0;
+    real least = R(0.5);
+    for (int32_t k = 0; k < CELLS; k++) {
+        const real way = way_of(s, x->centres[k], pose);
+        if (x->visits[k] > 0 && way < least) {
+            least = way;
+            cell = k;
+        }
+        if (x->visits[k] < x->visits[oldest]) {
+            oldest = k;
+        }
+    }
+    if (cell < 0) {
+        cell = oldest;
+        for (int32_t a = 0; a < 6; a++) {
+            x->centres[cell][a] = pose[a];
+            for (int32_t i = 0; i < N; i++) {
+                x->cross[i][4 + cell][a] = R(0);
+            }
+        }
+    }
+    x->visits[cell] = x->counts[3];
+    return cell;
+}
+
+/* A block: columns and innovations of the mean of its halves and of half their difference, the noise of
+ * either; parts of the model's error, their covariance with the parameters, variance, and the rest. */
+typedef struct {
+    real columns[2][N][6], nu[2][6], noise[6][6];
+    int32_t places[AT_ONCE];
+    real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6];
+} seen_t;
+
+static void see_parts(const settings_t *s, const state_t *x, const real *pose, int32_t cell, seen_t *seen)
+{
+    for (int32_t k = 0; k < AT_ONCE; k++) {
+        const real turn = k >= 1 && k <= 3 ? R(7) / R(4) * pose[2 + k] / s->reach[1] : R(5) / R(8);
+        seen->places[k] = k < 4 ? k : 4 + cell;
+        for (int32_t a = 0; a < 6; a++) {
+            seen->weights[k][a] = turn * s->model_sd[a / 3];
+        }
+    }
+    for (int32_t a = 0; a < 6; a++) {
+        seen->variance[a] = R(0);
+        for (int32_t k = 0; k < AT_ONCE; k++) {
+            seen->variance[a] += seen->weights[k][a] * seen->weights[k][a];
+        }
+        seen->rest[a] = s->model_sd[a / 3] * s->model_sd[a / 3] / R(5);
+        for (int32_t i = 0; i < N; i++) {
+            seen->shared[i][a] = R(0);
+            for (int32_t k = 0; k < AT_ONCE; k++) {
+                seen->shared[i][a] += x->cross[i][seen->places[k]][a] * seen->weights[k][a];
+            }
+        }
+    }
+}
+
+/* P H' by rows of P */
+static void carry(const state_t *x, real c[N][6], real g[N][6])
+{
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t a = 0; a < 6; a++) {
+            g[i][a] = R(0);
+        }
+        for (int32_t j = 0; j < N; j++) {
+            for (int32_t a = 0; a < 6; a++) {
+                g[i][a] += x->covariance[i][j] * c[j][a];
+            }
+        }
+    }
+}
+
+/* G = P H' + covariance with the model's error, and S */
+static void tell(const state_t *x, seen_t *seen, real g[N][6], real total[6][6])
+{
+    carry(x, seen->columns[0], g);
+    for (int32_t a = 0; a < 6; a++) {
+        for (int32_t b = 0; b < 6; b++) {
+            real sum = R(0), once = R(0), back = R(0);
+            for (int32_t i = 0; i < N; i++) {
+                sum += seen->columns[0][i][a] * g[i][b];
+                once += seen->columns[0][i][a] * seen->shared[i][b];
+                back += seen->columns[0][i][b] * seen->shared[i][a];
+            }
+            total[a][b] = sum + (once + back + seen->noise[a][b]);
+        }
+        total[a][a] += seen->variance[a] + seen->rest[a];
+    }
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t a = 0; a < 6; a++) {
+            g[i][a] += seen->shared[i][a];
+        }
+    }
+}
+
+/* nu' S^-1 nu with three times the model's error, and the mean share of the variance that is no noise */
+static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6], real *alike)
+{
+    real e[6][6], solved[6];
+    *alike = R(0);
+    for (int32_t a = 0; a < 6; a++) {
+        for (int32_t b = 0; b < 6; b++) {
+            e[a][b] = total[a][b];
+        }
+        e[a][a] += R(ALLOWED) * s->model_sd[a / 3] * s->model_sd[a / 3];
+        *alike += R(1) - seen->noise[a][a] / e[a][a];
+    }
+    *alike /= R(6);
+    factorise(e);
+    solve(e, seen->nu[0], solved);
+    return dot6(seen->nu[0], solved);
+}
+
+/* Takes parameters that follow the model out of the gains while the readings tell less of them than
+ * noise seems to; and in a block that has not moved, or has no two halves. */
+static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apart,
+                 real g[2][N][6])
+{
+    real rest[N][N];
+    int32_t held[N];
+    for (int32_t i = 0; i < N; i++) {
+        const real own = x->covariance[i][i];
+        real told[2];
+        held[i] = 0;
+        if (!((kind_of[i] == 0 || kind_of[i] >= 11) && own > R(0))) {
+            continue;
+        }
+        if (!told_apart) {
+            held[i] = 1;
+            continue;
+        }
+        for (int32_t part = 0; part < 2; part++) {
+            real column[6], solved[6];
+            for (int32_t a = 0; a < 6; a++) {
+                column[a] = R(0);
+                for (int32_t j = 0; j < N; j++) {
+                    column[a] += seen->columns[part][j][a] * (x->covariance[j][i] / own);
+                }
+            }
+            solve(e, column, solved);
+            told[part] = dot6(column, solved);
+        }
+        {
+            /* No more than ten times the noise, so that a rest after much motion is seen within a minute. */
+            const real most = R(10) * (told[1] + x->excitation[i][1]);
+            const real information = told[0] - told[1] < most ? told[0] - told[1] : most;
+            x->excitation[i][0] += (information - x->excitation[i][0]) / R(EXCITED_OVER);
+        }
+        x->excitation[i][1] += (told[1] - x->excitation[i][1]) / R(EXCITED_OVER);
+        held[i] = x->excitation[i][0] < x->excitation[i][1];
+    }
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t j = 0; j < N; j++) {
+            rest[i][j] = x->covariance[i][j];
+        }
+    }
+    for (int32_t h = 0; h < N; h++) {
+        const real own = rest[h][h];
+        real share[N];
+        if (!held[h]) {
+            continue;
+        }
+        for (int32_t i = 0; i < N; i++) {
+            share[i] = own > R(0) && i != h ? rest[i][h] / own : R(0);
+        }
+        for (int32_t i = 0; i < N; i++) {
+            for (int32_t j = 0; j < N; j++) {
+                rest[i][j] -= share[i] * rest[h][j];
+            }
+        }
+        for (int32_t part = 0; part < 2; part++) {
+            for (int32_t a = 0; a < 6; a++) {
+                const real row = g[part][h][a];
+                for (int32_t i = 0; i < N; i++) {
+                    g[part][i][a] -= share[i] * row;
+                }
+                g[part][h][a] = R(0);
+            }
+        }
+    }
+}
+
+/* x <- x + P (H+' S^-1 nu+ - H-' S^-1 nu-): each half of the interval is the instrument of the other. */
+static void update(const settings_t *s, state_t *x, seen_t *seen, real apart, int32_t told_apart,
+                   real g[N][6], real total[6][6])
+{
+    real both[2][N][6], e[6][6], noise[6][6], gain[2][N][6], through[N][N], half[N][N], shared[N][6];
+    real times = R(STILL);
+    if (apart * R(STILL) > R(2) - apart) {
+        times = (R(2) - apart) / apart;
+    }
+    carry(x, seen->columns[1], both[1]);
     for (int32_t a = 0; a < 6; a++) {
         for (int32_t b = 0; b < 6; b++) {
             real sum = R(0);
             for (int32_t i = 0; i < N; i++) {
-                sum += told->c[i][a] * told->g[i][b];
+                sum += seen->columns[1][i][a] * both[1][i][b];
             }
-            told->total[a][b] = sum + noise[a][b];
+            e[a][b] = a == b ? total[a][b] + (times - R(1)) * seen->rest[a] : total[a][b];
+            e[a][b] += sum;
+            noise[a][b] = seen->noise[a][b];
         }
-        told->total[a][a] += s->model_sd[a / 3] * s->model_sd[a / 3];
-    }
-}
-
-/* nu' S^-1 nu; x = S^-1 nu */
-static real surprise_of(const told_t *told, const real *nu, real *x)
-{
-    real e[6][6];
-    for (int32_t a = 0; a < 6; a++) {
-        for (int32_t b = 0; b < 6; b++) {
-            e[a][b] = told->total[a][b];
+        noise[a][a] += seen->variance[a] + times * seen->rest[a];
+        for (int32_t i = 0; i < N; i++) {
+            both[0][i][a] = g[i][a];
         }
     }
     factorise(e);
-    solve(e, nu, x);
-    return dot6(nu, x);
-}
-
-/* Whether no parameter was held for want of excitation. */
-static int32_t update(const settings_t *s, state_t *x, const told_t *told, const real *nu, real apart,
-                   const real *of_pose)
-{
-    real total[6][6], e[6][6], gain[N][6], rest[6], noisy = R(0), times = R(STILL);
-    int32_t all_told = 1;
-    if (apart * R(STILL) > R(2) - apart) {
-        times = (R(2) - apart) / apart;
-    }
-    for (int32_t a = 0; a < 6; a++) {
-        for (int32_t b = 0; b < 6; b++) {
-            total[a][b] = told->total[a][b];
-        }
-        total[a][a] += (times - R(1)) * (s->model_sd[a / 3] * s->model_sd[a / 3]);
-        noisy += of_pose[a] / total[a][a];
-        for (int32_t b = 0; b < 6; b++) {
-            e[a][b] = total[a][b];
-        }
-    }
-    factorise(e);
+    hold(x, seen, e, told_apart, both);
     for (int32_t i = 0; i < N; i++) {
-        real signal = R(0);
-        for (int32_t a = 0; a < 6; a++) {
-            signal += told->g[i][a] * told->g[i][a] / total[a][a];
+        solve(e, both[0][i], gain[0][i]);
+        solve(e, both[1][i], gain[1][i]);
+        x->values[i] += dot6(gain[0][i], seen->nu[0]) - dot6(gain[1][i], seen->nu[1]);
+    }
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t j = 0; j < N; j++) {
+            through[i][j] = (i == j ? R(1) : R(0)) - dot6(gain[0][i], seen->columns[0][j]) +
+                            dot6(gain[1][i], seen->columns[1][j]);
         }
-        solve(e, told->g[i], gain[i]);
-        if ((kind_of[i] == 0 || kind_of[i] >= 11) && x->covariance[i][i] > R(0)) {
-            /* The mean, or blocks in which noise looks like excitation would be chosen. */
-            real ratio = signal / (x->covariance[i][i] * x->covariance[i][i] * noisy);
-            ratio = ratio < R(MOST_EXCITED) ? ratio : R(MOST_EXCITED);
-            x->excitation[i] += (ratio - x->excitation[i]) / R(20);
-            if (x->excitation[i] <= R(EXCITED)) {
-                all_told = 0;
-                for (int32_t a = 0; a < 6; a++) {
-                    gain[i][a] = R(0);
+    }
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t a = 0; a < 6; a++) {
+            shared[i][a] = R(0);
+            /* The gains times the noise take the place of P H'. */
+            both[0][i][a] = dot6(noise[a], gain[0][i]);
+            both[1][i][a] = dot6(seen->noise[a], gain[1][i]);
+            for (int32_t j = 0; j < N; j++) {
+                shared[i][a] += through[i][j] * seen->shared[j][a];
+            }
+        }
+        for (int32_t j = 0; j < N; j++) {
+            half[i][j] = R(0);
+            for (int32_t k = 0; k < N; k++) {
+                half[i][j] += through[i][k] * x->covariance[k][j];
+            }
+        }
+    }
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t j = 0; j <= i; j++) {
+            real sum = R(0);
+            for (int32_t k = 0; k < N; k++) {
+                sum += half[i][k] * through[j][k];
+            }
+            sum += dot6(gain[0][i], both[0][j]) + dot6(gain[1][i], both[1][j]);
+            sum -= dot6(shared[i], gain[0][j]) + dot6(gain[0][i], shared[j]);
+            x->covariance[i][j] = sum;
+            x->covariance[j][i] = sum;
+        }
+    }
+    for (int32_t k = 0; k < PARTS; k++) {
+        for (int32_t a = 0; a < 6; a++) {
+            real before[N];
+            for (int32_t i = 0; i < N; i++) {
+                before[i] = x->cross[i][k][a];
+            }
+            for (int32_t i = 0; i < N; i++) {
+                x->cross[i][k][a] = R(0);
+                for (int32_t j = 0; j < N; j++) {
+                    x->cross[i][k][a] += through[i][j] * before[j];
                 }
             }
         }
-        x->values[i] += dot6(gain[i], nu);
     }
-    for (int32_t i = 0; i < N; i++) {
-        for (int32_t a = 0; a < 6; a++) {
-            rest[a] = dot6(total[a], gain[i]) - told->g[i][a];
-        }
-        for (int32_t j = 0; j <= i; j++) {
-            x->covariance[i][j] += dot6(rest, gain[j]) - dot6(gain[i], told->g[j]);
-            x->covariance[j][i] = x->covariance[i][j];
+    for (int32_t k = 0; k < AT_ONCE; k++) {
+        for (int32_t i = 0; i < N; i++) {
+            for (int32_t a = 0; a < 6; a++) {
+                x->cross[i][seen->places[k]][a] -= gain[0][i][a] * seen->weights[k][a];
+            }
         }
     }
     for (int32_t i = 0; i < N; i++) {
@@ -375,17 +592,24 @@ static int32_t update(const settings_t *s, state_t *x, const told_t *told, const
     for (int32_t i = 0; i < N; i++) {
         x->values[i] = clamped(s, i, x->values[i]);
     }
-    return all_told;
+}
+
+/* Whether all numbers are finite, and no variance below zero or far beyond that of the start. */
+static int32_t is_sound(const settings_t *s, const state_t *x)
+{
+    int32_t sound = all_finite(x->values, N) && all_finite(x->covariance[0], N * N) &&
+                    all_finite(x->excitation[0], 2 * N) && all_finite(x->cross[0][0], 6 * PARTS * N);
+    for (int32_t i = 0; i < N; i++) {
+        const real sd = s->priors[i].sd, variance = x->covariance[i][i];
+        sound = sound && variance >= R(0) && variance <= R(MOST) * sd * sd;
+    }
+    return sound;
 }
 
 /* The mean of the window's innovations against chi-square; 1: no drift. */
-static int32_t no_drift(state_t *x, real surprise, const told_t *told, real noise[6][6])
+static int32_t no_drift(state_t *x, real surprise, real alike)
 {
-    real alike = R(0), mean, bound;
-    for (int32_t a = 0; a < 6; a++) {
-        alike += R(1) - noise[a][a] / told->total[a][a];
-    }
-    alike /= R(6);
+    real mean, bound;
     x->window[0] += surprise;
     x->window[1] += x->counts[0] == 0 ? R(1) : R(1) - alike * alike;
     x->counts[0] += 1;
@@ -405,53 +629,76 @@ static int32_t no_drift(state_t *x, real surprise, const told_t *told, real nois
     return 1;
 }
 
-/* The end of an interval; b: means of its readings. */
-static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, const real *k)
+/* The end of an interval; b: means of its halves, n: readings of independent noise. */
+static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, int32_t two, real n,
+                           real time_s, const real *k)
 {
-    const int32_t first = x->counts[3] == 0;
-    const real n = independent(b, s), bound = R(6) * bound_of_mean(R(6), R(5));
-    real apart = first ? R(1) : R(0), scale = R(1), way = R(0), surprise;
-    real nu[6], weighed[6], noise[6][6], of_pose[6], variance[6], expected[6];
-    int32_t moved = first, outcome = @NAME@_adapted, all_told;
-    told_t told;
+    const real bound = R(6) * bound_of_mean(R(6), R(5));
+    real apart = R(0), scale = R(1), surprise, alike, pose[6], variance[6], g[N][6], total[6][6];
+    int32_t moved = 0, outcome = @NAME@_adapted;
+    seen_t seen;
     state_t next;
-    for (int32_t i = 0; i < 6; i++) {
-        const real d = b->pose[i] - x->anchor.pose[i], sd = s->pose_sd[i / 3];
-        moved |= (int32_t)(d * d > R(100) / n * sd * sd);
-        way += (d < R(0) ? -d : d) / s->reach[i / 3];
+    for (int32_t h = 0; h < 2; h++) {
+        const real *t = b[h].pose + 3;
+        if (!(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] <= R(@HALFTURN@))) {
+            return @NAME@_left_out;
+        }
+        columns_at(s, b[h].pose, b[h].predicted, b[h].branches, h == 0 ? seen.columns[0] : seen.columns[1]);
     }
-    if (moved) {
-        real lost, left;
-        decay(way, &lost, &left);
-        apart += (R(1) - apart) * lost;
-        x->anchor = *b;
+    for (int32_t i = 0; i < N; i++) {
+        for (int32_t a = 0; a < 6; a++) {
+            const real one = seen.columns[0][i][a], other = seen.columns[1][i][a];
+            seen.columns[0][i][a] = R(0.5) * (one + other);
+            seen.columns[1][i][a] = R(0.5) * (one - other);
+        }
+    }
+    for (int32_t i = 0; i < 6; i++) {
+        const real sd = s->pose_sd[i / 3];
+        pose[i] = R(0.5) * (b[0].pose[i] + b[1].pose[i]);
+        moved |= (int32_t)((pose[i] - x->last[i]) * (pose[i] - x->last[i]) > R(100) / n * sd * sd);
+    }
+    if (x->counts[3] == 0 || moved) {
+        real left;
+        decay(way_of(s, x->last, pose), &apart, &left);
+        if (x->counts[3] == 0) {
+            apart = R(1);
+        }
+        for (int32_t i = 0; i < 6; i++) {
+            x->last[i] = pose[i];
+        }
     }
     x->counts[3] += x->counts[3] < UINT32_MAX ? 1U : 0U;
+    grow(s, x, time_s);
+    see_parts(s, x, pose, visit(s, x, pose), &seen);
     for (int32_t i = 0; i < N; i++) {
-        const real walk = s->priors[i].walk;
-        x->covariance[i][i] += walk * walk * (b->time_s / R(3600));
-        cap(s, x, i);
         if (kind_of[i] == 0) {
             scale = x->values[i];
         }
     }
-    @NAME@_adapt_expected(x, s, b->pose, b->predicted, b->branches, 1, expected);
     for (int32_t a = 0; a < 6; a++) {
-        nu[a] = b->wrench[a] - expected[a];
+        const real one = b[0].wrench[a] - b[0].predicted[a];
+        const real other = b[1].wrench[a] - b[1].predicted[a];
+        real explained[2] = {R(0), R(0)};
+        for (int32_t i = 0; i < N; i++) {
+            const real away = x->values[i] - nominal(s, i);
+            explained[0] += seen.columns[0][i][a] * away;
+            explained[1] += seen.columns[1][i][a] * away;
+        }
+        seen.nu[0][a] = R(0.5) * (one + other) - explained[0];
+        seen.nu[1][a] = R(0.5) * (one - other) - explained[1];
         variance[a] = R(1) / n * s->pose_sd[a / 3] * s->pose_sd[a / 3];
     }
     for (int32_t a = 0; a < 6; a++) {
         for (int32_t c = 0; c < 6; c++) {
-            noise[a][c] = R(0);
+            seen.noise[a][c] = R(0);
             for (int32_t j = 0; j < 6; j++) {
-                noise[a][c] += scale * k[6 * a + j] * variance[j] * (scale * k[6 * c + j]);
+                seen.noise[a][c] += scale * k[6 * a + j] * variance[j] * (scale * k[6 * c + j]);
             }
         }
-        of_pose[a] = noise[a][a];
-        noise[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
+        seen.noise[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
     }
-    tell(x, &x->anchor, s, noise, &told);
-    surprise = surprise_of(&told, nu, weighed);
+    tell(x, &seen, g, total);
+    surprise = surprise_of(s, &seen, total, &alike);
     if (!(surprise <= bound)) {
         int32_t may_jump = 0;
         x->counts[1] += 1;
@@ -473,11 +720,10 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, co
         for (int32_t i = 0; i < N; i++) {
             if (s->priors[i].jumps > R(0)) {
                 x->covariance[i][i] += s->priors[i].sd * s->priors[i].sd;
-                cap(s, x, i);
             }
         }
-        tell(x, &x->anchor, s, noise, &told);
-        surprise = surprise_of(&told, nu, weighed);
+        tell(x, &seen, g, total);
+        surprise = surprise_of(s, &seen, total, &alike);
         outcome = @NAME@_jumped;
         if (!(surprise <= bound)) {
             return outcome;
@@ -485,31 +731,12 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, co
     }
     x->counts[1] = 0;
     next = *x;
-    if (moved) {
-        for (int32_t j = 0; j < 6; j++) {
-            real shift = R(0);
-            for (int32_t a = 0; a < 6; a++) {
-                shift += scale * k[6 * a + j] * weighed[a];
-            }
-            shift *= variance[j];
-            next.anchor.pose[j] += shift;
-            for (int32_t a = 0; a < 6; a++) {
-                next.anchor.predicted[a] += k[6 * a + j] * shift;
-            }
-        }
-        tell(&next, &next.anchor, s, noise, &told);
-    }
-    all_told = update(s, &next, &told, nu, apart, of_pose);
-    if (!(all_finite(next.values, N) && all_finite(next.covariance[0], N * N) &&
-          all_finite(next.anchor.pose, 6) && all_finite(next.anchor.predicted, 6))) {
+    update(s, &next, &seen, apart, two && apart > R(0), g, total);
+    if (!is_sound(s, &next)) {
         return @NAME@_left_out;
     }
     *x = next;
-    /* The error of a parameter that is held is alike in all blocks: no chi-square. */
-    if (!all_told) {
-        return outcome;
-    }
-    return no_drift(x, surprise, &told, noise) ? @NAME@_diagnose : outcome;
+    return no_drift(x, surprise, alike) ? @NAME@_diagnose : outcome;
 }
 
 int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6],
@@ -518,7 +745,10 @@ int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6]
 {
     const settings_t *s = settings ? settings : &@NAME@_adapt_defaults;
     const real turn = p[3] * p[3] + p[4] * p[4] + p[5] * p[5];
-    block_t b = state->block;
+    block_t b[2];
+    block_t *half;
+    real read_s, time_s, readings, n;
+    int32_t two;
     if (!(dt > R(0) && is_finite(dt) && all_finite(p, 6) && all_finite(wrench, 6) &&
           all_finite(h, 6) && all_finite(k, 36) && turn <= R(@HALFTURN@) &&
           (!branches || all_finite(branches, 12)))) {
@@ -527,38 +757,62 @@ int32_t @NAME@_adapt(state_t *state, const settings_t *settings, const real p[6]
     if (state->held) {
         return @NAME@_diagnose;
     }
+    b[0] = state->block[0];
+    b[1] = state->block[1];
     /* What was read before a pause longer than an interval is dropped. */
     if (dt > s->interval_s) {
-        clear(&b);
-        b.time_s = state->block.time_s;
+        clear(&b[0]);
+        clear(&b[1]);
     }
+    read_s = b[0].read_s + b[1].read_s + R(0.5) * dt;
+    time_s = state->time_s + dt;
+    half = read_s >= R(9) / R(20) * s->interval_s ? &b[1] : &b[0];
     for (int32_t i = 0; i < 6; i++) {
-        b.pose[i] += p[i];
-        b.wrench[i] += wrench[i];
-        b.predicted[i] += h[i];
+        half->pose[i] += p[i];
+        half->wrench[i] += wrench[i];
+        half->predicted[i] += h[i];
     }
     for (int32_t i = 0; i < 12; i++) {
-        b.branches[i] += branches ? branches[i] : R(0);
+        half->branches[i] += branches ? branches[i] : R(0);
     }
-    b.time_s += dt;
-    b.read_s += dt;
-    b.readings += R(1);
-    if (!(all_finite(b.pose, 6) && all_finite(b.wrench, 6) && all_finite(b.predicted, 6) &&
-          all_finite(b.branches, 12) && is_finite(b.time_s))) {
+    half->read_s += dt;
+    half->readings += R(1);
+    if (!(all_finite(half->pose, 6) && all_finite(half->wrench, 6) && all_finite(half->predicted, 6) &&
+          all_finite(half->branches, 12) && is_finite(half->read_s) && is_finite(time_s))) {
         return @NAME@_refused;
     }
-    state->block = b;
-    if (b.read_s + R(0.5) * dt < s->interval_s) {
+    state->block[0] = b[0];
+    state->block[1] = b[1];
+    state->time_s = time_s;
+    if (read_s + dt < s->interval_s) {
         return @NAME@_waiting;
     }
-    clear(&state->block);
-    for (int32_t i = 0; i < 6; i++) {
-        const real share = R(1) / b.readings;
-        b.pose[i] *= share;
-        b.wrench[i] *= share;
-        b.predicted[i] *= share;
-        b.branches[i] *= share;
-        b.branches[6 + i] *= share;
+    clear(&state->block[0]);
+    clear(&state->block[1]);
+    state->time_s = R(0);
+    two = b[0].readings > R(0) && b[1].readings > R(0);
+    readings = b[0].readings + b[1].readings;
+    /* Variance of the mean of two means: (1/n1 + 1/n2) / 4. */
+    n = two ? R(4) * b[0].readings * b[1].readings / readings : readings;
+    read_s = b[0].read_s + b[1].read_s;
+    if (s->noise_time_s * n > read_s) {
+        n = s->noise_time_s < read_s ? read_s / s->noise_time_s : R(1);
     }
-    return close_block(s, state, &b, k);
+    for (int32_t j = 0; j < 2; j++) {
+        const real share = R(1) / b[j].readings;
+        if (!(b[j].readings > R(0))) {
+            continue;
+        }
+        for (int32_t i = 0; i < 6; i++) {
+            b[j].pose[i] *= share;
+            b[j].wrench[i] *= share;
+            b[j].predicted[i] *= share;
+            b[j].branches[i] *= share;
+            b[j].branches[6 + i] *= share;
+        }
+    }
+    if (!two) {
+        b[b[0].readings > R(0) ? 1 : 0] = b[b[0].readings > R(0) ? 0 : 1];
+    }
+    return close_block(s, state, b, two, n, time_s, k);
 }

@@ -1,7 +1,8 @@
 /* A model that keeps itself right (docs/adapt.md): @PARAMETERNAMES@.
  *
- * A Kalman filter over these parameters, from readings of pose and wrench. Each reading is averaged over
- * an interval; an interval changes the parameters, unless it is beyond five standard deviations.
+ * A filter over these parameters, from readings of pose and wrench, which are averaged over an interval;
+ * an interval changes the parameters, unless it is beyond five standard deviations. At least two readings
+ * belong into an interval: with one, modulus and shares are held.
  * @NAME@_adapt takes the measured pose and wrench, dt seconds after the reading before, with what the
  * model says at that pose: wrench h and K = dh/dp (6 x 6, row by row) of @NAME@_step or
  * @NAME@_value_and_stiffness, and of each relaxing branch its wrench with share 1 (0: none).
@@ -49,15 +50,21 @@ typedef struct {
     @NAME@_adapt_real gravity[3], interval_s;       /* base axes, m/s^2; s */
 } @NAME@_adapt_settings;
 
+/* Sums over half an interval. */
 typedef struct {
     @NAME@_adapt_real pose[6], wrench[6], predicted[6], branches[12];
-    @NAME@_adapt_real time_s, read_s, readings;
+    @NAME@_adapt_real read_s, readings;
 } @NAME@_adapt_block;
 
 typedef struct {
     @NAME@_adapt_real values[@COUNT@], covariance[@COUNT@][@COUNT@];
-    @NAME@_adapt_block block, anchor;
-    @NAME@_adapt_real excitation[@COUNT@], window[2];
+    @NAME@_adapt_block block[2];
+    @NAME@_adapt_real time_s, last[6];
+    /* error of the model: covariance with the parameters, neighbourhoods of poses, last visits */
+    @NAME@_adapt_real cross[@COUNT@][@PARTS@][6], centres[@CELLS@][6];
+    uint32_t visits[@CELLS@];
+    /* information and seeming information of noise: a parameter with less of the first is held */
+    @NAME@_adapt_real excitation[@COUNT@][2], window[2];
     uint32_t counts[4], held;
 } @NAME@_adapt_state;
 
