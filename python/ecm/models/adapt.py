@@ -190,8 +190,8 @@ class WeakDirection:
 class Adapter:
     """A fitted model whose parameters follow measured wrenches; `Controller.adapt` makes one.
 
-    A filter over a few named parameters (docs/adapt.md): modulus, payload, zero of the sensor, shares
-    of relaxing branches. Every call takes one reading; an interval must hold two or more.
+    A filter over a few named parameters (docs/adapt.md): modulus, payload, the sensor's zero,
+    shares of relaxing branches. Every call takes one reading; an interval must hold two or more.
 
     Examples
     --------
