@@ -10,6 +10,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
@@ -106,8 +107,6 @@ def test_files_of_arrays(
 
 
 def test_parquet_data_frames_and_dicts(truth: dict[str, F], tmp_path: Path) -> None:
-    import pandas as pd  # noqa: PLC0415
-
     frame = pd.DataFrame(truth)
     frame.to_parquet(tmp_path / "a.parquet")
     same(import_log(tmp_path / "a.parquet").table, truth)

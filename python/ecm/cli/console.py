@@ -62,7 +62,7 @@ class Console:
 
     @contextmanager
     def working(self, title: str) -> Iterator[None]:
-        """Say how long a work goes on that cannot tell its progress, after two seconds and on."""
+        """Say how long work without a known end has taken: first after two seconds, then again."""
         if self.quiet:
             yield
             return

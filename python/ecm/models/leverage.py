@@ -56,7 +56,7 @@ class _OwnVariances:
     blocks: tuple[F, ...]
     """(k, k) covariances that are no multiple of one before."""
     outputs: tuple[tuple[int, float], ...]
-    """Of each output: number of its block, and the factor on it."""
+    """Number of each output's block, and the factor on it."""
 
     @staticmethod
     def of(base: PolynomialMap, covariance: F) -> _OwnVariances:

@@ -18,7 +18,7 @@ from ecm.io.arrays import F, I
 _DRAWS, _SEED = 199, 11
 _TIMES, _SHARES = 6, (0.4, 0.7, 0.9, 0.97, 0.995)
 _LEAST_ROWS = 30
-"""Of fewer rows slow noise explains anything."""
+"""Slow noise can explain any residual of fewer rows."""
 _MOST_NUMBERS = 8_000_000
 """Filtered numbers that are held at once."""
 

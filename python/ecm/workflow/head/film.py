@@ -21,7 +21,7 @@ from ecm.workflow.head.plant import HeadPlant
 from ecm.workflow.head.settings import HeadSettings
 
 WIDTH, HEIGHT = 340, 400
-"""Of the picture of one controller."""
+"""Pixels of the picture of one controller."""
 FRAMES_PER_S = 12
 _NECK = np.array([0.55, 0.75, 0.95, 1.0], dtype=np.float32)
 _WANTED = np.array([0.2, 0.7, 0.3, 0.35], dtype=np.float32)
