@@ -108,6 +108,9 @@ def test_the_loop_by_its_routes_and_the_script_that_repeats_it(app: App, tmp_pat
         added = state["model"]
         assert client.post("/api/undo", json={}).json()["model"] != added
         assert client.post("/api/redo", json={}).json()["model"] == added
+        frozen = step(client, app, "refit", freeze=["fts_drift"])["fit"]["effects"]
+        assert [(effect["id"], effect["frozen"]) for effect in frozen] == [("fts_drift", True)]
+        assert step(client, app, "export", to="c", force=True)["export"]["files"]
         script = client.get("/files/script.sh").text
         state = client.get("/api/state").json()
     _same_bytes_by(script, app.session, tmp_path)

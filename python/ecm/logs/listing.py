@@ -69,7 +69,7 @@ def list_columns(log: Any) -> list[LogColumn]:
     found = []
     for name, values in raw.columns.items():
         named = read_name(name, raw.units.get(name, ""))
-        standards = {standard_of(reading, "") for reading in named.readings} - {None}
+        standards = {standard_of(reading) for reading in named.readings} - {None}
         known = values[np.isfinite(values)]
         low, high = (known.min(), known.max()) if len(known) else (np.nan, np.nan)
         unit = raw.units.get(name, "") if named.unit is None else named.unit.word

@@ -48,7 +48,7 @@ def propose(log: Log, choices: UserChoices, source: str) -> ColumnMap:
         if name in used:
             continue
         readings = _settled(own.readings, named, rotation)
-        standards = {s for r in readings if (s := standard_of(r, choices.axis)) is not None}
+        standards = {s for r in readings if (s := _standard(r, choices.axis)) is not None}
         if len(standards) > 1:
             first, second = sorted(standards)[:2]
             raise InputError(
@@ -164,8 +164,13 @@ def _settled(
     return left
 
 
-def standard_of(reading: Reading, axis: str) -> str | None:
-    """Return the standard name of a reading; None where its axis is not known."""
+def standard_of(reading: Reading) -> str | None:
+    """Return the standard name that a reading tells by itself; None where an axis is missing."""
+    return _standard(reading, "")
+
+
+def _standard(reading: Reading, axis: str) -> str | None:
+    """Standard name of a reading; None where its axis is not known."""
     if reading.quantity == "standard":
         return reading.part
     if reading.quantity == "time":
