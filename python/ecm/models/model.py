@@ -525,7 +525,8 @@ def _variances(columns: F, covariance: F) -> F:
     def of_block(block: slice) -> F:
         # One product of two matrices: a sum over three factors takes some fifty times as long.
         rows = columns[block].reshape(-1, len(covariance))
-        return np.einsum("rk,rk->r", rows @ covariance, rows).reshape(-1, columns.shape[1])
+        variances: F = np.einsum("rk,rk->r", rows @ covariance, rows)
+        return variances.reshape(-1, columns.shape[1])
 
     return np.concatenate([np.zeros((0, columns.shape[1])), *in_blocks(len(columns), of_block)])
 
