@@ -12,7 +12,7 @@ use crate::error::ModelError;
 use crate::export::golden::Golden;
 use crate::export::history::History;
 use crate::export::model::{Model, columns, identifier};
-use crate::export::terms::{Terms, half_turn_squared, turns};
+use crate::export::terms::{Terms, half_turn_squared, inverse_factorial, turns};
 use crate::export::{Precision, SourceFile, filled};
 use crate::normalise::unit_slope;
 use crate::polynomial_model::PolynomialModel;
@@ -144,8 +144,7 @@ struct Steps {
 impl Steps {
     fn new(effects: &Effects<f64>, precision: Precision, numbers: usize, line: bool) -> Self {
         let row = |values: &[f64]| list(values.iter().map(|&x| real(x)));
-        let factorials = (0..10u32).map(|k| (1..=k).map(f64::from).product::<f64>());
-        let factorials: Vec<f64> = factorials.map(|f| 1.0 / f).collect();
+        let factorials: Vec<f64> = (0..10).map(inverse_factorial).collect();
         let branch = |of: fn(&Branch<f64>) -> f64| row(&effects.branches.map(|b| of(&b)));
         let epsilon = match precision {
             Precision::Single => f64::from(f32::EPSILON),
@@ -166,7 +165,11 @@ impl Steps {
             let source = include_str!("templates/stepper.c");
             (include_str!("templates/stepper.h"), source, STATE_NUMBERS)
         };
-        let decay = include_str!("templates/decay.c");
+        let shared = [
+            ("CONDITIONS", include_str!("templates/conditions.c")),
+            ("DECAY", include_str!("templates/decay.c")),
+            ("AHEAD", include_str!("templates/predict_ahead.c")),
+        ];
         let header = filled(
             header,
             &[
@@ -178,7 +181,7 @@ impl Steps {
             ],
         );
         let source = filled(
-            &filled(source, &[("DECAY", decay)]),
+            &filled(source, &shared),
             &[
                 ("STIFFNESS", &row(&effects.stiffness)),
                 ("SHARES", &branch(|b| b.share)),
@@ -251,12 +254,7 @@ fn energy(model: &EnergyModel, precision: Precision) -> Result<(String, usize), 
         Precision::Single => 7,
         Precision::Double => 13,
     };
-    let series = |k: u32| {
-        list((0..count).map(|j| {
-            let factorial: f64 = (1..=2 * j + k).map(f64::from).product();
-            real(1.0 / factorial)
-        }))
-    };
+    let series = |k: u32| list((0..count).map(|j| real(inverse_factorial(2 * j + k))));
     let symmetry = match tables.symmetry() {
         Symmetry::General => include_str!("templates/symmetry_general.c"),
         _ => include_str!("templates/symmetry_revolution.c"),

@@ -64,6 +64,11 @@ pub fn turns(inputs: &str) -> String {
         .join(", ")
 }
 
+/// 1 / k!
+pub fn inverse_factorial(k: u32) -> f64 {
+    1.0 / (1..=k).map(f64::from).product::<f64>()
+}
+
 /// The limit of [`ecm_se3::Pose::checked`] on |theta|^2.
 pub fn half_turn_squared(precision: Precision) -> String {
     fn limit<R: Real>() -> String {

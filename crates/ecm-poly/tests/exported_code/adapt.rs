@@ -9,7 +9,7 @@ use ecm_poly::export::adapt::{self, Settings};
 use ecm_poly::export::{Precision, c, rust};
 
 use crate::models::{effects, energy, polynomial};
-use crate::programs::{folder, installed, run, write};
+use crate::programs::{checked, compiles_as_cpp, folder, installed, run, write};
 
 /// All parameters, or without those of the payload.
 fn settings(payload: bool) -> Settings {
@@ -76,42 +76,12 @@ fn exported_c_follows_golden_readings() {
             &adapt::c(&document, name, precision, &settings).unwrap(),
         );
         let sources = ["", "_adapt", "_adapt_check"].map(|part| format!("{name}{part}.c"));
-        let checked = |level: &str| {
-            let (code, said) = run(Command::new("gcc")
-                .args([
-                    "-std=c99",
-                    "-Wall",
-                    "-Wextra",
-                    "-Wconversion",
-                    "-Wpedantic",
-                    "-Werror",
-                ])
-                .arg(level)
-                .args(&sources)
-                .args(["-o", "check"])
-                .current_dir(&folder));
-            assert_eq!(code, Some(0), "{name}: {said}");
-            run(&mut Command::new(folder.join("check"))).0
-        };
-        assert_eq!(checked("-O2"), Some(0), "{name} {precision:?}");
+        let right = checked(&folder, "-O2", &sources);
+        assert_eq!(right, Some(0), "{name} {precision:?}");
         if name != "alike6" {
             continue;
         }
-        if installed("g++", "exported adapter as C++") {
-            let (code, said) = run(Command::new("g++")
-                .args([
-                    "-x",
-                    "c++",
-                    "-std=c++11",
-                    "-Wall",
-                    "-Wextra",
-                    "-Werror",
-                    "-c",
-                ])
-                .arg(&sources[1])
-                .current_dir(&folder));
-            assert_eq!(code, Some(0), "{said}");
-        }
+        compiles_as_cpp(&folder, &sources[1]);
         // Each setting counts, and each golden number.
         let path = folder.join(&sources[1]);
         let right = std::fs::read_to_string(&path).unwrap();
@@ -126,7 +96,7 @@ fn exported_c_follows_golden_readings() {
         ] {
             assert!(right.contains(from), "{from}");
             std::fs::write(&path, right.replacen(from, to, 1)).unwrap();
-            assert_eq!(checked("-O0"), Some(1), "{from}");
+            assert_eq!(checked(&folder, "-O0", &sources), Some(1), "{from}");
         }
         std::fs::write(&path, &right).unwrap();
     }

@@ -1,14 +1,13 @@
 //! C: compiled with every warning, run, and linked with a second model.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::process::Command;
 
 use ecm_poly::Symmetry;
 use ecm_poly::export::{Precision, c};
 
 use crate::models::{broken, effects, energy, polynomial};
-use crate::programs::{folder, installed, run, write};
+use crate::programs::{checked, compiles_as_cpp, folder, installed, run, write};
 
 #[test]
 fn exported_c_gives_the_golden_vectors() {
@@ -29,27 +28,9 @@ fn exported_c_gives_the_golden_vectors() {
         for precision in [Precision::Double, Precision::Single] {
             let folder = folder(&format!("c-{name}-{precision:?}"));
             write(&folder, &c::export(document, name, precision).unwrap());
-            let program = folder.join("check");
-            let (code, said) = run(Command::new("gcc")
-                .args([
-                    "-std=c99",
-                    "-O2",
-                    "-Wall",
-                    "-Wextra",
-                    "-Wconversion",
-                    "-Wpedantic",
-                    "-Werror",
-                ])
-                .arg(folder.join(format!("{name}.c")))
-                .arg(folder.join(format!("{name}_check.c")))
-                .arg("-o")
-                .arg(&program));
-            assert_eq!(code, Some(0), "{name} {precision:?}: {said}");
-            assert_eq!(
-                run(&mut Command::new(&program)).0,
-                Some(0),
-                "{name} {precision:?}"
-            );
+            let sources = ["", "_check"].map(|part| format!("{name}{part}.c"));
+            let right = checked(&folder, "-O2", &sources);
+            assert_eq!(right, Some(0), "{name} {precision:?}");
             // A check that cannot fail would prove nothing: one changed number must be seen.
             let header = folder.join(format!("{name}_golden.h"));
             let text = std::fs::read_to_string(&header).unwrap();
@@ -60,18 +41,8 @@ fn exported_c_gives_the_golden_vectors() {
             let mut changed = text;
             changed.insert_str(place, "1e9+");
             std::fs::write(&header, changed).unwrap();
-            let (code, said) = run(Command::new("gcc")
-                .args(["-std=c99", "-O2"])
-                .arg(folder.join(format!("{name}.c")))
-                .arg(folder.join(format!("{name}_check.c")))
-                .arg("-o")
-                .arg(&program));
-            assert_eq!(code, Some(0), "{said}");
-            assert_eq!(
-                run(&mut Command::new(&program)).0,
-                Some(1),
-                "{name} {precision:?}"
-            );
+            let wrong = checked(&folder, "-O2", &sources);
+            assert_eq!(wrong, Some(1), "{name} {precision:?}");
         }
     }
 }
@@ -81,28 +52,6 @@ fn exported_c_steps_through_a_golden_history() {
     if !installed("gcc", "exported_c_steps_through_a_golden_history") {
         return;
     }
-    let strict = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Wconversion",
-        "-Wpedantic",
-        "-Werror",
-    ];
-    let built = |folder: &Path, name: &str, level: &str| {
-        let (code, said) = run(Command::new("gcc")
-            .args(strict)
-            .args([
-                level,
-                &format!("{name}.c"),
-                &format!("{name}_check.c"),
-                "-o",
-                "check",
-            ])
-            .current_dir(folder));
-        assert_eq!(code, Some(0), "{name}: {said}");
-        run(&mut Command::new(folder.join("check"))).0
-    };
     for (name, document, precision) in [
         ("alike6", energy(Symmetry::Alike, 6), Precision::Single),
         (
@@ -115,23 +64,9 @@ fn exported_c_steps_through_a_golden_history() {
         let folder = folder(&format!("c-steps-{name}"));
         let files = c::export_with_effects(&document, name, precision, Some(&effects()));
         write(&folder, &files.unwrap());
-        assert_eq!(built(&folder, name, "-O2"), Some(0), "{name}");
-        // Arduino and others take the sources as C++.
-        if installed("g++", "exported C as C++") {
-            let (code, said) = run(Command::new("g++")
-                .args([
-                    "-x",
-                    "c++",
-                    "-std=c++11",
-                    "-Wall",
-                    "-Wextra",
-                    "-Werror",
-                    "-c",
-                ])
-                .arg(format!("{name}.c"))
-                .current_dir(&folder));
-            assert_eq!(code, Some(0), "{name}: {said}");
-        }
+        let sources = ["", "_check"].map(|part| format!("{name}{part}.c"));
+        assert_eq!(checked(&folder, "-O2", &sources), Some(0), "{name}");
+        compiles_as_cpp(&folder, &sources[0]);
         if name != "alike4" {
             continue;
         }
@@ -154,7 +89,7 @@ fn exported_c_steps_through_a_golden_history() {
             let mut changed = right.clone();
             changed.insert_str(right.find(place).unwrap() + place.len(), wrong);
             std::fs::write(&path, changed).unwrap();
-            assert_eq!(built(&folder, name, "-O0"), Some(1), "{place}");
+            assert_eq!(checked(&folder, "-O0", &sources), Some(1), "{place}");
             std::fs::write(&path, right).unwrap();
         }
     }

@@ -44,3 +44,25 @@ pub fn installed(program: &str, test: &str) -> bool {
     eprintln!("SKIPPED {test}: no {program} on this machine");
     false
 }
+
+/// Compiles C sources of a folder without a warning and returns the exit code of the program.
+pub fn checked(folder: &Path, level: &str, sources: &[String]) -> Option<i32> {
+    let (code, said) = run(Command::new("gcc")
+        .args(["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic"])
+        .args(["-Werror", level, "-o", "check"])
+        .args(sources)
+        .current_dir(folder));
+    assert_eq!(code, Some(0), "{sources:?}: {said}");
+    run(&mut Command::new(folder.join("check"))).0
+}
+
+/// Arduino and others take the sources as C++.
+pub fn compiles_as_cpp(folder: &Path, source: &str) {
+    if installed("g++", "exported C as C++") {
+        let (code, said) = run(Command::new("g++")
+            .args(["-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror"])
+            .args(["-c", source])
+            .current_dir(folder));
+        assert_eq!(code, Some(0), "{source}: {said}");
+    }
+}

@@ -14,18 +14,7 @@ static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 static const real softening = R(@SOFTENING@), set_share = R(@SETSHARE@);
 static const real damping_of[2] = {@DAMPING@};
 
-const inputs_t @NAME@_default_conditions = {R(@REFERENCE@), R(0)};
-const inputs_t @NAME@_least_conditions = {@LEASTINPUTS@};
-const inputs_t @NAME@_largest_conditions = {@LARGESTINPUTS@};
-
-int32_t @NAME@_inputs_inside(const inputs_t *inputs)
-{
-    const inputs_t *low = &@NAME@_least_conditions, *high = &@NAME@_largest_conditions;
-    return (int32_t)((low->temperature_degC <= inputs->temperature_degC) &
-                     (inputs->temperature_degC <= high->temperature_degC) &
-                     (low->age_s <= inputs->age_s) & (inputs->age_s <= high->age_s));
-}
-
+@CONDITIONS@
 /* The static map at a pose: Q, dQ/dq, h, and the work |(p - p0) . h| / 2. */
 typedef struct {
     frame_t frame;
@@ -126,12 +115,6 @@ static void moved_since(const state_t *state, const real *q, real *moved)
         moved[i] = now[i] - before[i];
         moved[3 + i] = q[3 + i] - state->coordinates[3 + i];
     }
-}
-
-static real size_at(const inputs_t *inputs)
-{
-    return R(1) - softer_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@)) +
-           ageing_per_s * inputs->age_s;
 }
 
 /* NaN in all results. */
@@ -275,16 +258,4 @@ int32_t @NAME@_settled(const real p[6], const inputs_t *inputs, real h[6], real 
     return is_finite(sum) ? 1 : refuse(h, k);
 }
 
-int32_t @NAME@_predict_ahead(const state_t *state, const real *p, int32_t count, real dt,
-                             const inputs_t *inputs, real *h, real *k)
-{
-    state_t ahead = *state;
-    real slope[@NM@];
-    for (int32_t i = 0; i < count; i++) {
-        real *tangent = k ? k + @NM@ * i : slope;
-        if (!@NAME@_step(&ahead, p + @N@ * i, dt, inputs, h + @M@ * i, tangent)) {
-            return i;
-        }
-    }
-    return count;
-}
+@AHEAD@

@@ -10,25 +10,8 @@ static const real tau_of[2] = {@TAUS@};
 static const real linear_of[2] = {@LINEAR@};
 static const real softer_per_kelvin = R(@WARMER@), ageing_per_s = R(@AGEING@);
 
-const inputs_t @NAME@_default_conditions = {R(@REFERENCE@), R(0)};
-const inputs_t @NAME@_least_conditions = {@LEASTINPUTS@};
-const inputs_t @NAME@_largest_conditions = {@LARGESTINPUTS@};
-
-int32_t @NAME@_inputs_inside(const inputs_t *inputs)
-{
-    const inputs_t *low = &@NAME@_least_conditions, *high = &@NAME@_largest_conditions;
-    return (int32_t)((low->temperature_degC <= inputs->temperature_degC) &
-                     (inputs->temperature_degC <= high->temperature_degC) &
-                     (low->age_s <= inputs->age_s) & (inputs->age_s <= high->age_s));
-}
-
+@CONDITIONS@
 @DECAY@
-
-static real size_at(const inputs_t *inputs)
-{
-    return R(1) - softer_per_kelvin * (inputs->temperature_degC - R(@REFERENCE@)) +
-           ageing_per_s * inputs->age_s;
-}
 
 /* NaN in both results. */
 static int32_t refuse(real *h, real *k)
@@ -98,16 +81,4 @@ int32_t @NAME@_settled(const real p[1], const inputs_t *inputs, real h[1], real 
     return is_finite(p[0] + h[0] + k[0]) ? 1 : refuse(h, k);
 }
 
-int32_t @NAME@_predict_ahead(const state_t *state, const real *p, int32_t count, real dt,
-                             const inputs_t *inputs, real *h, real *k)
-{
-    state_t ahead = *state;
-    real slope[@NM@];
-    for (int32_t i = 0; i < count; i++) {
-        real *tangent = k ? k + @NM@ * i : slope;
-        if (!@NAME@_step(&ahead, p + @N@ * i, dt, inputs, h + @M@ * i, tangent)) {
-            return i;
-        }
-    }
-    return count;
-}
+@AHEAD@

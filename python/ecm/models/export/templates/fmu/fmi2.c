@@ -2,32 +2,10 @@
  *
  * -DFMI2_FUNCTION_PREFIX=NAME_ puts NAME_ before each function, for FMUs that are linked statically.
  */
-#include <stddef.h>
-
-#include "instance.h"
-
 #ifdef FMI2_FUNCTION_PREFIX
-#define JOINED(prefix, name) prefix##name
-#define JOIN(prefix, name) JOINED(prefix, name)
-#define FUNCTION(name) JOIN(FMI2_FUNCTION_PREFIX, name)
-#else
-#define FUNCTION(name) name
+#define FUNCTION_PREFIX FMI2_FUNCTION_PREFIX
 #endif
-#if defined _WIN32
-#define API(type, name) __declspec(dllexport) type FUNCTION(name)
-#else
-#define API(type, name) __attribute__((visibility("default"))) type FUNCTION(name)
-#endif
-
-typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status_t;
-typedef unsigned int reference_t;
-typedef values_t instance_t;
-typedef const char *text_t;
-
-static status_t said(int32_t well)
-{
-    return well ? OK : ERROR;
-}
+#include "instance.h"
 
 API(text_t, fmi2GetTypesPlatform)(void) { return "default"; }
 API(text_t, fmi2GetVersion)(void) { return "2.0"; }
@@ -41,15 +19,8 @@ API(status_t, fmi2SetDebugLogging)(instance_t *v, int on, size_t count, const te
 API(instance_t *, fmi2Instantiate)(text_t name, int type, text_t token, text_t resources,
                                    const void *functions, int visible, int logging)
 {
-    instance_t *v = 0;
     (void)name, (void)resources, (void)functions, (void)visible, (void)logging;
-    if (type == 1 && token && strcmp(token, TOKEN) == 0) {
-        v = malloc(sizeof *v);
-    }
-    if (v) {
-        reset_values(v);
-    }
-    return v;
+    return type == 1 ? instance_of(token) : 0;
 }
 
 API(void, fmi2FreeInstance)(instance_t *v) { free(v); }
@@ -84,31 +55,18 @@ API(status_t, fmi2Reset)(instance_t *v)
 
 API(status_t, fmi2GetReal)(instance_t *v, const reference_t *which, size_t count, double *numbers)
 {
-    int32_t well = 1;
-    for (size_t i = 0; i < count; i++) {
-        well &= get_number(v, which[i], &numbers[i]);
-    }
-    return said(well);
+    return said(get_numbers(v, which, count, numbers));
 }
 
 API(status_t, fmi2SetReal)(instance_t *v, const reference_t *which, size_t count,
                            const double *numbers)
 {
-    int32_t well = 1;
-    for (size_t i = 0; i < count; i++) {
-        well &= set_number(v, which[i], numbers[i]);
-    }
-    return said(well);
+    return said(set_numbers(v, which, count, numbers));
 }
 
 API(status_t, fmi2GetInteger)(instance_t *v, const reference_t *which, size_t count, int *numbers)
 {
-    int32_t well = 1;
-    for (size_t i = 0; i < count; i++) {
-        well &= which[i] == INSIDE;
-        numbers[i] = @NAME@_inside(v->input);
-    }
-    return said(well);
+    return said(get_inside(v, which, count, numbers));
 }
 
 /* There are no variables of these types. */
@@ -126,13 +84,7 @@ NONE(fmi2SetString, const text_t)
 
 API(status_t, fmi2GetFMUstate)(instance_t *v, void **saved)
 {
-    if (!*saved) {
-        *saved = malloc(sizeof *v);
-    }
-    if (*saved) {
-        memcpy(*saved, v, sizeof *v);
-    }
-    return said(*saved != 0);
+    return said(save(v, saved));
 }
 
 API(status_t, fmi2SetFMUstate)(instance_t *v, void *saved)
@@ -158,37 +110,20 @@ API(status_t, fmi2SerializedFMUstateSize)(instance_t *v, void *saved, size_t *si
 
 API(status_t, fmi2SerializeFMUstate)(instance_t *v, void *saved, char *bytes, size_t size)
 {
-    if (size != sizeof *v) {
-        return ERROR;
-    }
-    memcpy(bytes, saved, size);
-    return OK;
+    (void)v;
+    return said(to_bytes(saved, bytes, size));
 }
 
 API(status_t, fmi2DeSerializeFMUstate)(instance_t *v, const char *bytes, size_t size, void **saved)
 {
-    values_t read;
-    if (size != sizeof read) {
-        return ERROR;
-    }
-    memcpy(&read, bytes, size);
-    return read.mark == v->mark ? FUNCTION(fmi2GetFMUstate)(&read, saved) : ERROR;
+    return said(from_bytes(v, bytes, size, saved));
 }
 
 API(status_t, fmi2GetDirectionalDerivative)(instance_t *v, const reference_t *unknown, size_t rows,
                                             const reference_t *input, size_t columns,
                                             const double *seed, double *change)
 {
-    int32_t well = 1;
-    for (size_t j = 0; j < rows; j++) {
-        change[j] = 0;
-        for (size_t i = 0; i < columns; i++) {
-            double one = 0;
-            well &= slope(v, unknown[j], input[i], &one);
-            change[j] += one * seed[i];
-        }
-    }
-    return said(well);
+    return said(directional(v, unknown, rows, input, columns, seed, change));
 }
 
 API(status_t, fmi2SetRealInputDerivatives)(instance_t *v, const reference_t *which, size_t count,

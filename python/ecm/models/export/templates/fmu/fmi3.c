@@ -3,32 +3,11 @@
  * -DFMI3_FUNCTION_PREFIX=NAME_ puts NAME_ before each function, for FMUs that are linked statically.
  */
 #include <stdbool.h>
-#include <stddef.h>
-
-#include "instance.h"
 
 #ifdef FMI3_FUNCTION_PREFIX
-#define JOINED(prefix, name) prefix##name
-#define JOIN(prefix, name) JOINED(prefix, name)
-#define FUNCTION(name) JOIN(FMI3_FUNCTION_PREFIX, name)
-#else
-#define FUNCTION(name) name
+#define FUNCTION_PREFIX FMI3_FUNCTION_PREFIX
 #endif
-#if defined _WIN32
-#define API(type, name) __declspec(dllexport) type FUNCTION(name)
-#else
-#define API(type, name) __attribute__((visibility("default"))) type FUNCTION(name)
-#endif
-
-typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } status_t;
-typedef uint32_t reference_t;
-typedef values_t instance_t;
-typedef const char *text_t;
-
-static status_t said(int32_t well)
-{
-    return well ? OK : ERROR;
-}
+#include "instance.h"
 
 API(text_t, fmi3GetVersion)(void) { return "3.0"; }
 
@@ -44,16 +23,9 @@ API(instance_t *, fmi3InstantiateCoSimulation)(text_t name, text_t token, text_t
                                                void *environment, void (*log)(void),
                                                void (*update)(void))
 {
-    instance_t *v = 0;
     (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early;
     (void)between, (void)count, (void)environment, (void)log, (void)update;
-    if (token && strcmp(token, TOKEN) == 0) {
-        v = malloc(sizeof *v);
-    }
-    if (v) {
-        reset_values(v);
-    }
-    return v;
+    return instance_of(token);
 }
 
 API(void, fmi3FreeInstance)(instance_t *v) { free(v); }
@@ -83,43 +55,24 @@ API(status_t, fmi3Reset)(instance_t *v)
 API(status_t, fmi3GetFloat64)(instance_t *v, const reference_t *which, size_t count,
                               double *numbers, size_t room)
 {
-    int32_t well = room == count;
-    for (size_t i = 0; well && i < count; i++) {
-        well &= get_number(v, which[i], &numbers[i]);
-    }
-    return said(well);
+    return said(room == count && get_numbers(v, which, count, numbers));
 }
 
 API(status_t, fmi3SetFloat64)(instance_t *v, const reference_t *which, size_t count,
                               const double *numbers, size_t room)
 {
-    int32_t well = room == count;
-    for (size_t i = 0; well && i < count; i++) {
-        well &= set_number(v, which[i], numbers[i]);
-    }
-    return said(well);
+    return said(room == count && set_numbers(v, which, count, numbers));
 }
 
 API(status_t, fmi3GetInt32)(instance_t *v, const reference_t *which, size_t count,
                             int32_t *numbers, size_t room)
 {
-    int32_t well = room == count;
-    for (size_t i = 0; well && i < count; i++) {
-        well &= which[i] == INSIDE;
-        numbers[i] = @NAME@_inside(v->input);
-    }
-    return said(well);
+    return said(room == count && get_inside(v, which, count, numbers));
 }
 
 API(status_t, fmi3GetFMUState)(instance_t *v, void **saved)
 {
-    if (!*saved) {
-        *saved = malloc(sizeof *v);
-    }
-    if (*saved) {
-        memcpy(*saved, v, sizeof *v);
-    }
-    return said(*saved != 0);
+    return said(save(v, saved));
 }
 
 API(status_t, fmi3SetFMUState)(instance_t *v, void *saved)
@@ -145,22 +98,14 @@ API(status_t, fmi3SerializedFMUStateSize)(instance_t *v, void *saved, size_t *si
 
 API(status_t, fmi3SerializeFMUState)(instance_t *v, void *saved, uint8_t *bytes, size_t size)
 {
-    if (size != sizeof *v) {
-        return ERROR;
-    }
-    memcpy(bytes, saved, size);
-    return OK;
+    (void)v;
+    return said(to_bytes(saved, bytes, size));
 }
 
 API(status_t, fmi3DeserializeFMUState)(instance_t *v, const uint8_t *bytes, size_t size,
                                        void **saved)
 {
-    values_t read;
-    if (size != sizeof read) {
-        return ERROR;
-    }
-    memcpy(&read, bytes, size);
-    return read.mark == v->mark ? FUNCTION(fmi3GetFMUState)(&read, saved) : ERROR;
+    return said(from_bytes(v, bytes, size, saved));
 }
 
 API(status_t, fmi3GetDirectionalDerivative)(instance_t *v, const reference_t *unknown, size_t rows,
@@ -168,16 +113,8 @@ API(status_t, fmi3GetDirectionalDerivative)(instance_t *v, const reference_t *un
                                             const double *seed, size_t seeds, double *change,
                                             size_t room)
 {
-    int32_t well = seeds == columns && room == rows;
-    for (size_t j = 0; well && j < rows; j++) {
-        change[j] = 0;
-        for (size_t i = 0; i < columns; i++) {
-            double one = 0;
-            well &= slope(v, unknown[j], input[i], &one);
-            change[j] += one * seed[i];
-        }
-    }
-    return said(well);
+    return said(seeds == columns && room == rows &&
+                directional(v, unknown, rows, input, columns, seed, change));
 }
 
 API(status_t, fmi3GetAdjointDerivative)(instance_t *v, const reference_t *unknown, size_t rows,

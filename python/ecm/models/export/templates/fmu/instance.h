@@ -6,6 +6,7 @@
  * changed after a step and read before the next one count as a sudden move, which the next step
  * takes back.
  */
+#include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,19 @@
 
 #define HAS_STATE @STEPS@
 #define TOKEN "@TOKEN@"
+
+#ifdef FUNCTION_PREFIX
+#define JOINED(prefix, name) prefix##name
+#define JOIN(prefix, name) JOINED(prefix, name)
+#define FUNCTION(name) JOIN(FUNCTION_PREFIX, name)
+#else
+#define FUNCTION(name) name
+#endif
+#if defined _WIN32
+#define API(type, name) __declspec(dllexport) type FUNCTION(name)
+#else
+#define API(type, name) __attribute__((visibility("default"))) type FUNCTION(name)
+#endif
 
 enum {
     POSE = @N@,
@@ -38,6 +52,16 @@ typedef struct {
 #endif
 } values_t;
 
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status_t;
+typedef uint32_t reference_t;
+typedef values_t instance_t;
+typedef const char *text_t;
+
+static status_t said(int32_t well)
+{
+    return well ? OK : ERROR;
+}
+
 static const double start[INPUTS] = {@START@};
 
 static void reset_values(values_t *v)
@@ -45,6 +69,16 @@ static void reset_values(values_t *v)
     memset(v, 0, sizeof *v);
     v->mark = @MARK@;
     memcpy(v->input, start, sizeof start);
+}
+
+/* A new instance; none for the token of another model, or without memory */
+static instance_t *instance_of(text_t token)
+{
+    values_t *v = token && strcmp(token, TOKEN) == 0 ? malloc(sizeof *v) : 0;
+    if (v) {
+        reset_values(v);
+    }
+    return v;
 }
 
 /* h and k of the inputs, dt after the last step: 1, or 0 where the model means nothing */
@@ -128,4 +162,83 @@ static int32_t slope(values_t *v, uint32_t output, uint32_t input, double *found
         *found = more.h[j] - here.h[j];
     }
     return 1;
+}
+
+/* The functions below serve arrays, as both versions of FMI do: 1, or 0 where one element fails. */
+static int32_t get_numbers(values_t *v, const reference_t *which, size_t count, double *numbers)
+{
+    int32_t well = 1;
+    for (size_t i = 0; i < count; i++) {
+        well &= get_number(v, which[i], &numbers[i]);
+    }
+    return well;
+}
+
+static int32_t set_numbers(values_t *v, const reference_t *which, size_t count,
+                           const double *numbers)
+{
+    int32_t well = 1;
+    for (size_t i = 0; i < count; i++) {
+        well &= set_number(v, which[i], numbers[i]);
+    }
+    return well;
+}
+
+static int32_t get_inside(const values_t *v, const reference_t *which, size_t count,
+                          int32_t *numbers)
+{
+    int32_t well = 1;
+    for (size_t i = 0; i < count; i++) {
+        well &= which[i] == INSIDE;
+        numbers[i] = @NAME@_inside(v->input);
+    }
+    return well;
+}
+
+/* change = d unknown / d input · seed */
+static int32_t directional(values_t *v, const reference_t *unknown, size_t rows,
+                           const reference_t *input, size_t columns, const double *seed,
+                           double *change)
+{
+    int32_t well = 1;
+    for (size_t j = 0; j < rows; j++) {
+        change[j] = 0;
+        for (size_t i = 0; i < columns; i++) {
+            double one = 0;
+            well &= slope(v, unknown[j], input[i], &one);
+            change[j] += one * seed[i];
+        }
+    }
+    return well;
+}
+
+static int32_t save(const values_t *v, void **saved)
+{
+    if (!*saved) {
+        *saved = malloc(sizeof *v);
+    }
+    if (*saved) {
+        memcpy(*saved, v, sizeof *v);
+    }
+    return *saved != 0;
+}
+
+static int32_t to_bytes(const void *saved, void *bytes, size_t size)
+{
+    if (size != sizeof(values_t)) {
+        return 0;
+    }
+    memcpy(bytes, saved, size);
+    return 1;
+}
+
+/* A stored state of another model is refused */
+static int32_t from_bytes(const values_t *v, const void *bytes, size_t size, void **saved)
+{
+    values_t read;
+    if (size != sizeof read) {
+        return 0;
+    }
+    memcpy(&read, bytes, size);
+    return read.mark == v->mark && save(&read, saved);
 }
