@@ -84,7 +84,7 @@ class AdaptSettings:
     gravity_m_s2: tuple[float, float, float] = (-9.81, 0.0, 0.0)
     """Gravity in base axes."""
     interval_s: float = 0.1
-    """Time over which readings are averaged before they change a parameter: two or more."""
+    """Time over which readings, two or more, are averaged before they change a parameter."""
     modulus_sd: float = 0.2
     """Standard deviation of the modulus' scale at the start, and the largest ever."""
     modulus_walk: float = 0.1
@@ -292,7 +292,7 @@ class Adapter:
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Modulus and shares that the latest motion does not tell: they keep their values."""
+        """Modulus and shares that the last motion does not tell: they keep their value."""
         held = self._native.held
         return tuple(NAMES[i] for i in self._chosen if held[i])
 
