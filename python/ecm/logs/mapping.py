@@ -91,7 +91,7 @@ def _read_names(log: Log) -> dict[str, Named]:
 
 
 def _is_pose_or_wrench(named: Named) -> bool:
-    return any(standard_of(reading, "x") is not None for reading in named.readings)
+    return any(_standard(reading, "x") is not None for reading in named.readings)
 
 
 def _renamed(log: Log) -> list[str]:
