@@ -110,6 +110,14 @@ def test_a_name_that_is_there_twice_is_asked_about(tmp_path: Path) -> None:
     assert np.allclose(chosen.table["theta_z_rad"], np.radians(np.arange(9)))
 
 
+def test_a_column_and_its_unit_go_before_a_column_that_reads_alike() -> None:
+    columns = {"x [mm]": np.arange(9.0), "F": np.arange(9.0), "FN": np.ones(9)}
+    table = import_log(columns, columns={"fx_N": "F:kN"}).table
+    assert np.allclose(table["fx_N"], 1e3 * np.arange(9))
+    table = import_log(columns, columns={"fx_N": "F:N"}).table
+    assert np.allclose(table["fx_N"], np.arange(9))
+
+
 def test_labels_and_units_of_an_xarray_dataset() -> None:
     xarray = pytest.importorskip("xarray")
     data = xarray.Dataset(

@@ -279,7 +279,8 @@ def test_readings_of_a_running_campaign_are_there_as_they_come(app: App) -> None
             file.write(line[len("0.1,0.") :] + "\n")
         found = client.get("/api/live?after=2").json()
         assert (found["row"], "plan" in found) == ([3], False)
-        assert client.get("/api/live?after=-1").status_code == 400
+        for wrong in ("-1", "9" * 5000):
+            assert client.get(f"/api/live?after={wrong}").status_code == 400
         app.session.end(step.number, "cancelled", "", 0.0)
         assert client.get("/api/live").json() == {"step": None}
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from ecm.workflow.app.jobs import Busy
 from ecm.workflow.app.journal import Step
 from ecm.workflow.app.serve import begin
 from ecm.workflow.app.server import App, application
@@ -118,6 +119,21 @@ def test_a_click_on_a_step_follows_a_comparison_that_is_cancelled(app: App) -> N
     assert len(workers) == 3
     assert not app.state()["running"]["automatic"]
     assert client.post("/api/undo", json={}).status_code == 409  # a step of a person
+
+
+def test_nobody_comes_between_the_automatic_step_and_the_click_that_waits(app: App) -> None:
+    workers: list[Worker] = app.workers  # type: ignore[attr-defined]
+    jobs = app.jobs
+    sending, answers = posted(client_of(app), "undo")
+    until(lambda: app.state()["running"]["waiting"])
+    with jobs._lock:  # as if the thread that waits were slow to go on
+        running, jobs._job = jobs._job, None
+        with pytest.raises(Busy):
+            jobs.start("fit", {"model": "cubic"})
+        jobs._job = running
+    workers[1].end()
+    sending.join(20)
+    assert answers[0].json()["model"] is None
 
 
 def test_the_end_of_the_server_refuses_the_click_that_waits(app: App) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ecm import as_table, fit_model
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, InputError
 from ecm.io.columns import POSE, WRENCH
 from ecm.io.description import Meta
 from ecm.models import Model
@@ -25,7 +25,7 @@ from ecm.workflow.head.compiled import CompiledController, compile_controller, e
 from ecm.workflow.head.experiment import Robot
 from ecm.workflow.head.motions import Motions
 from ecm.workflow.head.observer import static_slope
-from ecm.workflow.head.settings import Body, Control, HeadSettings, Tendons
+from ecm.workflow.head.settings import Body, Control, HeadSettings, PoseSensor, Tendons
 from ecm.workflow.head.tendons import tendon_lengths, tendon_matrix
 from support.head import closed_neck, neck_pairs, statics
 from support.neck import LENGTH_M
@@ -155,6 +155,13 @@ def test_the_observer_finds_a_push_through_late_readings(library: Path) -> None:
     plain = Robot(SETTINGS, neck, library).run(motion).figures()
     better = Robot(control, neck, library).run(motion).figures()
     assert better.settled_deg < 0.4 * plain.settled_deg
+
+
+def test_readings_later_than_the_controller_remembers_are_refused(library: Path) -> None:
+    late = PoseSensor(delay_s=0.2)
+    settings = replace(SETTINGS, sensor=late, control=Control(dt_s=5e-4))
+    with pytest.raises(InputError, match=r"delay_s 0.2 is 400 steps of 0.0005 s.*remembers 255"):
+        CompiledController(library, settings, closed_neck().rest, LENGTH_M)
 
 
 def test_a_missing_compiler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,6 +65,23 @@ def test_the_memory_goes_on_like_that_of_the_rig() -> None:
     assert np.allclose(late, HYSTERESIS.wrench(states[-1], rest, neck.length_m), atol=1e-9)
 
 
+def test_a_step_that_fails_leaves_nothing_of_the_neck_in_mujoco(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plant = HeadPlant(SETTINGS, closed_neck())
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plant, "_passive", stopped)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            plant.step(np.zeros(4))
+        assert plant.library.get_mjcb_passive() is None
+    finally:
+        plant.library.set_mjcb_passive(None)
+
+
 def test_a_warm_neck_is_softer() -> None:
     neck = closed_neck(TEMPERATURE)
     memory = neck.memory()

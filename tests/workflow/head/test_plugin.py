@@ -16,7 +16,7 @@ from ecm.workflow.head.settings import HeadSettings, Tendons
 from support.head import closed_neck, neck_pairs
 from support.programs import need_program
 
-pytest.importorskip("mujoco")
+mujoco = pytest.importorskip("mujoco")
 SETTINGS = HeadSettings(plant_step_s=1e-3, tendons=Tendons(force_noise_N=0.0))
 
 
@@ -65,6 +65,10 @@ def test_a_plugin_is_built_once_and_a_missing_compiler_is_said(
     assert build_plugin(closed_neck().energy, plugin.library.parent) == plugin
     assert plugin.library.stat().st_mtime_ns == before
     monkeypatch.setenv("CXX", "no-such-compiler")
+    with monkeypatch.context() as patch:
+        patch.setattr(mujoco, "__version__", "of tomorrow")
+        with pytest.raises(ComputationError):
+            build_plugin(closed_neck().energy, plugin.library.parent)
     with pytest.raises(ComputationError, match="install a C and a C\\+\\+ compiler"):
         build_plugin(closed_neck().energy, tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -119,9 +119,10 @@ class Jobs:
             self.settle()
 
     def busy(self) -> bool:
-        """Whether a step is computed that a person has begun: a request is refused then."""
+        """Whether a person's step is computed or waits for its turn: a request is refused then."""
         job = self._job
-        return job is not None and (not job.automatic or self._waiting)
+        # Between the end of the automatic step and the turn of the one that waits there is no job.
+        return self._waiting or (job is not None and not job.automatic)
 
     def _require_none(self) -> None:
         """Refuse a request while a step is computed; one may wait for an automatic step."""

@@ -165,7 +165,7 @@ class _Routes:
         if step is None:
             return _json({"step": None})
         after = request.query_params.get("after", "0")
-        if not after.isdecimal():
+        if not (after.isdecimal() and len(after) < 10):
             raise InputError(f"after {after!r}: expected the number of a row")
         found = await asyncio.to_thread(self.app.readings.after, step, int(after))
         if int(after) == 0:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ecm.errors import ComputationError
+from ecm.errors import ComputationError, InputError
 from ecm.io.arrays import F
 from ecm.io.cache import write_atomically
 from ecm.io.columns import POSE, WRENCH
@@ -22,6 +22,8 @@ from ecm.workflow.head.observer import Observer, design_observer
 from ecm.workflow.head.settings import HeadSettings
 
 _D = ctypes.c_double
+_HISTORY = 256
+"""Poses that the C code remembers: HISTORY of head.h."""
 
 
 class Settings(ctypes.Structure):
@@ -44,7 +46,7 @@ class State(ctypes.Structure):
     _fields_ = (
         ("pose", _D * 6), ("twist", _D * 6), ("unknown", _D * 6), ("forces", _D * 4),
         ("sum", _D * 4), ("drive", _D * 4),
-        ("history", _D * (256 * 6)), ("steps", ctypes.c_int64),
+        ("history", _D * (_HISTORY * 6)), ("steps", ctypes.c_int64),
         ("limited", ctypes.c_int32), ("reserved", ctypes.c_int32), ("wrench", _D * 6),
     )  # fmt: skip
 
@@ -181,10 +183,22 @@ class CompiledController:
 
 
 def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> Settings:
-    """Settings of the C code."""
+    """Settings of the C code.
+
+    Raises
+    ------
+    InputError
+        Readings are later than the controller remembers poses.
+    """
     control, sensor, body, tendons = (
         settings.control, settings.sensor, settings.body, settings.tendons,
     )  # fmt: skip
+    delay_steps = round(sensor.delay_s / control.dt_s)
+    if delay_steps >= _HISTORY:
+        raise InputError(
+            f"delay_s {sensor.delay_s:g} is {delay_steps} steps of {control.dt_s:g} s: the "
+            f"controller remembers {_HISTORY - 1}; take a longer dt_s"
+        )
     return Settings(
         dt=control.dt_s,
         mass=body.mass_kg,
@@ -204,7 +218,7 @@ def c_settings(settings: HeadSettings, length_m: float, observer: Observer) -> S
         length=length_m,
         damping=tendons.motor_damping_N_s_m,
         speed_share=control.speed_share,
-        delay_steps=round(sensor.delay_s / control.dt_s),
+        delay_steps=delay_steps,
         feedback=int(control.bandwidth_rad_s > 0.0),
     )
 

@@ -161,12 +161,14 @@ class HeadPlant:
         self._apply(-self._added if push is None else push - self._added)
         if self._passive is not None:
             self.library.set_mjcb_passive(self._passive)
-        for _ in range(self._substeps):
-            self._applied[:4] = wanted + mean * (self._current - wanted)
-            self._current = wanted + decay * (self._current - wanted)
-            self.library.mj_step(self.model, data)
-        if self._passive is not None:
-            self.library.set_mjcb_passive(None)
+        try:
+            for _ in range(self._substeps):
+                self._applied[:4] = wanted + mean * (self._current - wanted)
+                self._current = wanted + decay * (self._current - wanted)
+                self.library.mj_step(self.model, data)
+        finally:  # it would act in every other model of this process
+            if self._passive is not None:
+                self.library.set_mjcb_passive(None)
         self._read_pose()
         turn = self._pose[3:]
         healthy = turn @ turn < _TOO_FAR_RAD**2 and math.isfinite(self._qpos.sum())

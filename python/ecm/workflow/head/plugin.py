@@ -12,6 +12,7 @@ from typing import Any
 
 from ecm._native import EnergyModel
 from ecm.errors import ComputationError
+from ecm.io.extras import require
 from ecm.models import Model
 from ecm.models.export import export_files
 from ecm.models.maps import EnergyMap
@@ -52,7 +53,7 @@ def build_plugin(energy: EnergyModel, folder: Path) -> NeckPlugin:
     energy
         Of the true neck.
     folder
-        Where libraries are kept, by the hash of their source.
+        Where libraries are kept, by the hash of their source and the version of MuJoCo.
 
     Raises
     ------
@@ -61,7 +62,10 @@ def build_plugin(energy: EnergyModel, folder: Path) -> NeckPlugin:
     """
     model = Model(EnergyMap(energy))
     sources = export_files(model, "mujoco", "neck").files
-    digest = hashlib.sha256("".join(str(sources[key]) for key in sorted(sources)).encode())
+    # A library is made for one version of MuJoCo.
+    version = require("mujoco", "robot", "The head").__version__
+    text = "".join([version, *(str(sources[key]) for key in sorted(sources))])
+    digest = hashlib.sha256(text.encode())
     name = f"neck_{digest.hexdigest()[:16]}"
     found = NeckPlugin(name, folder.resolve() / f"lib{name}_plugin.so")
     if found.library.exists():
