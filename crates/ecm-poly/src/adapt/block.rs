@@ -141,6 +141,19 @@ impl<R: Real> Pair<R> {
         }
     }
 
+    /// Means of the wrenches of the model and of the branches.
+    pub fn of_model(&self) -> [Vec6<R>; 1 + BRANCHES] {
+        let [first, second] = &self.halves;
+        core::array::from_fn(|k| {
+            let of = |half: &Block<R>| match k {
+                0 => half.predicted,
+                _ => half.branches[k - 1],
+            };
+            let (one, other) = (of(first), of(second));
+            core::array::from_fn(|a| R::HALF * (one[a] + other[a]))
+        })
+    }
+
     /// Whether a coordinate of the mean pose is 10 standard deviations from another.
     pub fn moved(&self, from: &Vec6<R>, noise: &Noise<R>) -> bool {
         let many = R::from_u16(100) / self.independent;

@@ -53,24 +53,33 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         stiffness: &Mat6<R>,
     ) -> Outcome {
         let pair = Pair::new(halves, &self.noise);
-        let Some(columns) = self.columns_of(&pair) else {
+        let Some(mut columns) = self.columns_of(&pair) else {
             return Outcome::LeftOut;
         };
         let mut apart = R::ZERO;
         if state.counts[3] == 0 {
             apart = R::ONE;
-            state.last = pair.pose;
         } else if pair.moved(&state.last, &self.noise) {
             apart = Decay::new(way(&state.last, &pair.pose, &self.noise)).lost;
+        }
+        if apart > R::ZERO {
             state.last = pair.pose;
+            state.at_last = pair.of_model();
         }
         state.counts[3] = state.counts[3].saturating_add(1);
         self.grow(state, time_s);
         let cell = state.model.visit(&pair.pose, &self.noise, state.counts[3]);
         let scale = self.modulus(state);
         let scaled = stiffness.map(|row| row.map(|k| scale * k));
+        let innovations = self.innovations(state, &pair, &columns);
+        // At rest the noise of the pose must not look like a change of the columns.
+        let rest = Pose::checked(&state.last).filter(|_| apart <= R::ZERO);
+        if let Some(pose) = rest {
+            let [predicted, branches @ ..] = &state.at_last;
+            columns = [self.columns(&pose, predicted, branches), [[R::ZERO; 6]; N]];
+        }
         let seen = Seen {
-            innovations: self.innovations(state, &pair, &columns),
+            innovations,
             columns,
             noise: pair.noise(&self.noise, &scaled),
             parts: state.model.parts(cell, &pair.pose, &self.noise),

@@ -104,6 +104,8 @@ pub struct State<R, const N: usize> {
     pub time_s: R,
     /// Pose of the last block that had moved.
     pub last: Vec6<R>,
+    /// Wrenches of the model and of the branches there.
+    pub at_last: [Vec6<R>; 1 + BRANCHES],
     /// Error of the model.
     pub model: ModelError<R, N>,
     /// Mean information of each parameter's column, and what noise seems to add.
@@ -166,6 +168,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             block: [Block::EMPTY; 2],
             time_s: R::ZERO,
             last: [R::ZERO; 6],
+            at_last: [[R::ZERO; 6]; 1 + BRANCHES],
             model: ModelError::EMPTY,
             excitation: [[R::ZERO, R::ONE]; N],
             window: [R::ZERO; 2],

@@ -17,7 +17,7 @@ use crate::errors::ModelError;
 /// All parameters; those that are not wanted have a standard deviation of 0.
 const N: usize = Parameter::ALL.len();
 /// Numbers of the adapter's own state.
-const NUMBERS: usize = 3 * N + N * N + N * PARTS * 6 + 2 * 32 + 1 + 6 + CELLS * 7 + 2 + 5;
+const NUMBERS: usize = 3 * N + N * N + N * PARTS * 6 + 2 * 32 + 1 + 24 + CELLS * 7 + 2 + 5;
 
 type Followed<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -223,6 +223,7 @@ impl Adapter {
         }
         numbers.push(s.time_s);
         numbers.extend(s.last);
+        numbers.extend(s.at_last.as_flattened());
         numbers.extend(s.model.cross.as_flattened().as_flattened());
         numbers.extend(s.model.centres.as_flattened());
         numbers.extend(s.model.visits.map(f64::from));
@@ -270,6 +271,7 @@ impl Adapter {
         }
         own.time_s = take();
         own.last = core::array::from_fn(|_| take());
+        own.at_last = core::array::from_fn(|_| core::array::from_fn(|_| take()));
         let model = &mut own.model;
         let cross = model.cross.as_flattened_mut().as_flattened_mut();
         for place in cross.iter_mut().chain(model.centres.as_flattened_mut()) {

@@ -44,7 +44,7 @@ pub fn export(
     });
     let noise = &settings.noise;
     let pair = |values: &[f64]| list(values, real);
-    let numbers = 3 * count + count * count + 6 * PARTS * count + 6 * CELLS + 73;
+    let numbers = 3 * count + count * count + 6 * PARTS * count + 6 * CELLS + 91;
     let stack = (numbers + 3 * count * count + 80 * count + 600) * precision.size() + 1600;
     let factorials = (0..10u32).map(|k| 1.0 / (1..=k).map(f64::from).product::<f64>());
     let factorials: Vec<f64> = factorials.collect();

@@ -217,6 +217,9 @@ void @NAME@_adapt_init(state_t *state, const settings_t *settings)
     }
     for (int32_t a = 0; a < 6; a++) {
         state->last[a] = R(0);
+        state->at_last[0][a] = R(0);
+        state->at_last[1][a] = R(0);
+        state->at_last[2][a] = R(0);
     }
     clear(&state->block[0]);
     clear(&state->block[1]);
@@ -665,6 +668,9 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
         }
         for (int32_t i = 0; i < 6; i++) {
             x->last[i] = pose[i];
+            x->at_last[0][i] = R(0.5) * (b[0].predicted[i] + b[1].predicted[i]);
+            x->at_last[1][i] = R(0.5) * (b[0].branches[i] + b[1].branches[i]);
+            x->at_last[2][i] = R(0.5) * (b[0].branches[6 + i] + b[1].branches[6 + i]);
         }
     }
     x->counts[3] += x->counts[3] < UINT32_MAX ? 1U : 0U;
@@ -687,6 +693,15 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
         seen.nu[0][a] = R(0.5) * (one + other) - explained[0];
         seen.nu[1][a] = R(0.5) * (one - other) - explained[1];
         variance[a] = R(1) / n * s->pose_sd[a / 3] * s->pose_sd[a / 3];
+    }
+    /* At rest the noise of the pose must not look like a change of the columns. */
+    if (!(apart > R(0))) {
+        columns_at(s, x->last, x->at_last[0], x->at_last[1], seen.columns[0]);
+        for (int32_t i = 0; i < N; i++) {
+            for (int32_t a = 0; a < 6; a++) {
+                seen.columns[1][i][a] = R(0);
+            }
+        }
     }
     for (int32_t a = 0; a < 6; a++) {
         for (int32_t c = 0; c < 6; c++) {

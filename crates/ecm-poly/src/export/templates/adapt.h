@@ -59,7 +59,7 @@ typedef struct {
 typedef struct {
     @NAME@_adapt_real values[@COUNT@], covariance[@COUNT@][@COUNT@];
     @NAME@_adapt_block block[2];
-    @NAME@_adapt_real time_s, last[6];
+    @NAME@_adapt_real time_s, last[6], at_last[3][6]; /* pose that moved, wrenches of model and branches */
     /* error of the model: covariance with the parameters, neighbourhoods of poses, last visits */
     @NAME@_adapt_real cross[@COUNT@][@PARTS@][6], centres[@CELLS@][6];
     uint32_t visits[@CELLS@];
