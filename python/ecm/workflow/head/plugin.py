@@ -72,8 +72,8 @@ def build_plugin(energy: EnergyModel, folder: Path) -> NeckPlugin:
         return found
     folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=folder) as build:
-        for path, text in export_files(model, "mujoco", name).files.items():
-            (Path(build) / path).write_text(str(text), encoding="utf-8")
+        for path, content in export_files(model, "mujoco", name).files.items():
+            (Path(build) / path).write_text(str(content), encoding="utf-8")
         script = Path(build) / f"{name}_build.sh"
         done = subprocess.run(
             ["sh", str(script), sys.executable], capture_output=True, text=True, check=False
