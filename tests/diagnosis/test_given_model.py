@@ -264,3 +264,13 @@ def test_a_model_that_errs_many_times_the_noise_does_not_fit() -> None:
     assert found.verdict == "none"
     assert found.model.answer == "form"
     assert "fits these data" not in found.sentence()
+
+
+def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
+    angle = np.linspace(-0.1, 0.1, 40)
+    meta = Meta(instrument=INSTRUMENT)
+    stiff = as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle}, meta=meta)
+    unloaded = as_table({"theta_z_rad": angle, "tau_z_Nm": 0.0 * angle}, meta=meta)
+    given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
+    assert given.answer != "table"
+    assert given.statement is None
