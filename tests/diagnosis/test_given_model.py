@@ -177,6 +177,10 @@ def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> N
         diagnose(given, wild, effects=["base_compliance"])
     with pytest.raises(ModelError, match="NaN"), naming_wild_readings(table):
         raise ModelError("the prediction is NaN")
+    columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
+    rest = as_table(columns, meta={"leave_out": {"start": "1-3"}})
+    with pytest.raises(InputError, match="row 12, "), naming_wild_readings(rest):
+        raise ModelError("the prediction is NaN")
     x = np.array([0.0, 1.0, 0.0])
     assert np.allclose(rotated(x, np.array([0.0, 0.0, 9.0])), [-np.sin(9.0), np.cos(9.0), 0.0])
 
