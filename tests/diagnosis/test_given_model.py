@@ -177,6 +177,10 @@ def test_one_reading_out_of_all_bounds_is_named_and_nothing_of_the_inside() -> N
         diagnose(given, wild, effects=["base_compliance"])
     with pytest.raises(ModelError, match="NaN"), naming_wild_readings(table):
         raise ModelError("the prediction is NaN")
+    columns = {"y_m": np.arange(12.0) / 1e3, "fy_N": np.append(np.arange(1.0, 12.0), 1e9)}
+    rest = as_table(columns, meta={"leave_out": {"start": "1-3"}})
+    with pytest.raises(InputError, match="row 12, "), naming_wild_readings(rest):
+        raise ModelError("the prediction is NaN")
     x = np.array([0.0, 1.0, 0.0])
     assert np.allclose(rotated(x, np.array([0.0, 0.0, 9.0])), [-np.sin(9.0), np.cos(9.0), 0.0])
 
@@ -264,3 +268,13 @@ def test_a_model_that_errs_many_times_the_noise_does_not_fit() -> None:
     assert found.verdict == "none"
     assert found.model.answer == "form"
     assert "fits these data" not in found.sentence()
+
+
+def test_loads_that_are_all_zero_are_not_read_otherwise() -> None:
+    angle = np.linspace(-0.1, 0.1, 40)
+    meta = Meta(instrument=INSTRUMENT)
+    stiff = as_table({"theta_z_rad": angle, "tau_z_Nm": 2.0 * angle}, meta=meta)
+    unloaded = as_table({"theta_z_rad": angle, "tau_z_Nm": 0.0 * angle}, meta=meta)
+    given = diagnose(fit_model(stiff, "linear"), unloaded, effects=[]).model
+    assert given.answer != "table"
+    assert given.statement is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,6 +144,18 @@ def test_without_a_length_the_wrench_must_have_an_energy(
     found = find_missing(fit_model(table, "quadratic"), table, effects=["payload"])
     said = "" if found.unknown is None else f"misread: {found.unknown.words}"
     assert words in said if words else said == ""
+
+
+def test_a_spring_that_is_plain_in_the_rotation_vector_is_not_in_degrees() -> None:
+    """Between small angles its law has an energy, whatever the unit is."""
+    random = np.random.default_rng(2)
+    poses = random.uniform(-1.0, 1.0, (80, 6)) * np.repeat([0.004, 0.3], 3) + [0.05, 0, 0, 0, 0, 0]
+    noise = random.standard_normal((80, 6)) * np.repeat([0.02, 2e-4], 3)
+    h = (poses - [0.05, 0, 0, 0, 0, 0]) * [3000.0, 300.0, 300.0, 0.3, 0.5, 0.5] + noise
+    own = replace(META.instrument, force_sd_N=0.02, torque_sd_Nm=2e-4)
+    table = table_of(poses, h).with_meta(Meta(instrument=own))
+    found = find_missing(fit_model(table, "linear"), table, effects=["payload"])
+    assert found.verdict == "none"
 
 
 def test_a_polynomial_that_leaves_much_follows_no_period_in_time() -> None:

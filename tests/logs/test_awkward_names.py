@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import ecm
 from ecm import import_log
 from ecm.io.columns import POSE, WRENCH
+from ecm.logs.objects import log_of_object
 
 N = 40
 PLACE = np.random.default_rng(1).uniform(-0.02, 0.02, (N, 3))
@@ -136,6 +137,15 @@ def test_labels_and_units_of_an_xarray_dataset() -> None:
     imported = import_log(data)
     check_all(imported)
     assert np.allclose(imported.table["time_s"], np.arange(N))
+
+
+def test_labels_of_bytes_and_of_several_types_name_components() -> None:
+    xarray = pytest.importorskip("xarray")
+    for labels in (np.array([b"x", b"y", b"z"]), np.array(["x", "y", 3], dtype=object)):
+        sizes = {"force": (("axis", "time"), LOAD[:, :3].T)}
+        columns = log_of_object(xarray.Dataset(sizes, coords={"axis": labels})).columns
+        names = [f"force.{'xyz'[i] if labels[2] != 3 or i < 2 else 3}" for i in range(3)]
+        assert np.array_equal(np.array([columns[name] for name in names]).T, LOAD[:, :3])
 
 
 def test_frames_of_polars_with_arrays_in_their_cells_and_not_yet_computed() -> None:

@@ -156,6 +156,9 @@ def test_predictions_come_with_the_angles_of_a_knee(
     refused = ecm_command("predict", *files, "--rotation", "grood")
     assert refused.code == 2
     assert "grood-suntay-right" in refused.err
+    ecm.as_table({"y_m": truth["y_m"]}).write(tmp_path / "few.csv")
+    few = ecm_command("predict", files[0], tmp_path / "few.csv", *files[2:], "--rotation", "ZYX")
+    assert "no column theta_x_rad, theta_y_rad, theta_z_rad" in few.err
     done = ecm_command("predict", *files, "--rotation", "grood-suntay-left")
     assert done.code == 0, done.err
     back = import_log(

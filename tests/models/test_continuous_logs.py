@@ -74,6 +74,14 @@ def test_a_held_out_error_that_is_no_prediction_is_a_sentence() -> None:
     assert not any("share of the spread: fx_N" in text for text in sentences)
 
 
+def test_an_error_as_large_as_the_spread_is_said_in_plain_digits() -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    table = ecm.Table({"x_m": 1e-3 * x, "fx_N": np.cos(40.0 * x)})
+    sentences = fit_summary(ecm.fit_model(table, "linear"), table, ecm.PolynomialModel(1))
+    assert "100 % of its spread" in sentences["sentences"][0]
+    assert not any("e+02" in text for text in sentences["sentences"])
+
+
 def test_references_say_how_rows_were_held_out() -> None:
     words = ReferenceModels(1.02, 5e8, 1.1, by="time").levels_in_words()
     assert words == (

@@ -201,6 +201,8 @@ class _Steps:
         if not total:
             return f"{title}: {so_far}"
         what = ", ".join(filter(None, (title, self._words, so_far)))
+        if not self._expected:
+            return f"{what}: {done} of {total}"
         # A step that lasts longer than was expected may well last as long again.
         taken = now - self._since
         left = max(self._expected - taken, taken)

@@ -10,6 +10,7 @@ from ecm.cli.models import open_model
 from ecm.cli.options.predict import Options
 from ecm.cli.session import Session
 from ecm.effects import load_installed
+from ecm.errors import InputError
 from ecm.io.columns import POSE
 from ecm.logs.rotations import check_rotation_word, rotation_columns
 from ecm.models.prediction import predict as predict_table
@@ -22,6 +23,12 @@ def predict(options: Options, session: Session) -> None:
     if options.rotation:
         check_rotation_word(options.rotation)
     table = session.read([options.poses], need="predict")
+    lacking = [name for name in POSE[3:] if not table.has(name)]
+    if options.rotation and lacking:
+        raise InputError(
+            f"{table.source}: --rotation {options.rotation} needs all three angles; no column "
+            f"{', '.join(lacking)}. Add it, zero where the mechanism does not turn"
+        )
     kind: Any = options.stiffness_kind.value if options.stiffness else None
     model = open_model(options.model, session, table)
     with session.working(f"predicting {len(table)} rows"):

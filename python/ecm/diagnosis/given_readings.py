@@ -53,6 +53,8 @@ def reading_of_given_model(
     whitener = whiteners(noise.covariance(Rows(part, model.base), model.base.error))
     poses, wrench = _in_six(part, POSE, model.inputs), _in_six(part, WRENCH, model.outputs)
     moving, loaded = np.isin(POSE, model.inputs), np.isin(WRENCH, model.outputs)
+    if not wrench.any():  # no reading of nothing is wrong
+        return None
 
     def of_noise(values: F) -> float:
         return float((np.einsum("nij,nj->ni", whitener, values) ** 2).mean())

@@ -48,7 +48,8 @@ def best_readings(
     poses, wrench
         (N, 6) as stated, m and rad, N and N m.
     length_m
-        Length of the mechanism; None where it is not known, then no origins are searched.
+        Length of the mechanism; None where it is not known, then no origins are searched, and no
+        units of the pose are tried.
     share
         Largest share of the error that the best may leave; none are returned above it.
     """
@@ -62,9 +63,11 @@ def best_readings(
             raise ModelError("no such pose")
         return _rest(columns, wrench)
 
-    listed = list(restatements(length_m))
-    if length_m is not None:
-        listed += moved_points(length_m, poses, wrench, left_by)
+    if length_m is None:
+        # Every symmetric stiffness has an energy where the rotations are small enough.
+        listed = [item for item in restatements(None) if not item.of_pose_unit]
+    else:
+        listed = [*restatements(length_m), *moved_points(length_m, poses, wrench, left_by)]
     left: list[tuple[float, Restatement]] = []
     for item in listed:
         try:

@@ -26,6 +26,8 @@ class Restatement:
     change: Change
     of_pose: bool
     """Whether the poses change, so that the columns of a base change as well."""
+    of_pose_unit: bool = False
+    """Whether the poses only get another size."""
 
 
 def restatements(length_m: float | None) -> Iterator[Restatement]:
@@ -82,7 +84,8 @@ def _units() -> Iterator[Restatement]:
         ("the angles look stated in degrees, not rad", 1.0, np.pi / 180),
         ("the angles look divided by 57.3 once too often", 1.0, 180 / np.pi),
     ):
-        yield Restatement(words, _scaled_pose(np.array([place] * 3 + [angle] * 3)), True)
+        scaled = _scaled_pose(np.array([place] * 3 + [angle] * 3))
+        yield Restatement(words, scaled, True, of_pose_unit=True)
 
 
 def _turns(turns: Sequence[tuple[str, F]]) -> Iterator[Restatement]:

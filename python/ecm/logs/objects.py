@@ -42,9 +42,11 @@ def _of_dataset(data: Any, source: str) -> Log:
         labelled = [dim for dim in variable.dims if _has_labels(data, dim)]
         parts = {str(name): variable.values}
         if variable.ndim == 2 and len(labelled) == 1:
-            labels = [str(label) for label in data[labelled[0]].values]
-            parts = {f"{name}.{label}": variable.sel({labelled[0]: label}).values
-                     for label in labels}  # fmt: skip
+            labels = np.asarray(data[labelled[0]].values)
+            if labels.dtype.kind == "S":  # netCDF's characters
+                labels = np.char.decode(labels)
+            columns = variable.transpose(..., labelled[0]).values.T
+            parts = {f"{name}.{label}": part for label, part in zip(labels, columns, strict=True)}
         arrays |= parts
         unit = variable.attrs.get("units", variable.attrs.get("unit"))
         if isinstance(unit, str):
