@@ -17,6 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from ecm.workflow.app.demo import PLAN, RIG, write_demo
 from support.chromium import Page, open_chromium
 
 LONG_S = 300.0
@@ -27,6 +28,8 @@ DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
 LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
+HIDDEN = "base_compliance"
+"""The plan of the demo cannot tell it from what looks alike."""
 Take = Callable[[str], None]
 
 
@@ -132,6 +135,32 @@ def walk(page: Page, address: str, take: Take) -> None:
     take("out")
 
 
+def two_names(page: Page, folder: Path, take: Take) -> None:
+    """A verdict that leaves several names, the experiment that tells them apart, and its readings."""
+    session, data = folder / "ambiguous", folder / "ambiguous.csv"
+    session.mkdir()
+    write_demo(session)  # plan and rig: the next experiment is driven, too
+    command = [sys.executable, "-m", "ecm.cli", "campaign", PLAN, "--rig", RIG]
+    command += ["--hide", HIDDEN, "--seed", "1", "--out", str(data)]
+    subprocess.run(command, check=True, cwd=session, capture_output=True)
+    with served(data, "--session", session) as (address, _):
+        page.open(address)
+        page.click("#to-model", LONG_S)
+        page.click("[name=kind][value=physics]")
+        page.click("#fit")
+        page.until("!!document.querySelector('#to-fails')", LONG_S)
+        page.js("location.hash = 'missing'")
+        page.click("#diagnose", LONG_S)
+        page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
+        take("several")
+        page.js("location.hash = 'next'")
+        page.until("!!document.querySelector('#main ol.effects li')", LONG_S)
+        take("proposed")
+        page.click("#campaign")
+        page.until("document.querySelector('#live')?.textContent.includes('so far')", LONG_S)
+        take("proposed-measured")
+
+
 def troubles(page: Page, folder: Path, take: Take) -> None:
     """Logs that are to be imported, an import that fails, a warning, and a server that is gone."""
     for name in ("monday.log", "tuesday.log"):
@@ -164,6 +193,7 @@ def main() -> None:
         with served("--session", Path(name) / "neck") as (address, _):
             walk(page, address, take)
         if options.all:
+            two_names(page, Path(name), take)
             troubles(page, Path(name), take)
 
 
