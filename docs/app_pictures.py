@@ -136,7 +136,7 @@ def walk(page: Page, address: str, take: Take) -> None:
 
 
 def two_names(page: Page, folder: Path, take: Take) -> None:
-    """A verdict that leaves several names, the experiment that tells them apart, and its readings."""
+    """Several names that stay, the experiment that tells them apart, and its readings."""
     session, data = folder / "ambiguous", folder / "ambiguous.csv"
     session.mkdir()
     write_demo(session)  # plan and rig: the next experiment is driven, too
