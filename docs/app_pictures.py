@@ -28,7 +28,7 @@ DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
 LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
-HIDDEN = "base_compliance"
+HIDDEN = "face_tilt"
 """The plan of the demo cannot tell it from what looks alike."""
 Take = Callable[[str], None]
 

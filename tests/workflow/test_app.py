@@ -226,7 +226,7 @@ def test_a_matlab_file_is_listed_and_imported(app: App, tmp_path: Path) -> None:
     assert state["check"]["rows"] == 20
 
 
-def test_a_parquet_file_is_checked_and_repeated_by_the_script(app: App, tmp_path: Path) -> None:
+def test_a_parquet_file_is_a_table_and_stands_in_the_script(app: App, tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     rows = read_table(table(tmp_path / "stage.csv"))
     columns = {name: rows.column(name) for name in ("x_m", "fx_N", "time_s")}
@@ -239,7 +239,7 @@ def test_a_parquet_file_is_checked_and_repeated_by_the_script(app: App, tmp_path
         listed = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
         assert listed["x_m"]["standard"] == "x_m"
         poses = client.get("/api/view/poses").json()
-        assert poses["columns"]["x_m"] == columns["x_m"].tolist()
+        assert poses["columns"]["x_m"] == pytest.approx(columns["x_m"], rel=1e-5)
         assert "upload-1.parquet" in client.get("/files/script.sh").text
 
 
