@@ -78,7 +78,7 @@ def of_all(page: Page, folder: Path) -> Take:
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
     page.js("new Promise(done => setTimeout(done, 1000))")  # another theme draws all again
-    page.js("document.querySelector('.effects .named button')?.focus()")
+    page.js("document.querySelector('.effects .named [data-add]')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
     page.screenshot(path, whole=False)
@@ -117,7 +117,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.until("!document.querySelector('#running').hidden")
     take("diagnosing")
     page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
-    page.js("document.querySelector('.effects .named button').focus()")
+    page.js("document.querySelector('.effects .named [data-add]').focus()")
     take("missing")
     page.js("location.hash = 'next'")
     page.until("document.documentElement.dataset.stage === 'next'")
