@@ -17,6 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+from ecm.workflow.app.demo import PLAN, RIG, write_demo
 from support.chromium import Page, open_chromium
 
 LONG_S = 300.0
@@ -27,6 +28,8 @@ DRAWN = "document.querySelectorAll('.panel canvas').length > 6"
 LOG = "Stroke [mm],Channel 7,note\n" + "".join(
     f"{i},{0.1 * i + 0.01 * (i % 3):.2f},{i % 2}\n" for i in range(20)
 )
+HIDDEN = "face_tilt"
+"""The plan of the demo cannot tell it from what looks alike."""
 Take = Callable[[str], None]
 
 
@@ -75,7 +78,7 @@ def of_all(page: Page, folder: Path) -> Take:
 def save(page: Page, path: Path) -> None:
     """Save what is seen when the figures have been drawn."""
     page.js("new Promise(done => setTimeout(done, 1000))")  # another theme draws all again
-    page.js("document.querySelector('.effects .named button')?.focus()")
+    page.js("document.querySelector('.effects .named [data-add]')?.focus()")
     page.js("scrollTo(0, 0)")
     page.js("new Promise(done => setTimeout(done, 700))")
     page.screenshot(path, whole=False)
@@ -114,7 +117,7 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.until("!document.querySelector('#running').hidden")
     take("diagnosing")
     page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
-    page.js("document.querySelector('.effects .named button').focus()")
+    page.js("document.querySelector('.effects .named [data-add]').focus()")
     take("missing")
     page.js("location.hash = 'next'")
     page.until("document.documentElement.dataset.stage === 'next'")
@@ -130,6 +133,32 @@ def walk(page: Page, address: str, take: Take) -> None:
     page.until(f"!!document.querySelector('.files a') && {IDLE}", LONG_S)
     page.until("document.querySelector('#script').textContent.length > 9", LONG_S)
     take("out")
+
+
+def two_names(page: Page, folder: Path, take: Take) -> None:
+    """Several names that stay, the experiment that tells them apart, and its readings."""
+    session, data = folder / "ambiguous", folder / "ambiguous.csv"
+    session.mkdir()
+    write_demo(session)  # plan and rig: the next experiment is driven, too
+    command = [sys.executable, "-m", "ecm.cli", "campaign", PLAN, "--rig", RIG]
+    command += ["--hide", HIDDEN, "--seed", "1", "--out", str(data)]
+    subprocess.run(command, check=True, cwd=session, capture_output=True)
+    with served(data, "--session", session) as (address, _):
+        page.open(address)
+        page.click("#to-model", LONG_S)
+        page.click("[name=kind][value=physics]")
+        page.click("#fit")
+        page.until("!!document.querySelector('#to-fails')", LONG_S)
+        page.js("location.hash = 'missing'")
+        page.click("#diagnose", LONG_S)
+        page.until(f"!!document.querySelector('#verdict') && {IDLE} && {DRAWN}", LONG_S)
+        take("several")
+        page.js("location.hash = 'next'")
+        page.until("!!document.querySelector('#main ol.effects li')", LONG_S)
+        take("proposed")
+        page.click("#campaign")
+        page.until("document.querySelector('#live')?.textContent.includes('so far')", LONG_S)
+        take("proposed-measured")
 
 
 def troubles(page: Page, folder: Path, take: Take) -> None:
@@ -164,6 +193,7 @@ def main() -> None:
         with served("--session", Path(name) / "neck") as (address, _):
             walk(page, address, take)
         if options.all:
+            two_names(page, Path(name), take)
             troubles(page, Path(name), take)
 
 

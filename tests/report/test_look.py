@@ -33,8 +33,16 @@ def themes() -> list[dict[str, F]]:
 
 
 def linear(code: str) -> F:
-    value = np.array([int(code[i : i + 2], 16) / 255 for i in (0, 2, 4)])
+    return decoded(np.array([int(code[i : i + 2], 16) / 255 for i in (0, 2, 4)]))
+
+
+def decoded(value: F) -> F:
+    """Linear RGB of a colour as a file writes it, 0 to 1."""
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def encoded(value: F) -> F:
+    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
 
 
 def contrast(a: F, b: F) -> float:
@@ -57,6 +65,22 @@ def test_text_stands_out_from_every_ground(theme: dict[str, F]) -> None:
     assert contrast(theme["paper"], theme["mark"]) >= 4.5  # a button's own text
     for mark in ("point", "second", "mark"):
         assert contrast(theme[mark], theme["paper"]) >= 3.0, mark
+
+
+def test_points_in_space_stand_out_from_a_dark_ground() -> None:
+    dark = themes()[1]
+    for name in ("low", "middle", "high"):
+        assert contrast(dark[name], dark["wash"]) >= 4.5, name
+
+
+@pytest.mark.parametrize("theme", themes(), ids=["light", "dark"])
+def test_a_planned_pose_is_seen_and_fainter_than_text(theme: dict[str, F]) -> None:
+    page = WEB.parents[1] / "workflow" / "app" / "page" / "live.js"
+    share = re.search(r"PLANNED = ([0-9.]+)", page.read_text(encoding="utf-8"))
+    assert share is not None
+    soft, wash = encoded(theme["soft"]), encoded(theme["wash"])
+    mixed = decoded(float(share[1]) * soft + (1 - float(share[1])) * wash)
+    assert 3.0 <= contrast(mixed, theme["wash"]) < contrast(theme["soft"], theme["wash"])
 
 
 @pytest.mark.parametrize("cone", [None, *WITHOUT])

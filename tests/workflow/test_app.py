@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -223,6 +224,23 @@ def test_a_matlab_file_is_listed_and_imported(app: App, tmp_path: Path) -> None:
         state = step(client, app, "import", map=["fx_N=cell:N"], rotation="wxyz")
     assert {"x_m", "fx_N", "theta_x_rad"} <= state["imported"]["columns"].keys()
     assert state["check"]["rows"] == 20
+
+
+def test_a_parquet_file_is_a_table_and_stands_in_the_script(app: App, tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    rows = read_table(table(tmp_path / "stage.csv"))
+    columns = {name: rows.column(name) for name in ("x_m", "fx_N", "time_s")}
+    import_module("pyarrow.parquet").write_table(pyarrow.table(columns), tmp_path / "rig.parquet")
+    with client_of(app) as client:
+        assert upload(client, tmp_path / "rig.parquet", "rig.parquet").status_code == 200
+        state = finished(client, app)
+        assert state["data"] == [{"file": "upload-1.parquet", "name": "rig.parquet"}]
+        assert (state["check"]["rows"], state["dropped"]) == (24, ["rig.parquet"])
+        listed = {item["name"]: item for item in client.get("/api/view/log").json()["columns"]}
+        assert listed["x_m"]["standard"] == "x_m"
+        poses = client.get("/api/view/poses").json()
+        assert poses["columns"]["x_m"] == pytest.approx(columns["x_m"], rel=1e-5)
+        assert "upload-1.parquet" in client.get("/files/script.sh").text
 
 
 def test_looking_keeps_redo_and_undo_keeps_an_opened_truth(app: App, tmp_path: Path) -> None:

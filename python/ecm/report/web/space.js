@@ -1,6 +1,6 @@
 // Bodies, frames and points in space on a canvas: turned by a drag, a finger or the arrow keys.
 
-import {colours, css, rgb} from "./colours.js";
+import {colours, css, faded, rgb} from "./colours.js";
 import {sized, stamp, tip} from "./canvas.js";
 import {lit, normalsOf, picture} from "./depth.js";
 import {button, el} from "./dom.js";
@@ -143,8 +143,8 @@ export function space(name, {onpick = () => {}, onbox = null} = {}) {
       for (const [x, y] of on) disc(context, x, y, palette.second, palette.ink, 5.5);
     } else {
       const at = {x: item => item[0], y: item => item[1]}, second = rgb(palette.second), wash = rgb(palette.wash);
-      const faint = colour => colour.map((v, k) => FAINT * v + (1 - FAINT) * wash[k]);
-      stamp(context, off, {...at, ink: ([, , i, behind]) => behind ? faint(points.colour[i]) : points.colour[i], size: 2.2});
+      const ink = ([, , i, behind]) => behind ? faded(points.colour[i], wash, FAINT) : points.colour[i];
+      stamp(context, off, {...at, ink, size: 2.2});
       if (on.length) stamp(context, on, {...at, ink: () => second, size: 3.4});
     }
     const here = cursor >= 0 && shown.find(([, , i]) => i === cursor);

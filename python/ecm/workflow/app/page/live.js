@@ -2,13 +2,14 @@
 
 import {get} from "./api.js";
 import {axesOf, bent, profileOf} from "./bend.js";
-import {colours, rgb, scaleOf} from "./colours.js";
+import {colours, faded, rgb, scaleOf} from "./colours.js";
 import {el, number} from "./dom.js";
 import {term} from "./help.js";
 import {mm, POSE} from "./scene.js";
 import {bodyColour, space} from "./space.js";
 
 const EVERY_MS = 150;
+const PLANNED = 0.7;  // of the grey of a planned pose: three times as light or dark as the ground
 
 export const measures = state => state.running !== null
   && (state.steps.find(step => step.number === state.running.step)?.command ?? "").startsWith("ecm campaign ");
@@ -45,7 +46,8 @@ function join(known, found) {
 
 function sceneOf({plan, row, columns, force_N: force}) {
   const profile = profileOf(plan), n = row.length, of = (source, k) => mm(source.columns[POSE[k]]);
-  const scale = scaleOf(Math.max(1e-9, ...force)), planned = rgb(colours().line);
+  const scale = scaleOf(Math.max(1e-9, ...force)), {soft, wash} = colours();
+  const planned = faded(rgb(soft), rgb(wash), PLANNED);
   const [x, y, z] = [0, 1, 2].map(k => [...of(plan, k), ...of({columns}, k)]);
   const body = (pose, colour, alpha) => {
     const {points, triangles} = bent(profile, pose);
