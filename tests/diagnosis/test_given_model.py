@@ -260,6 +260,23 @@ def test_a_sign_and_a_unit_of_one_angle_beside_the_given_model() -> None:
     assert said.what == "the angles look divided by 57.3 once too often"
 
 
+@pytest.mark.parametrize("softer", [1.355818, 0.9])
+def test_another_specimen_is_no_unit_of_torque(softer: float) -> None:
+    random = np.random.default_rng(0)
+
+    def hinge(scale: float) -> Table:
+        angle = random.uniform(-0.4, 0.4, 60)
+        torque = 2.0 * angle + 3.0 * angle**3 + 0.01 * random.standard_normal(60)
+        meta = Meta(instrument=Instrument(torque_sd_Nm=0.01 * scale, pose_rotation_sd_rad=1e-9))
+        return as_table({"theta_z_rad": angle, "tau_z_Nm": scale * torque}, meta=meta)
+
+    model = fit_model(hinge(1.0), "cubic")
+    assert diagnose(model, hinge(1.0 / softer)).model.statement is None  # lbf ft are 1.356 N m
+    said = diagnose(model, hinge(1000.0)).model.statement
+    assert said is not None
+    assert "N mm" in said.what
+
+
 def test_a_model_that_errs_many_times_the_noise_does_not_fit() -> None:
     """Few rows of six columns: no test of the residual sees what a linear model lacks."""
     table = measured(3, rows=50)

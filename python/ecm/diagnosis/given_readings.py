@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _ROWS = 150
 """Rows on which the readings are compared."""
+_STIFFER = 2.0
+"""Ratio of stiffness of two bodies for which one model may be used."""
 _SAME = 1.1
 """Readings that leave up to so many times the squares of the best are as good."""
 
@@ -78,7 +80,8 @@ def reading_of_given_model(
     if now is None:
         return None
     length = table.meta.length_m if moving[0] else None
-    left = [(value, item) for item in restatements(length) if (value := squares(item)) is not None]
+    told = [r for r in restatements(length) if not _is_a_specimen(r, poses, wrench)]
+    left = [(value, item) for item in told if (value := squares(item)) is not None]
     best = best_of(_distinct(left, poses, wrench), min(share**2 * now, most_error**2))
     if not best:
         return None
@@ -100,6 +103,14 @@ def _in_six(table: Table, names: Sequence[str], known: Sequence[str]) -> F:
 def _filled(values: F, missing: B) -> bool:
     """Whether a reading brings values into columns that the table does not have."""
     return bool(np.abs(values[:, missing]).max(initial=0.0) > 1e-9 * np.abs(values).max())
+
+
+def _is_a_specimen(item: Restatement, poses: F, wrench: F) -> bool:
+    """Whether a reading only scales all loads, by no more than stiffness differs between bodies."""
+    own_poses, own_wrench = item.change(poses, wrench)
+    factor = float((own_wrench * wrench).sum() / (wrench**2).sum())
+    same = np.allclose(own_poses, poses) and np.allclose(own_wrench, factor * wrench)
+    return same and 1.0 / _STIFFER < factor < _STIFFER
 
 
 def _distinct(
