@@ -163,18 +163,24 @@ impl<R: Real> Pair<R> {
         })
     }
 
-    /// Covariance of the mean, and of half the difference of the halves: instruments with K Σ_p Kᵀ.
-    pub fn noise(&self, noise: &Noise<R>, stiffness: &Mat6<R>) -> Mat6<R> {
+    /// K Σ_p Kᵀ of the mean, and of half the difference of the halves.
+    pub fn of_pose(&self, noise: &Noise<R>, stiffness: &Mat6<R>) -> Mat6<R> {
         let share = R::ONE / self.independent;
         let variance: Vec6<R> =
             core::array::from_fn(|j| share * noise.pose[j / 3] * noise.pose[j / 3]);
-        let mut matrix: Mat6<R> = core::array::from_fn(|a| {
+        core::array::from_fn(|a| {
             core::array::from_fn(|b| {
                 (0..6).fold(R::ZERO, |sum, j| {
                     sum + stiffness[a][j] * variance[j] * stiffness[b][j]
                 })
             })
-        });
+        })
+    }
+
+    /// Covariance of either with the noise of the wrench; `scale` is the modulus.
+    pub fn noise(&self, noise: &Noise<R>, of_pose: &Mat6<R>, scale: R) -> Mat6<R> {
+        let share = R::ONE / self.independent;
+        let mut matrix = of_pose.map(|row| row.map(|x| scale * x * scale));
         for (a, row) in matrix.iter_mut().enumerate() {
             row[a] += share * noise.wrench[a / 3] * noise.wrench[a / 3];
         }

@@ -22,8 +22,8 @@ const WINDOW: u32 = 100;
 /// Bounds as those of a normal number: of one block, and of a window (1 in 10⁶).
 const BLOCK_BOUND: u16 = 5;
 const WINDOW_BOUND: [u16; 2] = [19, 4];
-/// The tests allow three times the stated error of the model: this much variance beside the one in it.
-const ALLOWED: u16 = 8;
+/// The tests allow twice the stated error of the model: this much variance beside the one in it.
+const ALLOWED: u16 = 3;
 /// A variance beyond this many times that of the start is no result.
 const MOST: u16 = 16;
 
@@ -32,8 +32,9 @@ struct Seen<R, const N: usize> {
     /// Means of both halves, and half their difference.
     columns: [[Vec6<R>; N]; 2],
     innovations: [Vec6<R>; 2],
-    /// Noise of either.
+    /// Noise of either, and the part of the pose with modulus 1.
     noise: Mat6<R>,
+    of_pose: Mat6<R>,
     parts: Parts<R, N>,
 }
 
@@ -70,7 +71,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         self.grow(state, time_s);
         let cell = state.model.visit(&pair.pose, &self.noise, state.counts[3]);
         let scale = self.modulus(state);
-        let scaled = stiffness.map(|row| row.map(|k| scale * k));
+        let of_pose = pair.of_pose(&self.noise, stiffness);
         let innovations = self.innovations(state, &pair, &columns);
         // At rest the noise of the pose must not look like a change of the columns.
         let rest = Pose::checked(&state.last).filter(|_| apart <= R::ZERO);
@@ -81,7 +82,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         let seen = Seen {
             innovations,
             columns,
-            noise: pair.noise(&self.noise, &scaled),
+            noise: pair.noise(&self.noise, &of_pose, scale),
+            of_pose,
             parts: state.model.parts(cell, &pair.pose, &self.noise),
         };
         let limit = R::from_u16(BLOCK_BOUND);
@@ -189,7 +191,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         }
     }
 
-    /// νᵀ S⁻¹ ν with three times the error of the model, chi-square with six degrees of freedom where
+    /// νᵀ S⁻¹ ν with twice the error of the model, chi-square with six degrees of freedom where
     /// that is right; and the mean share of the variance that is no noise.
     fn surprise(&self, seen: &Seen<R, N>, told: &Told<R, N>) -> (R, R) {
         let mut total = told.total;
@@ -275,6 +277,8 @@ impl<R: Real, const N: usize> Adapter<R, N> {
         told_apart: bool,
         mut carried: [&mut [Vec6<R>; N]; 2],
     ) {
+        // The trace of K Σ_p Kᵀ S⁻¹: what the noise of the pose adds to the information of h.
+        let noise = (0..6).fold(R::ZERO, |sum, a| sum + factor.solve(&seen.of_pose[a])[a]);
         let mut held = [false; N];
         for i in 0..N {
             let own = state.covariance[i][i];
@@ -286,7 +290,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
                 continue;
             }
             let along: [R; N] = core::array::from_fn(|j| state.covariance[j][i] / own);
-            let [mean, noise] = [0, 1].map(|k| {
+            let [mean, apart] = [0, 1].map(|k| {
                 let column = combined(&seen.columns[k], &along);
                 dot(&column, &factor.solve(&column))
             });
@@ -294,7 +298,7 @@ impl<R: Real, const N: usize> Adapter<R, N> {
             let [information, of_noise] = &mut state.excitation[i];
             // No more than ten times the noise, so that a rest after much motion is seen within a minute.
             let most = R::from_u16(10) * (noise + *of_noise);
-            let told = mean - noise;
+            let told = mean - apart;
             let told = if told < most { told } else { most };
             *information += (told - *information) / over;
             *of_noise += (noise - *of_noise) / over;

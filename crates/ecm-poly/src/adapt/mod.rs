@@ -15,9 +15,9 @@
 //!   covariance with the parameters is kept. The part that changes on the way counts, with
 //!   φ = e^(−way/reach), as (1 − φ)/(1 + φ) of one: standing still is no proof.
 //! - **Excitation.** A parameter that multiplies the model's wrench is held while the information of a
-//!   block about it, the others following, is in the mean of 200 blocks less than what noise alone would
-//!   seem to tell. What no reading excites keeps its value; its variance returns to that of the start.
-//! - **Innovations.** A block beyond 5 standard deviations, with three times the stated error of the
+//!   block about it, the others following, is in the mean of 200 blocks less than what the noise of
+//!   the pose alone would seem to tell. What no reading excites keeps its value; its variance returns to that of the start.
+//! - **Innovations.** A block beyond 5 standard deviations, with twice the stated error of the
 //!   model, is left out. Three in a row are a jump: the covariance of those parameters that may jump is
 //!   opened. Where that does not explain the readings, or the mean of 100 blocks leaves chi-square, it is
 //!   no drift: [`Outcome::Diagnose`], and everything is held until [`State::resume`].

@@ -17,7 +17,7 @@ enum {
     SUSPECTS = 3,
     JUMPS = 3,
     WINDOW = 100,
-    ALLOWED = 8,
+    ALLOWED = 3,
     MOST = 16
 };
 
@@ -341,7 +341,7 @@ static int32_t visit(const settings_t *s, state_t *x, const real *pose)
 /* A block: columns and innovations of the mean of its halves and of half their difference, the noise of
  * either; parts of the model's error, their covariance with the parameters, variance, and the rest. */
 typedef struct {
-    real columns[2][N][6], nu[2][6], noise[6][6];
+    real columns[2][N][6], nu[2][6], noise[6][6], of_pose[6][6];
     int32_t places[AT_ONCE];
     real weights[AT_ONCE][6], shared[N][6], variance[6], rest[6];
 } seen_t;
@@ -408,7 +408,7 @@ static void tell(const state_t *x, seen_t *seen, real g[N][6], real total[6][6])
     }
 }
 
-/* nu' S^-1 nu with three times the model's error, and the mean share of the variance that is no noise */
+/* nu' S^-1 nu with twice the model's error, and the mean share of the variance that is no noise */
 static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6], real *alike)
 {
     real e[6][6], solved[6];
@@ -431,8 +431,13 @@ static real surprise_of(const settings_t *s, const seen_t *seen, real total[6][6
 static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apart,
                  real g[2][N][6])
 {
-    real rest[N][N];
+    real rest[N][N], of_noise = R(0);
     int32_t held[N];
+    for (int32_t a = 0; a < 6; a++) {
+        real solved[6];
+        solve(e, seen->of_pose[a], solved);
+        of_noise += solved[a];
+    }
     for (int32_t i = 0; i < N; i++) {
         const real own = x->covariance[i][i];
         real told[2];
@@ -457,11 +462,11 @@ static void hold(state_t *x, const seen_t *seen, real e[6][6], int32_t told_apar
         }
         {
             /* No more than ten times the noise, so that a rest after much motion is seen within a minute. */
-            const real most = R(10) * (told[1] + x->excitation[i][1]);
+            const real most = R(10) * (of_noise + x->excitation[i][1]);
             const real information = told[0] - told[1] < most ? told[0] - told[1] : most;
             x->excitation[i][0] += (information - x->excitation[i][0]) / R(EXCITED_OVER);
         }
-        x->excitation[i][1] += (told[1] - x->excitation[i][1]) / R(EXCITED_OVER);
+        x->excitation[i][1] += (of_noise - x->excitation[i][1]) / R(EXCITED_OVER);
         held[i] = x->excitation[i][0] < x->excitation[i][1];
     }
     for (int32_t i = 0; i < N; i++) {
@@ -705,10 +710,11 @@ static int32_t close_block(const settings_t *s, state_t *x, const block_t *b, in
     }
     for (int32_t a = 0; a < 6; a++) {
         for (int32_t c = 0; c < 6; c++) {
-            seen.noise[a][c] = R(0);
+            seen.of_pose[a][c] = R(0);
             for (int32_t j = 0; j < 6; j++) {
-                seen.noise[a][c] += scale * k[6 * a + j] * variance[j] * (scale * k[6 * c + j]);
+                seen.of_pose[a][c] += k[6 * a + j] * variance[j] * k[6 * c + j];
             }
+            seen.noise[a][c] = scale * seen.of_pose[a][c] * scale;
         }
         seen.noise[a][a] += R(1) / n * s->wrench_sd[a / 3] * s->wrench_sd[a / 3];
     }
